@@ -1,0 +1,126 @@
+"""Every error that eskin raises on purpose.
+
+    EskinError
+    ├── IntervalError            bounds that are no interval, or shapes that do not fit
+    ├── SettingsError            a configuration that cannot be used
+    ├── MessageError             bytes that are no message of the wire contract
+    ├── EnvelopeError            a sealed message that cannot be trusted
+    │   ├── MalformedEnvelopeError
+    │   ├── UnknownSenderError
+    │   ├── UnknownRecipientError
+    │   └── ForgedEnvelopeError
+    ├── IdentityError            keys or certificates that cannot be used
+    │   └── UntrustedCertificateError
+    ├── FlashError               a node's flash that cannot hold or give back
+    ├── SpoolError               a gateway's spool that cannot hold or give back
+    ├── StoreError               a cloud's store that cannot hold or give back
+    ├── QueryError               a question that has no answer as it stands
+    └── AuditError               a data folder that cannot be audited
+
+A message says what happened, where, with which value, and what to do. Facts that a program may
+want are attributes, too.
+"""
+
+from __future__ import annotations
+
+
+class EskinError(Exception):
+    """Root of all errors that eskin raises on purpose."""
+
+
+class IntervalError(EskinError, ValueError):
+    """Bounds that are no interval (lo > hi, NaN), or shapes that do not fit each other."""
+
+
+class SettingsError(EskinError):
+    """A configuration that cannot be used.
+
+    Attributes:
+        setting: Dotted name of the setting, such as ``broker.port``.
+    """
+
+    def __init__(self, setting: str, reason: str) -> None:
+        super().__init__(f"{setting}: {reason}")
+        self.setting = setting
+
+
+class MessageError(EskinError):
+    """Bytes that are no message of the wire contract (``docs/eskin.cddl``)."""
+
+
+class EnvelopeError(EskinError):
+    """A sealed message that cannot be trusted."""
+
+
+class MalformedEnvelopeError(EnvelopeError):
+    """Bytes that are no COSE_Encrypt0 of ours."""
+
+
+class UnknownSenderError(EnvelopeError):
+    """The envelope names a sender's certificate that is not known here.
+
+    Attributes:
+        thumbprint: SHA-256 of the sender's certificate (DER).
+    """
+
+    def __init__(self, thumbprint: bytes) -> None:
+        super().__init__(
+            f"no certificate known for sender thumbprint {thumbprint.hex()}; "
+            "it arrives with the node's next status"
+        )
+        self.thumbprint = thumbprint
+
+
+class UnknownRecipientError(EnvelopeError):
+    """The envelope is sealed to a key that is not held here.
+
+    Attributes:
+        thumbprint: SHA-256 of the recipient's certificate (DER).
+    """
+
+    def __init__(self, thumbprint: bytes) -> None:
+        super().__init__(
+            f"sealed to thumbprint {thumbprint.hex()}, which is no key of this process; "
+            "check which site the sender was configured for"
+        )
+        self.thumbprint = thumbprint
+
+
+class ForgedEnvelopeError(EnvelopeError):
+    """Authentication failed: other key, other topic, or altered bytes."""
+
+
+class IdentityError(EskinError):
+    """A key or certificate that cannot be read, made or used."""
+
+
+class UntrustedCertificateError(IdentityError):
+    """A certificate chain that does not lead to the CA that it must lead to."""
+
+
+class FlashError(EskinError):
+    """A node's flash that cannot hold or give back a message."""
+
+
+class SpoolError(EskinError):
+    """A gateway's spool that cannot hold or give back a message."""
+
+
+class StoreError(EskinError):
+    """A cloud's store that cannot hold or give back data."""
+
+
+class QueryError(EskinError):
+    """A question that has no answer as it stands.
+
+    Attributes:
+        parameter: Name of the parameter at fault, such as ``start``.
+    """
+
+    def __init__(self, parameter: str, reason: str) -> None:
+        super().__init__(f"{parameter}: {reason}")
+        self.parameter = parameter
+
+
+class AuditError(EskinError):
+    """A data folder that cannot be audited."""

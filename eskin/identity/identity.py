@@ -1,0 +1,160 @@
+"""One party's identity: its private key, its certificate chain, and the root that it trusts.
+
+Its folder holds ``key.pem`` (0600), ``chain.pem`` (its certificate, then the issuing CA's) and
+``root.pem``.
+"""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Self
+
+from cryptography import x509
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+
+from eskin.errors import IdentityError
+from eskin.identity.certificates import common_name, issuer_kind, pem, thumbprint
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin.identity.kinds import IdentityKind
+
+KEY_FILE: Final = "key.pem"
+CHAIN_FILE: Final = "chain.pem"
+ROOT_FILE: Final = "root.pem"
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """A private key with its certificates.
+
+    Attributes:
+        directory: Where it lives.
+        key: The private key, EC P-256.
+        chain: The certificate, then the issuing CA's.
+        root: The root CA's certificate, the only anchor of trust.
+    """
+
+    directory: Path
+    key: ec.EllipticCurvePrivateKey
+    chain: tuple[x509.Certificate, ...]
+    root: x509.Certificate
+
+    @classmethod
+    def load(cls, directory: Path) -> Self:
+        """Read an identity from its folder.
+
+        Raises:
+            IdentityError: A file is missing, is no PEM, or key and certificate do not belong
+                together.
+        """
+        key = load_key(directory / KEY_FILE)
+        chain = load_certificates(directory / CHAIN_FILE)
+        root = load_certificates(directory / ROOT_FILE)[0]
+        if chain[0].public_key() != key.public_key():
+            raise IdentityError(f"{directory}: {KEY_FILE} does not belong to {CHAIN_FILE}")
+        return cls(directory, key, chain, root)
+
+    @classmethod
+    def save(
+        cls,
+        directory: Path,
+        *,
+        key: ec.EllipticCurvePrivateKey,
+        chain: tuple[x509.Certificate, ...],
+        root: x509.Certificate,
+    ) -> Self:
+        """Write an identity to its folder; the chain last, so that its presence means all is there.
+
+        Raises:
+            IdentityError: The folder cannot be written.
+        """
+        try:
+            directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+            save_key(directory / KEY_FILE, key)
+            write_whole(directory / ROOT_FILE, pem([root]))
+            write_whole(directory / CHAIN_FILE, pem(chain))
+        except OSError as error:
+            raise IdentityError(f"{directory}: identity cannot be written: {error}") from error
+        return cls(directory, key, chain, root)
+
+    @property
+    def certificate(self) -> x509.Certificate:
+        """The identity's own certificate."""
+        return self.chain[0]
+
+    @property
+    def name(self) -> str:
+        """Its common name."""
+        return common_name(self.certificate)
+
+    @property
+    def kind(self) -> IdentityKind:
+        """Its kind, as its issuing CA says."""
+        return issuer_kind(self.certificate)
+
+    @property
+    def thumbprint(self) -> bytes:
+        """SHA-256 of its certificate."""
+        return thumbprint(self.certificate)
+
+
+def load_certificates(path: Path) -> tuple[x509.Certificate, ...]:
+    """Read the certificates of a PEM file.
+
+    Raises:
+        IdentityError: It cannot be read, or holds none.
+    """
+    try:
+        return tuple(x509.load_pem_x509_certificates(path.read_bytes()))
+    except (OSError, ValueError) as error:
+        raise IdentityError(f"{path}: no certificate can be read: {error}") from error
+
+
+def load_key(path: Path) -> ec.EllipticCurvePrivateKey:
+    """Read a private key.
+
+    Raises:
+        IdentityError: It cannot be read, is no P-256 key, or others may read it.
+    """
+    try:
+        if path.stat().st_mode & 0o077:
+            raise IdentityError(f"{path}: others may read this private key; chmod 600 it")
+        key = serialization.load_pem_private_key(path.read_bytes(), password=None)
+    except (OSError, ValueError, TypeError) as error:
+        raise IdentityError(f"{path}: no private key can be read: {error}") from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey) or not isinstance(key.curve, ec.SECP256R1):
+        raise IdentityError(f"{path}: the key is not on the curve P-256")
+    return key
+
+
+def save_key(path: Path, key: ec.EllipticCurvePrivateKey) -> None:
+    """Write a private key that only its owner may read."""
+    data = key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+    write_whole(path, data, mode=0o600)
+
+
+def write_whole(path: Path, data: bytes, *, mode: int = 0o644) -> None:
+    """Replace a file's content at once: a reader, or a crash, sees the old or the new, never half.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        partial.replace(path)
+    except OSError:
+        partial.unlink(missing_ok=True)
+        raise

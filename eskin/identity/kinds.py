@@ -1,0 +1,45 @@
+"""Who takes part, and how each kind is named.
+
+A node's common name is its id and never holds a dot; every other kind's is ``kind.name``. So names
+are unique across kinds, and a certificate of one kind never reads as one of another.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+from typing import Final
+
+from eskin.errors import IdentityError
+
+_LABEL: Final = "[a-z0-9][a-z0-9_-]{0,62}"
+
+
+class IdentityKind(StrEnum):
+    """Kinds of identities; each has an issuing CA of its own."""
+
+    NODE = "node"
+    SITE = "site"
+    GATEWAY = "gateway"
+    SERVER = "server"
+    CLIENT = "client"
+
+    @property
+    def issuer(self) -> str:
+        """Common name of the kind's issuing CA."""
+        return f"eskin {self} CA"
+
+    def require_name(self, name: str) -> str:
+        """Check a common name of this kind.
+
+        Raises:
+            IdentityError: It is none.
+        """
+        pattern = _LABEL if self is IdentityKind.NODE else rf"{self}\.{_LABEL}"
+        if re.fullmatch(pattern, name) is None:
+            example = "fingertip" if self is IdentityKind.NODE else f"{self}.main"
+            raise IdentityError(
+                f"{name[:100]!r} is no name of a {self}; use small letters, digits, - and _ "
+                f"such as {example!r}"
+            )
+        return name

@@ -1,0 +1,125 @@
+"""Deciding whether a certificate chain is what it says."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from cryptography import x509
+from cryptography.exceptions import InvalidSignature
+
+from eskin.errors import IdentityError, UntrustedCertificateError
+from eskin.identity.certificates import common_name, issuer_kind, public_key
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from eskin.identity.kinds import IdentityKind
+
+
+class Trust:
+    """Verifies chains against one root, and against revocation lists.
+
+    Args:
+        root: The root CA's certificate.
+        clock: Gives the present; passed in so that tests can turn it.
+    """
+
+    def __init__(
+        self,
+        root: x509.Certificate,
+        *,
+        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self._root = root
+        self._clock = clock
+        self._revocations: dict[str, x509.CertificateRevocationList] = {}
+
+    def revocations(self, data: bytes, issuer: x509.Certificate) -> None:
+        """Take over a kind's revocation list (PEM).
+
+        Args:
+            data: The list.
+            issuer: The issuing CA's certificate, which the root must have signed.
+
+        Raises:
+            UntrustedCertificateError: It is no list, or not signed by that issuer.
+        """
+        self._require_issued(issuer, self._root)
+        try:
+            listed = x509.load_pem_x509_crl(data)
+        except ValueError as error:
+            raise UntrustedCertificateError(f"no revocation list: {error}") from error
+        if not listed.is_signature_valid(public_key(issuer)):
+            raise UntrustedCertificateError("the revocation list is not signed by its issuer")
+        self._revocations[common_name(issuer)] = listed
+
+    def verify(self, chain: Sequence[bytes], kind: IdentityKind) -> x509.Certificate:
+        """Verify a chain of DER certificates, the identity's own first.
+
+        Returns:
+            The identity's certificate.
+
+        Raises:
+            UntrustedCertificateError: It does not lead to the root over the kind's issuing CA,
+                is outside of its validity, is revoked, or has a name that is none of that kind.
+        """
+        leaf, issuer = _pair(chain)
+        self._require_issued(issuer, self._root)
+        self._require_issued(leaf, issuer)
+        _require_kind(leaf, kind)
+        self._require_not_revoked(leaf, kind)
+        return leaf
+
+    def _require_issued(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
+        name = certificate.subject.rfc4514_string()
+        try:
+            constraints = issuer.extensions.get_extension_for_class(x509.BasicConstraints).value
+            certificate.verify_directly_issued_by(issuer)
+        except (x509.ExtensionNotFound, InvalidSignature, ValueError, TypeError) as error:
+            raise UntrustedCertificateError(
+                f"{name} was not issued by our CA {issuer.subject.rfc4514_string()}"
+            ) from error
+        if not constraints.ca:
+            raise UntrustedCertificateError(f"issuer of {name} is no CA")
+        now = self._clock()
+        for valid in (certificate, issuer):
+            if not valid.not_valid_before_utc <= now <= valid.not_valid_after_utc:
+                raise UntrustedCertificateError(
+                    f"{valid.subject.rfc4514_string()} is valid from {valid.not_valid_before_utc} "
+                    f"to {valid.not_valid_after_utc}; now is {now}"
+                )
+
+    def _require_not_revoked(self, leaf: x509.Certificate, kind: IdentityKind) -> None:
+        listed = self._revocations.get(kind.issuer)
+        if listed is None:
+            return
+        entry = listed.get_revoked_certificate_by_serial_number(leaf.serial_number)
+        if entry is not None:
+            raise UntrustedCertificateError(
+                f"certificate of {common_name(leaf)} was revoked on {entry.revocation_date_utc}"
+            )
+
+
+def _require_kind(leaf: x509.Certificate, kind: IdentityKind) -> None:
+    try:
+        issued_as = issuer_kind(leaf)
+        name = common_name(leaf)
+        public_key(leaf)
+        issued_as.require_name(name)
+    except IdentityError as error:
+        raise UntrustedCertificateError(str(error)) from error
+    if issued_as is not kind:
+        raise UntrustedCertificateError(f"{name} is a {issued_as}, not a {kind}")
+
+
+def _pair(chain: Sequence[bytes]) -> tuple[x509.Certificate, x509.Certificate]:
+    if len(chain) != 2:
+        raise UntrustedCertificateError(
+            f"chain has {len(chain)} certificates; expected the identity's and its issuing CA's"
+        )
+    try:
+        leaf, issuer = (x509.load_der_x509_certificate(bytes(item)) for item in chain)
+    except ValueError as error:
+        raise UntrustedCertificateError(f"chain holds no certificate: {error}") from error
+    return leaf, issuer

@@ -1,0 +1,54 @@
+"""The wire contract: what a node says, and how it is answered (``docs/eskin.cddl``)."""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+from eskin.errors import MessageError
+from eskin.messages.acknowledgement import Acknowledgement
+from eskin.messages.block import Block
+from eskin.messages.encoding import Encoding
+from eskin.messages.fields import load
+from eskin.messages.gap import Gap
+from eskin.messages.head import Kind, Position
+from eskin.messages.peak import Peak
+from eskin.messages.status import ChannelInfo, Status
+
+__all__ = [
+    "Acknowledgement",
+    "Block",
+    "ChannelInfo",
+    "Encoding",
+    "Gap",
+    "Kind",
+    "Message",
+    "Peak",
+    "Position",
+    "Status",
+    "decode_message",
+]
+
+Message: TypeAlias = Block | Peak | Gap | Status
+"""Whatever a node says in its sequence."""
+
+
+def decode_message(data: bytes) -> Message:
+    """Read whatever a node said.
+
+    Args:
+        data: The plaintext, deterministic CBOR.
+
+    Raises:
+        MessageError: It is no message of a node.
+    """
+    fields = load(data)
+    kind = fields.raw(1)
+    if kind == Kind.BLOCK:
+        return Block.read(fields, data)
+    if kind == Kind.PEAK:
+        return Peak.read(fields)
+    if kind == Kind.GAP:
+        return Gap.read(fields)
+    if kind == Kind.STATUS:
+        return Status.read(fields)
+    raise MessageError(f"field 1 is {kind!r}; a node says kinds 1 to 4")

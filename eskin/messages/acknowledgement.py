@@ -1,0 +1,48 @@
+"""The gateway's word that messages are durable; only then a node forgets them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+from eskin.errors import MessageError
+from eskin.messages.fields import MOST_MOMENT, dump, load
+from eskin.messages.gap import read_span
+from eskin.messages.head import Kind
+
+MOST_SPANS: Final = 1000
+_FIELDS: Final = frozenset({1, 2, 3})
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """What is durable at the gateway.
+
+    Attributes:
+        time: The gateway's clock, UTC ns.
+        spans: ``(boot, first, last)`` of the messages.
+    """
+
+    time: int
+    spans: tuple[tuple[int, int, int], ...]
+
+    def encode(self) -> bytes:
+        """Write as CBOR."""
+        spans = [list(span) for span in self.spans]
+        return dump({1: int(Kind.ACKNOWLEDGEMENT), 2: self.time, 3: spans})
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read an acknowledgement.
+
+        Raises:
+            MessageError: It is none.
+        """
+        fields = load(data)
+        fields.only(_FIELDS)
+        if fields.raw(1) != Kind.ACKNOWLEDGEMENT:
+            raise MessageError(f"field 1 is {fields.raw(1)!r}; expected an acknowledgement (16)")
+        return cls(
+            time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
+            spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),
+        )

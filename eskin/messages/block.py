@@ -1,0 +1,146 @@
+"""The block: 1 to 1000 samples of one channel, the same bytes on the wire, in spool and store."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Self
+
+import numpy as np
+
+from eskin.errors import MessageError
+from eskin.messages.encoding import (
+    Encoding,
+    Scale,
+    decode_floats,
+    decode_q16,
+    encode_floats,
+    encode_q16,
+)
+from eskin.messages.fields import MOST_COUNT, dump, load
+from eskin.messages.head import (
+    Kind,
+    Position,
+    position_fields,
+    read_channel,
+    read_position,
+    require_channel,
+)
+from eskin.tube import Tube
+
+if TYPE_CHECKING:
+    from eskin.interval import Interval
+    from eskin.messages.fields import Fields
+
+MOST_SAMPLES: Final = 1000
+_LONGEST_DT: Final = 10**12
+_FIELDS: Final = frozenset(range(1, 18))
+_PLAIN: Final = frozenset(range(1, 15)) | {17}
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Samples of one channel with all that is needed to read them.
+
+    Attributes:
+        position: Boot and sequence.
+        channel: ``{taxel}.{quantity}``.
+        ticks: The node's clock at the first sample, ns since its start.
+        tube: The samples as they were written (after outward rounding).
+        encoding: How they are written.
+        widening: How much the encoding moved a bound outward at most, in the channel's unit.
+    """
+
+    position: Position
+    channel: str
+    ticks: int
+    tube: Tube
+    encoding: Encoding
+    widening: float
+    _bytes: bytes
+
+    @classmethod
+    def pack(
+        cls, position: Position, channel: str, ticks: int, tube: Tube, encoding: Encoding
+    ) -> Self:
+        """Write samples as a block.
+
+        Raises:
+            MessageError: No sample or more than 1000, or a channel's name that is none.
+        """
+        require_channel(channel, "channel")
+        n = len(tube)
+        if not 1 <= n <= MOST_SAMPLES:
+            raise MessageError(f"a block holds 1 to {MOST_SAMPLES} samples, not {n}")
+        fields: dict[int, object] = position_fields(Kind.BLOCK, position)
+        if encoding is Encoding.Q16:
+            scale = Scale.covering(tube.values)
+            lo, hi = encode_q16(tube.values, scale)
+            fields |= {15: scale.exponent, 16: scale.offset}
+            written = decode_q16(lo, hi, n, scale)
+        else:
+            lo, hi = encode_floats(tube.values, encoding)
+            written = decode_floats(lo, hi, n, encoding)
+        widening = _widening(tube.values, written)
+        fields |= {4: channel, 5: tube.unit, 6: ticks, 7: list(tube.time), 8: tube.dt, 9: n}
+        fields |= {10: tube.coverage, 11: int(encoding), 12: lo, 13: hi}
+        fields |= {14: [float(written.inf.min()), float(written.sup.max())], 17: widening}
+        kept = Tube(tube.time, tube.dt, written, tube.unit, tube.coverage)
+        return cls(position, channel, ticks, kept, encoding, widening, dump(fields))
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read a block.
+
+        Raises:
+            MessageError: It is none.
+        """
+        return cls.read(load(data), data)
+
+    @classmethod
+    def read(cls, fields: Fields, data: bytes) -> Self:
+        """Read a block from its decoded fields."""
+        encoding = Encoding(fields.integer(11, 0, len(Encoding) - 1))
+        fields.only(_FIELDS if encoding is Encoding.Q16 else _PLAIN)
+        n = fields.integer(9, 1, MOST_SAMPLES)
+        lo, hi = fields.raw(12), fields.raw(13)
+        if encoding is Encoding.Q16:
+            scale = Scale(fields.integer(15, -1074, 1023), fields.integer(16, -(2**53), 2**53))
+            values = decode_q16(lo, hi, n, scale)
+        else:
+            values = decode_floats(lo, hi, n, encoding)
+        if fields.interval(14) != (float(values.inf.min()), float(values.sup.max())):
+            raise MessageError("field 14 is not the hull of the samples")
+        tube = Tube(
+            time=fields.moments(7),
+            dt=fields.integer(8, 1, _LONGEST_DT),
+            values=values,
+            unit=fields.text(5, 16),
+            coverage=fields.real(10, 0.0, 1.0),
+        )
+        return cls(
+            position=read_position(fields),
+            channel=read_channel(fields, 4),
+            ticks=fields.integer(6, 0, MOST_COUNT),
+            tube=tube,
+            encoding=encoding,
+            widening=fields.real(17, 0.0),
+            _bytes=data,
+        )
+
+    def encode(self) -> bytes:
+        """The bytes, always the same."""
+        return self._bytes
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Hull of all samples."""
+        return float(self.tube.values.inf.min()), float(self.tube.values.sup.max())
+
+
+def _widening(exact: Interval, written: Interval) -> float:
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved = np.concatenate([exact.inf - written.inf, written.sup - exact.sup])
+    moved = moved[np.isfinite(moved)]
+    most = float(moved.max()) if moved.size else 0.0
+    return math.nextafter(most, math.inf) if most > 0.0 else 0.0

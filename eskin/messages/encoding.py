@@ -1,0 +1,155 @@
+"""How a block's bounds are written: ``f64``, ``f32`` or ``q16``, each rounded outward.
+
+- ``f64``, ``f32``: IEEE 754, little endian (RFC 8746 tags 86, 85). Infinite where unbounded.
+- ``q16``: ``(offset + code) · 2^exponent`` with integer offset and code, so that every decoder
+  gets exactly the same binary64. Little endian unsigned 16 bit (tag 69). Code 65535 is an
+  unbounded side.
+
+A missing sample is unbounded on both sides: nothing is known of it.
+"""
+
+from __future__ import annotations
+
+import math
+from enum import IntEnum
+from typing import TYPE_CHECKING, Final
+
+import cbor2
+import numpy as np
+
+from eskin.errors import MessageError
+from eskin.interval import Interval
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from eskin.interval import Floats
+
+_UNBOUNDED: Final = 65_535
+_MOST_CODE: Final = 65_534
+_TAGS: Final = {"<f8": 86, "<f4": 85, "<u2": 69}
+
+
+class Encoding(IntEnum):
+    """Names of the encodings (field 11 of a block)."""
+
+    F64 = 0
+    F32 = 1
+    Q16 = 2
+
+
+class Scale:
+    """The affine map of ``q16``: value = (offset + code) · 2^exponent.
+
+    Attributes:
+        exponent: Power of two, -1074 to 1023.
+        offset: Integer, at most 2^53 in size.
+    """
+
+    __slots__ = ("exponent", "offset")
+
+    def __init__(self, exponent: int, offset: int) -> None:
+        self.exponent = exponent
+        self.offset = offset
+
+    @classmethod
+    def covering(cls, values: Interval) -> Scale:
+        """The finest scale that reaches all finite bounds."""
+        bounds = np.concatenate([values.inf, values.sup])
+        bounds = bounds[np.isfinite(bounds)]
+        if bounds.size == 0:
+            return cls(0, 0)
+        lowest, highest = float(bounds.min()), float(bounds.max())
+        magnitude = max(abs(lowest), abs(highest))
+        exponent = max(math.frexp(magnitude)[1] - 53, -1074)
+        while cls._span(lowest, highest, exponent) > _MOST_CODE:
+            exponent += 1
+        return cls(exponent, math.floor(math.ldexp(lowest, -exponent)) - 1)
+
+    @staticmethod
+    def _span(lowest: float, highest: float, exponent: int) -> int:
+        first = math.floor(math.ldexp(lowest, -exponent)) - 1
+        return math.ceil(math.ldexp(highest, -exponent)) + 1 - first
+
+    def codes_down(self, values: Floats) -> NDArray[np.uint16]:
+        """Codes of lower bounds; what they decode to is never above the value."""
+        steps = np.floor(np.ldexp(values, -self.exponent))
+        codes = np.where(np.isfinite(steps), steps, self.offset).astype(np.int64) - self.offset
+        codes -= self._values(codes) > values  # a subnormal may have rounded up to zero
+        return np.where(np.isfinite(values), codes, _UNBOUNDED).astype(np.uint16)
+
+    def codes_up(self, values: Floats) -> NDArray[np.uint16]:
+        """Codes of upper bounds; what they decode to is never below the value."""
+        steps = np.ceil(np.ldexp(values, -self.exponent))
+        codes = np.where(np.isfinite(steps), steps, self.offset).astype(np.int64) - self.offset
+        codes += self._values(codes) < values
+        return np.where(np.isfinite(values), codes, _UNBOUNDED).astype(np.uint16)
+
+    def _values(self, codes: NDArray[np.int64]) -> Floats:
+        with np.errstate(over="ignore"):
+            return np.ldexp((codes + self.offset).astype(np.float64), self.exponent)
+
+    def values(self, codes: NDArray[np.uint16], unbounded: float) -> Floats:
+        """Decode; ``unbounded`` stands where the code says so."""
+        return np.where(codes == _UNBOUNDED, unbounded, self._values(codes.astype(np.int64)))
+
+
+def encode_floats(values: Interval, encoding: Encoding) -> tuple[cbor2.CBORTag, cbor2.CBORTag]:
+    """Write bounds as ``f64`` or ``f32``."""
+    if encoding is Encoding.F64:
+        return _typed(values.inf, "<f8"), _typed(values.sup, "<f8")
+    with np.errstate(over="ignore", under="ignore"):
+        lo, hi = values.inf.astype(np.float32), values.sup.astype(np.float32)
+    lo = np.where(lo > values.inf, np.nextafter(lo, np.float32(-np.inf)), lo)
+    hi = np.where(hi < values.sup, np.nextafter(hi, np.float32(np.inf)), hi)
+    return _typed(lo, "<f4"), _typed(hi, "<f4")
+
+
+def encode_q16(values: Interval, scale: Scale) -> tuple[cbor2.CBORTag, cbor2.CBORTag]:
+    """Write bounds as ``q16``."""
+    return _typed(scale.codes_down(values.inf), "<u2"), _typed(scale.codes_up(values.sup), "<u2")
+
+
+def decode_floats(lo: object, hi: object, n: int, encoding: Encoding) -> Interval:
+    """Read ``f64`` or ``f32``.
+
+    Raises:
+        MessageError: Wrong tag or length, a NaN, or lo > hi.
+    """
+    dtype = "<f8" if encoding is Encoding.F64 else "<f4"
+    return _ordered(
+        _untyped(lo, dtype, n, "lo").astype(np.float64),
+        _untyped(hi, dtype, n, "hi").astype(np.float64),
+    )
+
+
+def decode_q16(lo: object, hi: object, n: int, scale: Scale) -> Interval:
+    """Read ``q16``.
+
+    Raises:
+        MessageError: Wrong tag or length, or lo > hi.
+    """
+    return _ordered(
+        scale.values(_untyped(lo, "<u2", n, "lo").astype(np.uint16), -np.inf),
+        scale.values(_untyped(hi, "<u2", n, "hi").astype(np.uint16), np.inf),
+    )
+
+
+def _ordered(lo: Floats, hi: Floats) -> Interval:
+    if not np.all(lo <= hi):
+        at = int(np.argmin(lo <= hi))
+        raise MessageError(f"sample {at} is no interval: lo={lo[at]!r}, hi={hi[at]!r}")
+    return Interval(lo, hi)
+
+
+def _typed(array: NDArray[np.generic], dtype: str) -> cbor2.CBORTag:
+    return cbor2.CBORTag(_TAGS[dtype], array.astype(dtype).tobytes())
+
+
+def _untyped(value: object, dtype: str, n: int, what: str) -> NDArray[np.generic]:
+    if not isinstance(value, cbor2.CBORTag) or value.tag != _TAGS[dtype]:
+        raise MessageError(f"{what} is no typed array with tag {_TAGS[dtype]}")
+    size = n * np.dtype(dtype).itemsize
+    if not isinstance(value.value, bytes) or len(value.value) != size:
+        raise MessageError(f"{what} does not hold {n} samples in {size} bytes")
+    return np.frombuffer(value.value, dtype=dtype)

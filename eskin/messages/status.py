@@ -1,0 +1,115 @@
+"""A node's status on the wire: what it is, what it measures, how it fares."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Self
+
+from eskin.errors import MessageError
+from eskin.messages.fields import MOST_COUNT, dump, integer, items, load, real, text
+from eskin.messages.head import (
+    Kind,
+    Position,
+    position_fields,
+    read_position,
+    require_channel,
+)
+
+if TYPE_CHECKING:
+    from eskin.messages.fields import Fields
+
+_FIELDS: Final = frozenset(range(1, 13))
+_MOST_CHANNELS: Final = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelInfo:
+    """What a node says of one of its channels.
+
+    Attributes:
+        channel: ``{taxel}.{quantity}``.
+        unit: UCUM code.
+        dt: Sampling period in ns.
+        coverage: Probability that a sample's interval encloses the truth.
+    """
+
+    channel: str
+    unit: str
+    dt: int
+    coverage: float
+
+
+@dataclass(frozen=True, slots=True)
+class Status:
+    """How a node fares.
+
+    Attributes:
+        position: Boot and sequence.
+        time: Enclosure of the moment, UTC ns.
+        profile: Name of the node's design, such as ``fingertip``.
+        description: One line for people.
+        uptime: ns since the start.
+        messages: Messages waiting in flash.
+        used: Bytes waiting in flash.
+        capacity: Bytes that flash may hold.
+        gaps: Gaps recorded since the node was made.
+        channels: What it measures.
+    """
+
+    position: Position
+    time: tuple[int, int]
+    profile: str
+    description: str
+    uptime: int
+    messages: int
+    used: int
+    capacity: int
+    gaps: int
+    channels: tuple[ChannelInfo, ...]
+
+    def encode(self) -> bytes:
+        """Write as CBOR."""
+        channels = [[c.channel, c.unit, c.dt, c.coverage] for c in self.channels]
+        return dump(
+            position_fields(Kind.STATUS, self.position)
+            | {4: list(self.time), 5: self.profile, 6: self.description, 7: self.uptime}
+            | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
+        )
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read a status.
+
+        Raises:
+            MessageError: It is none.
+        """
+        return cls.read(load(data))
+
+    @classmethod
+    def read(cls, fields: Fields) -> Self:
+        """Read a status from its decoded fields."""
+        fields.only(_FIELDS)
+        return cls(
+            position=read_position(fields),
+            time=fields.moments(4),
+            profile=fields.text(5, 64),
+            description=fields.text(6, 200),
+            uptime=fields.integer(7, 0, MOST_COUNT),
+            messages=fields.integer(8, 0, MOST_COUNT),
+            used=fields.integer(9, 0, MOST_COUNT),
+            capacity=fields.integer(10, 0, MOST_COUNT),
+            gaps=fields.integer(11, 0, MOST_COUNT),
+            channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
+        )
+
+
+def _channel(value: object) -> ChannelInfo:
+    found = items(value, "field 12", 4)
+    if len(found) != 4:
+        raise MessageError(f"field 12 holds {len(found)} items a channel; expected 4")
+    return ChannelInfo(
+        channel=require_channel(text(found[0], "field 12, channel", 64), "field 12, channel"),
+        unit=text(found[1], "field 12, unit", 16),
+        dt=integer(found[2], "field 12, dt", 1, MOST_COUNT),
+        coverage=real(found[3], "field 12, coverage", 0.0, 1.0),
+    )

@@ -1,0 +1,78 @@
+"""Moments: UTC as integer nanoseconds since 1970, and their RFC 3339 text.
+
+``datetime`` stops at microseconds, so the nanoseconds are kept beside it.
+"""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+
+NANOSECOND = 1
+MICROSECOND = 1_000
+MILLISECOND = 1_000_000
+SECOND = 1_000_000_000
+
+EARLIEST = -62_135_596_800 * SECOND
+"""0001-01-01T00:00:00Z, the first moment that RFC 3339 can write here."""
+LATEST = 253_402_300_800 * SECOND - 1
+"""The last nanosecond of year 9999."""
+
+_RFC3339 = re.compile(
+    r"(\d{4}-\d{2}-\d{2})[Tt ](\d{2}:\d{2}:\d{2})(?:\.(\d{1,9}))?([Zz]|[+-]\d{2}:\d{2})"
+)
+
+
+def format_moment(nanoseconds: int) -> str:
+    """Write a moment as RFC 3339 with nine digits and ``Z``.
+
+    Args:
+        nanoseconds: UTC, ns since 1970-01-01.
+
+    Returns:
+        Such as ``2026-01-31T12:00:00.000000001Z``.
+
+    Raises:
+        ValueError: Outside of years 1 to 9999.
+    """
+    if not EARLIEST <= nanoseconds <= LATEST:
+        raise ValueError(f"{nanoseconds} ns is outside of the years 1 to 9999")
+    seconds, fraction = divmod(nanoseconds, SECOND)
+    days, in_day = divmod(seconds, 86_400)
+    date = datetime.fromordinal(719_163 + days)
+    hours, rest = divmod(in_day, 3_600)
+    return (
+        f"{date.year:04d}-{date.month:02d}-{date.day:02d}"
+        f"T{hours:02d}:{rest // 60:02d}:{rest % 60:02d}.{fraction:09d}Z"
+    )
+
+
+def parse_moment(text: str) -> int:
+    """Read RFC 3339 (section 5.6) or an integer count of nanoseconds since 1970.
+
+    Args:
+        text: Such as ``2026-01-31T12:00:00Z`` or ``1769860800000000000``.
+
+    Returns:
+        UTC, ns since 1970-01-01.
+
+    Raises:
+        ValueError: The text is neither, or lies outside of years 1 to 9999.
+    """
+    if re.fullmatch(r"[+-]?\d{1,20}", text):
+        nanoseconds = int(text)
+    else:
+        found = _RFC3339.fullmatch(text)
+        if found is None:
+            raise ValueError(
+                f"{text!r} is no time; write RFC 3339 such as 2026-01-31T12:00:00Z, "
+                "or integer nanoseconds since 1970"
+            )
+        date, clock, fraction, zone = found.groups()
+        whole = datetime.fromisoformat(f"{date}T{clock}{'+00:00' if zone in 'Zz' else zone}")
+        since = whole - datetime(1970, 1, 1, tzinfo=UTC)
+        nanoseconds = (since.days * 86_400 + since.seconds) * SECOND
+        nanoseconds += int((fraction or "").ljust(9, "0"))
+    if not EARLIEST <= nanoseconds <= LATEST:
+        raise ValueError(f"{text!r} is outside of the years 1 to 9999")
+    return nanoseconds

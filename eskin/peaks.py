@@ -1,0 +1,256 @@
+"""Peaks of a tube: *certain* where every signal inside has one, *possible* where some signal has.
+
+For a prominence p and samples ``[lo_k, hi_k]``:
+
+- A certain peak is a < b < c with ``lo_b - hi_a >= p`` and ``lo_b - hi_c >= p``: every signal
+  inside the tube has a local maximum of prominence p or more between a and c. One pass with
+  hysteresis (track the lowest hi, then the highest lo, and so on) finds the greatest number of
+  them that overlap at most in their ends.
+- The same pass on the optimistic side (``hi_b - lo_a``, ``hi_b - lo_c``) counts the peaks that some
+  signal has. What it finds beyond the certain ones is possible, region by region.
+
+Memory is constant, so the detector runs on a microcontroller and over a stream in pieces.
+For any signal x inside the tube: N_certain <= len(find_peaks(x, prominence=p)) <= N_certain +
+N_possible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+from math import fsum, inf, nextafter
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+_MOST_REGIONS = 8
+
+
+class Verdict(IntEnum):
+    """How sure an answer is."""
+
+    CERTAIN = 0
+    POSSIBLE = 1
+
+
+@dataclass(frozen=True, slots=True)
+class PeakEvent:
+    """One certain peak, or one region with a number of possible peaks.
+
+    Attributes:
+        verdict: Certain or possible.
+        first: Index of the sample a before the peak.
+        last: Index of the sample c after the peak.
+        count: ``(fewest, most)`` peaks: ``(1, 1)`` if certain, ``(0, n)`` if possible.
+        height: Enclosure of the greatest value between first and last, in the signal's unit.
+        prominence: Enclosure of the height above the higher of the two lowest points beside it,
+            within first to last.
+    """
+
+    verdict: Verdict
+    first: int
+    last: int
+    count: tuple[int, int]
+    height: tuple[float, float]
+    prominence: tuple[float, float]
+
+
+@dataclass(slots=True)
+class _Span:
+    """What a stretch of samples has in common: ends, extremes, and the peaks found in it."""
+
+    first: int
+    last: int
+    lowest: float
+    floor: float
+    ceiling: float
+    peaks: int = 0
+    prominence: float = 0.0
+
+    def take(self, index: int, lo: float, hi: float) -> None:
+        self.last = index
+        self.lowest = min(self.lowest, lo)
+        self.floor = max(self.floor, lo)
+        self.ceiling = max(self.ceiling, hi)
+
+    def merge(self, later: _Span) -> None:
+        self.last = later.last
+        self.lowest = min(self.lowest, later.lowest)
+        self.floor = max(self.floor, later.floor)
+        self.ceiling = max(self.ceiling, later.ceiling)
+        self.peaks += later.peaks
+
+    def event(self, verdict: Verdict) -> PeakEvent:
+        return PeakEvent(
+            verdict=verdict,
+            first=self.first,
+            last=self.last,
+            count=(1, 1) if verdict is Verdict.CERTAIN else (0, self.peaks),
+            height=(self.floor, self.ceiling),
+            prominence=(self.prominence, nextafter(self.ceiling - self.lowest, inf)),
+        )
+
+
+class _Hysteresis:
+    """One pass: a rise of p above the lowest valley, then a fall of p below the highest crest."""
+
+    __slots__ = ("_crest", "_prominence", "_rising", "_valley", "span")
+
+    def __init__(self, prominence: float) -> None:
+        self._prominence = prominence
+        self.reset()
+
+    def reset(self) -> None:
+        self._valley = inf
+        self._crest = -inf
+        self._rising = False
+        self.span: _Span | None = None
+
+    def take(self, index: int, valley: float, crest: float, lo: float, hi: float) -> _Span | None:
+        """Take the next sample; give the stretch from a to c where it completes a peak."""
+        if self.span is None:
+            self._start(index, valley, lo, hi)
+            return None
+        self.span.take(index, lo, hi)
+        if self._rising:
+            if self._reaches(self._crest, valley):
+                return self._complete(index, valley, lo, hi)
+            self._crest = max(self._crest, crest)
+        elif self._reaches(crest, self._valley):
+            self._rising, self._crest = True, crest
+        elif valley <= self._valley:
+            self._start(index, valley, lo, hi)
+        return None
+
+    def _start(self, index: int, valley: float, lo: float, hi: float) -> None:
+        self._valley, self._rising = valley, False
+        self.span = _Span(index, index, lo, lo, hi)
+
+    def _complete(self, index: int, valley: float, lo: float, hi: float) -> _Span | None:
+        done = self.span
+        if done is not None:
+            done.peaks = 1
+            done.prominence = nextafter(self._crest - max(self._valley, valley), -inf)
+        self._start(index, valley, lo, hi)
+        return done
+
+    def _reaches(self, high: float, low: float) -> bool:
+        """Whether ``high - low >= p``, exactly: only a tie can hide behind the rounding."""
+        difference = high - low
+        if difference == self._prominence:
+            return fsum((high, -low, -self._prominence)) >= 0.0
+        return difference > self._prominence
+
+
+class PeakDetector:
+    """Finds the peaks of a tube that arrives in pieces, in constant memory.
+
+    Args:
+        prominence: Least prominence p > 0, in the signal's unit.
+        longest_region: Samples after which an undecided region is reported and the search starts
+            anew, as after a gap; ``None`` waits for the end.
+
+    Raises:
+        ValueError: The prominence is not positive and finite.
+    """
+
+    def __init__(self, prominence: float, *, longest_region: int | None = None) -> None:
+        if not 0.0 < prominence < inf:
+            raise ValueError(f"prominence must be positive and finite, not {prominence}")
+        self._longest = longest_region
+        self._index = 0
+        self._certain = _Hysteresis(prominence)
+        self._optimistic = _Hysteresis(prominence)
+        self._undecided: list[_Span] = []
+
+    def feed(self, lows: Iterable[float], highs: Iterable[float]) -> list[PeakEvent]:
+        """Take the next samples, in order.
+
+        Args:
+            lows: Lower bounds.
+            highs: Upper bounds, as many.
+
+        Returns:
+            What is decided now, in order of its end. Indices count all samples since the start,
+            over gaps too.
+        """
+        events: list[PeakEvent] = []
+        for lo, hi in zip(lows, highs, strict=True):
+            self._take(lo, hi, events)
+            self._index += 1
+        return events
+
+    def gap(self, samples: int = 0) -> list[PeakEvent]:
+        """Say that ``samples`` samples are missing here; nothing is joined across."""
+        events = [span.event(Verdict.POSSIBLE) for span in self._undecided]
+        self._undecided.clear()
+        self._certain.reset()
+        self._optimistic.reset()
+        self._index += samples
+        return events
+
+    def finish(self) -> list[PeakEvent]:
+        """Say that the signal ends; what is undecided is possible."""
+        return self.gap()
+
+    def _take(self, lo: float, hi: float, events: list[PeakEvent]) -> None:
+        possible = self._optimistic.take(self._index, lo, hi, lo, hi)
+        if possible is not None:
+            self._remember(possible)
+        certain = self._certain.take(self._index, hi, lo, lo, hi)
+        if certain is not None:
+            self._match(certain)
+        if self._undecided:
+            self._settle(events)
+        if certain is not None:
+            events.append(certain.event(Verdict.CERTAIN))
+
+    def _remember(self, span: _Span) -> None:
+        span.prominence = 0.0
+        waiting = self._undecided
+        if waiting and span.first <= waiting[-1].last:
+            waiting[-1].merge(span)
+        else:
+            waiting.append(span)
+            if len(waiting) > _MOST_REGIONS:
+                waiting[0].merge(waiting.pop(1))
+
+    def _match(self, certain: _Span) -> None:
+        """Take the peak that proved certain out of the undecided ones (there always is one)."""
+        within = [span for span in self._undecided if span.last > certain.first]
+        best = max(within, key=lambda span: span.ceiling)
+        best.peaks -= 1
+        if best.peaks == 0:
+            self._undecided.remove(best)
+
+    def _settle(self, events: list[PeakEvent]) -> None:
+        """Report regions that no certain peak can claim any more, and that will not grow."""
+        if self._longest is not None and self._index - self._undecided[0].first >= self._longest:
+            events.extend(self.gap())
+            return
+        certain, growing = self._certain.span, self._optimistic.span
+        while self._undecided:
+            span = self._undecided[0]
+            claimable = certain is None or span.last > certain.first
+            touching = growing is None or span.last >= growing.first
+            if claimable or touching:
+                return
+            events.append(self._undecided.pop(0).event(Verdict.POSSIBLE))
+
+
+def find_peaks(
+    lows: Iterable[float], highs: Iterable[float], *, prominence: float
+) -> list[PeakEvent]:
+    """All peaks of a whole tube, certain and possible, in order of their end.
+
+    Args:
+        lows: Lower bounds, in the signal's unit.
+        highs: Upper bounds, as many.
+        prominence: Least prominence p > 0.
+
+    Raises:
+        ValueError: The prominence is not positive and finite, or the bounds differ in number.
+    """
+    detector = PeakDetector(prominence)
+    return [*detector.feed(lows, highs), *detector.finish()]

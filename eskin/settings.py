@@ -1,0 +1,142 @@
+"""Settings of a process: one table of sections, from TOML and from the environment.
+
+A setting ``port`` of section ``broker`` is written ``[broker] port = 8883`` in the file, or
+``ESKIN_BROKER_PORT=8883`` in the environment, which wins. Unknown keys are refused.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import PydanticUndefined
+from pydantic_settings import (
+    BaseSettings,
+    PydanticBaseSettingsSource,
+    SettingsConfigDict,
+)
+from pydantic_settings import (
+    SettingsError as EnvironmentSettingsError,
+)
+
+from eskin.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+ENVIRONMENT_PREFIX = "ESKIN_"
+
+
+class Section(BaseModel):
+    """One table of a configuration file; every field has a description."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class Settings(BaseSettings):
+    """All settings of a process; its fields are `Section` classes."""
+
+    model_config = SettingsConfigDict(
+        extra="forbid",
+        frozen=True,
+        env_prefix=ENVIRONMENT_PREFIX,
+        env_nested_delimiter="_",
+        env_nested_max_split=1,
+    )
+
+    @classmethod
+    def settings_customise_sources(
+        cls,
+        settings_cls: type[BaseSettings],
+        init_settings: PydanticBaseSettingsSource,
+        env_settings: PydanticBaseSettingsSource,
+        dotenv_settings: PydanticBaseSettingsSource,
+        file_secret_settings: PydanticBaseSettingsSource,
+    ) -> tuple[PydanticBaseSettingsSource, ...]:
+        """The environment before the file, and nothing else."""
+        del settings_cls, dotenv_settings, file_secret_settings
+        return env_settings, init_settings
+
+    @classmethod
+    def load(cls, path: Path | None = None) -> Self:
+        """Read the settings.
+
+        Args:
+            path: TOML file; ``None`` takes defaults and environment only.
+
+        Raises:
+            SettingsError: The file cannot be read, or a setting is unknown or not allowed. It names
+                the setting, the value, and what is allowed.
+        """
+        try:
+            return cls(**({} if path is None else _read(path)))
+        except ValidationError as error:
+            raise _refusal(error, path) from error
+        except EnvironmentSettingsError as error:
+            raise SettingsError("environment", str(error)) from error
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One row of the table of settings.
+
+    Attributes:
+        name: Dotted name, such as ``broker.port``.
+        default: As written in TOML; ``None`` where it must be given.
+        help: One line: what it is, with its unit.
+    """
+
+    name: str
+    default: str | None
+    help: str
+
+    @property
+    def variable(self) -> str:
+        """Its name in the environment."""
+        return ENVIRONMENT_PREFIX + self.name.replace(".", "_").upper()
+
+
+def table(settings: type[Settings]) -> Iterator[Setting]:
+    """All settings of a process, in order of their declaration."""
+    for section, field in settings.model_fields.items():
+        model = field.annotation
+        if isinstance(model, type) and issubclass(model, BaseModel):
+            for name, inner in model.model_fields.items():
+                yield Setting(f"{section}.{name}", _default(inner), inner.description or "")
+        else:
+            yield Setting(section, _default(field), field.description or "")
+
+
+def _default(field: Any) -> str | None:
+    value = field.get_default(call_default_factory=True)
+    if value is PydanticUndefined:
+        return None
+    if isinstance(value, bool):
+        return str(value).lower()
+    return str(value)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        with path.open("rb") as file:
+            return tomllib.load(file)
+    except OSError as error:
+        raise SettingsError("--config", f"{path} cannot be read: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise SettingsError("--config", f"{path} is no TOML: {error}") from error
+
+
+def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
+    first = error.errors(include_url=False)[0]
+    name = ".".join(str(part) for part in first["loc"]) or "settings"
+    where = "" if path is None else f" (file {path})"
+    if first["type"] == "missing":
+        return SettingsError(name, f"is missing{where}; it has no default")
+    if first["type"] == "extra_forbidden":
+        return SettingsError(name, f"no such setting{where}; check its spelling")
+    shown = repr(first["input"])
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    return SettingsError(name, f"{shown} is not allowed{where}: {first['msg']}")

@@ -1,0 +1,54 @@
+"""MQTT topics of the wire contract.
+
+Private, sealed: ``eskin/v1/nodes/{node}/blocks | events | status | acks | commands``.
+Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}``, ``…/events``, ``…/status``.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+
+from eskin.errors import MessageError
+
+ROOT = "eskin/v1"
+LIVE = f"{ROOT}/live"
+NODES = f"{ROOT}/nodes"
+
+_NODE_TOPIC = re.compile(rf"{NODES}/([a-z0-9][a-z0-9_-]{{0,62}})/([a-z]+)")
+
+
+class Stream(StrEnum):
+    """What a private topic of a node carries."""
+
+    BLOCKS = "blocks"
+    EVENTS = "events"
+    STATUS = "status"
+    ACKS = "acks"
+    COMMANDS = "commands"
+
+
+FROM_NODE = (Stream.BLOCKS, Stream.EVENTS, Stream.STATUS)
+"""The streams that a node writes."""
+
+
+def node_topic(node: str, stream: Stream) -> str:
+    """The private topic of one node's stream; ``+`` as the node subscribes to all."""
+    return f"{NODES}/{node}/{stream}"
+
+
+def parse_node_topic(topic: str) -> tuple[str, Stream]:
+    """The node and the stream of a private topic.
+
+    Raises:
+        MessageError: It is no topic of a node.
+    """
+    found = _NODE_TOPIC.fullmatch(topic)
+    if found is None or found[2] not in Stream.__members__.values():
+        raise MessageError(f"{topic[:200]!r} is no topic of a node; expected {NODES}/NODE/STREAM")
+    return found[1], Stream(found[2])
+
+
+def live_topic(node: str, leaf: str) -> str:
+    """The public topic of a node's channel, or of its ``events`` or ``status``."""
+    return f"{LIVE}/{node}/{leaf}"

@@ -1,0 +1,69 @@
+"""Tubes: interval-valued signals over time (the term of interval analysis; see codac)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eskin.errors import IntervalError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from eskin.interval import Interval
+
+
+@dataclass(frozen=True, slots=True)
+class Tube:
+    """Equally spaced interval samples of one quantity.
+
+    A sample holds at its instant; nothing is claimed between instants.
+
+    Attributes:
+        time: Enclosure ``(earliest, latest)`` of the first sample's moment, UTC ns since 1970.
+            Sample k was taken in ``[earliest + k·dt, latest + k·dt]``.
+        dt: Sampling period in ns.
+        values: n intervals, shape ``(n,)``, in ``unit``.
+        unit: UCUM code, such as ``F``.
+        coverage: Probability with which each sample's interval encloses the truth; 1.0 where the
+            noise is bounded.
+
+    Raises:
+        IntervalError: The parts do not fit each other.
+    """
+
+    time: tuple[int, int]
+    dt: int
+    values: Interval
+    unit: str
+    coverage: float
+
+    def __post_init__(self) -> None:
+        if len(self.values.shape) != 1:
+            raise IntervalError(f"a tube has one axis, not shape {self.values.shape}")
+        if self.time[0] > self.time[1]:
+            raise IntervalError(f"time enclosure is reversed: {self.time}")
+        if self.dt <= 0:
+            raise IntervalError(f"dt must be positive, in ns, not {self.dt}")
+        if not 0.0 <= self.coverage <= 1.0:
+            raise IntervalError(f"coverage must lie in [0, 1], not {self.coverage}")
+
+    def __len__(self) -> int:
+        return self.values.shape[0]
+
+    @property
+    def moments(self) -> NDArray[np.int64]:
+        """The middle of each sample's time enclosure, UTC ns (the place where it is drawn)."""
+        return self.first_moment + self.dt * np.arange(len(self), dtype=np.int64)
+
+    @property
+    def first_moment(self) -> int:
+        """The middle of the first sample's time enclosure, UTC ns, rounded down."""
+        return (self.time[0] + self.time[1]) // 2
+
+    @property
+    def time_error(self) -> int:
+        """How far a sample's true moment may lie from ``moments``, in ns, rounded up."""
+        return (self.time[1] - self.time[0] + 1) // 2

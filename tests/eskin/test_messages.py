@@ -1,0 +1,183 @@
+"""Messages come back as they went; what is no message is refused with its place and value."""
+
+from __future__ import annotations
+
+import math
+
+import cbor2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eskin.errors import MessageError
+from eskin.interval import Interval
+from eskin.messages import (
+    Acknowledgement,
+    Block,
+    ChannelInfo,
+    Encoding,
+    Gap,
+    Message,
+    Peak,
+    Position,
+    Status,
+    decode_message,
+)
+from eskin.messages.fields import dump
+from eskin.peaks import Verdict
+from eskin.tube import Tube
+
+BOUND = st.floats(allow_nan=False)
+PAIR = st.tuples(BOUND, BOUND).map(sorted)
+
+
+def block_of(pairs: list[list[float]], encoding: Encoding) -> tuple[Block, Interval]:
+    values = Interval([p[0] for p in pairs], [p[1] for p in pairs])
+    tube = Tube((-5, 10**18), 1_000_000, values, "F", 0.5)
+    return Block.pack(Position(1, 2), "t01.capacitance", 7, tube, encoding), values
+
+
+@pytest.mark.parametrize("encoding", Encoding)
+@given(pairs=st.lists(PAIR, min_size=1, max_size=40))
+def test_encoding_only_widens_and_says_by_how_much(
+    encoding: Encoding, pairs: list[list[float]]
+) -> None:
+    block, values = block_of(pairs, encoding)
+    back = Block.decode(block.encode())
+    written = back.tube.values
+    assert np.all(values.subset(written))
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved = np.concatenate([values.inf - written.inf, written.sup - values.sup])
+    assert np.all(moved[np.isfinite(moved)] <= back.widening)
+    assert back.bounds == (written.inf.min(), written.sup.max())
+    if encoding is Encoding.F64:
+        assert back.widening == 0.0
+
+
+@pytest.mark.parametrize("encoding", Encoding)
+@given(pairs=st.lists(PAIR, min_size=1, max_size=40))
+def test_block_comes_back_equal_and_byte_for_byte(
+    encoding: Encoding, pairs: list[list[float]]
+) -> None:
+    block, _ = block_of(pairs, encoding)
+    back = Block.decode(block.encode())
+    assert back.encode() == block.encode()
+    assert (back.position, back.channel, back.ticks) == (block.position, block.channel, 7)
+    assert back.tube.time == (-5, 10**18)
+    again = Block.pack(back.position, back.channel, back.ticks, back.tube, encoding)
+    assert np.array_equal(again.tube.values.inf, back.tube.values.inf)
+    assert np.array_equal(again.tube.values.sup, back.tube.values.sup)
+
+
+@given(
+    middle=st.floats(1e-12, 1e3),
+    spread=st.floats(1e-6, 1.0),
+    n=st.integers(2, 200),
+)
+def test_q16_is_as_fine_as_16_bits_allow(middle: float, spread: float, n: int) -> None:
+    x = middle * (1 + spread * np.sin(np.linspace(0, 6, n)))
+    values = Interval(x, x)
+    tube = Tube((0, 0), 1, values, "1", 1.0)
+    block = Block.pack(Position(0, 0), "t.x", 0, tube, Encoding.Q16)
+    span = float(x.max() - x.min())
+    assert block.widening <= span / 16_000 + 4 * math.ulp(float(x.max()))
+
+
+def test_unbounded_sides_and_missing_samples_survive() -> None:
+    inf = math.inf
+    for encoding in Encoding:
+        block, values = block_of([[-inf, 1.0], [0.5, inf], [-inf, inf], [0.25, 0.5]], encoding)
+        back = Block.decode(block.encode()).tube.values
+        assert np.array_equal(np.isinf(back.inf), np.isinf(values.inf))
+        assert np.array_equal(np.isinf(back.sup), np.isinf(values.sup))
+
+
+EXAMPLES: list[Message] = [
+    Peak(
+        Position(3, 4), "t01.current", "A", (5, 9), Verdict.CERTAIN, (1, 1), (1.0, 1.5),
+        (0.5, math.inf), 0.999,
+    ),
+    Gap(Position(3, 5), "flash full", (1, 2), 7, 1750, ((1, 0, 6), (2, 1, 1))),
+    Status(
+        Position(3, 6), (1, 2), "fingertip", "three taxels", 10**9, 1, 2, 3, 4,
+        (ChannelInfo("t01.current", "A", 1_000_000, 1.0),),
+    ),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("message", EXAMPLES, ids=lambda m: type(m).__name__)
+def test_message_comes_back_equal(message: Message) -> None:
+    assert decode_message(message.encode()) == message
+
+
+def test_acknowledgement_comes_back_equal() -> None:
+    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)))
+    assert Acknowledgement.decode(ack.encode()) == ack
+
+
+@given(data=st.binary(max_size=300))
+def test_random_bytes_are_refused(data: bytes) -> None:
+    with pytest.raises(MessageError):
+        decode_message(data)
+
+
+@given(data=st.data())
+def test_mutated_block_is_refused_or_still_an_interval(data: st.DataObject) -> None:
+    good, _ = block_of([[0.0, 1.0], [1.0, 2.0]], data.draw(st.sampled_from(list(Encoding))))
+    mutated = bytearray(good.encode())
+    for _ in range(data.draw(st.integers(1, 4))):
+        mutated[data.draw(st.integers(0, len(mutated) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        back = decode_message(bytes(mutated))
+    except MessageError:
+        return
+    assert isinstance(back, Block)
+    assert np.all(back.tube.values.inf <= back.tube.values.sup)
+    assert back.encode() == bytes(mutated)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({9: 3}, "does not hold 3 samples"),
+        ({9: 1001}, "allowed is 1 to 1000"),
+        ({14: [0.0, 1.0]}, "not the hull"),
+        ({10: 1.5}, "allowed is 0.0 to 1.0"),
+        ({10: float("nan")}, "allowed is"),
+        ({8: 0}, "allowed is 1"),
+        ({7: [2, 1]}, "reversed"),
+        ({4: "no channel"}, "TAXEL.QUANTITY"),
+        ({5: ""}, "printable"),
+        ({3: -1}, "allowed is 0"),
+        ({2: True}, "expected an integer"),
+        ({99: 1}, "field 99 is unknown"),
+        ({1: 9}, "kinds 1 to 4"),
+        ({12: b"raw"}, "no typed array"),
+    ],
+)
+def test_field_out_of_range_is_named(change: dict[int, object], message: str) -> None:
+    good, _ = block_of([[0.0, 1.0], [1.0, 2.0]], Encoding.F64)
+    with pytest.raises(MessageError, match=message):
+        decode_message(dump(cbor2.loads(good.encode()) | change))
+
+
+def test_missing_field_is_named() -> None:
+    good, _ = block_of([[0.0, 1.0]], Encoding.F64)
+    fields = cbor2.loads(good.encode())
+    del fields[8]
+    with pytest.raises(MessageError, match="field 8 is missing"):
+        decode_message(dump(fields))
+
+
+def test_other_encoding_of_the_same_message_is_refused() -> None:
+    good = EXAMPLES[0].encode()
+    with pytest.raises(MessageError, match="deterministic"):
+        decode_message(good + b"\x00")
+
+
+@pytest.mark.parametrize("n", [0, 1001])
+def test_block_of_no_or_too_many_samples_is_refused(n: int) -> None:
+    tube = Tube((0, 0), 1, Interval(np.zeros(n)), "F", 1.0)
+    with pytest.raises(MessageError, match="1 to 1000 samples"):
+        Block.pack(Position(0, 0), "t.x", 0, tube, Encoding.F32)

@@ -1,0 +1,41 @@
+"""Identities for tests, made fresh by a CA of their own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from eskin.identity import Authority, Identity, IdentityKind, new_key
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import datetime, timedelta
+    from pathlib import Path
+
+
+class Identities:
+    """A CA in a folder, and the parties that most tests need.
+
+    ``node`` is ``fingertip``, ``site`` is ``site.main``, ``gateway`` is ``gateway.g1``.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self.authority = Authority.open(directory / "ca")
+        self.node = self.make(IdentityKind.NODE, "fingertip")
+        self.site = self.make(IdentityKind.SITE, "site.main")
+        self.gateway = self.make(IdentityKind.GATEWAY, "gateway.g1")
+
+    def make(
+        self,
+        kind: IdentityKind,
+        name: str,
+        *,
+        hosts: Sequence[str] = ("127.0.0.1", "localhost"),
+        now: datetime | None = None,
+        lifetime: timedelta | None = None,
+    ) -> Identity:
+        """Issue an identity and save it in a folder of its name."""
+        key = new_key()
+        extra = {} if lifetime is None else {"lifetime": lifetime}
+        chain = self.authority.issue(kind, name, key.public_key(), hosts=hosts, now=now, **extra)
+        return Identity.save(self._directory / name, key=key, chain=chain, root=self.authority.root)
