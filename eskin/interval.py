@@ -26,15 +26,17 @@ _LIBM_ULP = 4
 
 def round_down(value: Floats, ulp: int = 1) -> Floats:
     """Move each value ``ulp`` floats towards minus infinity."""
-    for _ in range(ulp):
-        value = np.nextafter(value, -np.inf)
+    with np.errstate(over="ignore", under="ignore"):
+        for _ in range(ulp):
+            value = np.nextafter(value, -np.inf)
     return value
 
 
 def round_up(value: Floats, ulp: int = 1) -> Floats:
     """Move each value ``ulp`` floats towards plus infinity."""
-    for _ in range(ulp):
-        value = np.nextafter(value, np.inf)
+    with np.errstate(over="ignore", under="ignore"):
+        for _ in range(ulp):
+            value = np.nextafter(value, np.inf)
     return value
 
 
@@ -103,7 +105,9 @@ class Interval:
 
     def __add__(self, other: Interval | ArrayLike) -> Self:
         that = as_interval(other)
-        return self._trusted(round_down(self.inf + that.inf), round_up(self.sup + that.sup))
+        with np.errstate(over="ignore"):
+            lo, hi = self.inf + that.inf, self.sup + that.sup
+        return self._trusted(round_down(lo), round_up(hi))
 
     __radd__ = __add__
 
@@ -185,7 +189,9 @@ class Interval:
     @property
     def wid(self) -> Floats:
         """Width ``hi - lo``, rounded up."""
-        return np.where(self.sup == self.inf, 0.0, round_up(self.sup - self.inf))
+        with np.errstate(over="ignore", invalid="ignore"):
+            width = round_up(self.sup - self.inf)
+        return np.where(self.sup == self.inf, 0.0, width)
 
     @property
     def mid(self) -> Floats:

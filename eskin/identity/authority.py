@@ -1,9 +1,10 @@
 """The certificate authority: a root, and one issuing CA for each kind of identity.
 
 Its folder holds ``root.pem``, ``root.key``, and for each kind ``KIND.pem``, ``KIND.key``,
-``KIND.anchor.pem`` and ``KIND.crl.pem``. An *anchor* is the issuing CA's certificate signed by its
-own key: a TLS server that trusts only this one accepts that kind and no other, which the root as
-anchor could not say.
+``KIND.anchor.pem`` and ``KIND.crl.pem``; what was issued last in ``issued/NAME.pem``, and a
+``ledger.jsonl`` of everything issued and revoked. An *anchor* is the issuing CA's certificate
+signed by its own key: a TLS server that trusts only this one accepts that kind and no other, which
+the root as anchor could not say.
 """
 
 from __future__ import annotations
@@ -120,9 +121,19 @@ class Authority:
             not_before=now or datetime.now(UTC),
             lifetime=lifetime,
         )
+        chain = certificate, self._issuers[kind]
+        issued = self._directory / "issued"
+        issued.mkdir(exist_ok=True)
+        write_whole(issued / f"{name}.pem", pem(chain))
         expires = certificate.not_valid_after_utc.isoformat()
         self._record(Issued(f"{certificate.serial_number:x}", str(kind), name, expires))
-        return certificate, self._issuers[kind]
+        return chain
+
+    def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
+        """The chain last issued to a name; ``None`` if there is none."""
+        if all(entry.name != name for entry in self.issued()):
+            return None
+        return load_certificates(self._directory / "issued" / f"{name}.pem")
 
     def issued(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""

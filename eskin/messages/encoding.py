@@ -100,8 +100,8 @@ def encode_floats(values: Interval, encoding: Encoding) -> tuple[cbor2.CBORTag, 
         return _typed(values.inf, "<f8"), _typed(values.sup, "<f8")
     with np.errstate(over="ignore", under="ignore"):
         lo, hi = values.inf.astype(np.float32), values.sup.astype(np.float32)
-    lo = np.where(lo > values.inf, np.nextafter(lo, np.float32(-np.inf)), lo)
-    hi = np.where(hi < values.sup, np.nextafter(hi, np.float32(np.inf)), hi)
+        lo = np.where(lo > values.inf, np.nextafter(lo, np.float32(-np.inf)), lo)
+        hi = np.where(hi < values.sup, np.nextafter(hi, np.float32(np.inf)), hi)
     return _typed(lo, "<f4"), _typed(hi, "<f4")
 
 

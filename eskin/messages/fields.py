@@ -41,7 +41,11 @@ def load(data: bytes) -> Fields:
     value = load_any(data, "message")
     if not isinstance(value, dict) or not all(type(key) is int for key in value):
         raise MessageError("message is no CBOR map with integer keys")
-    if dump(value) != data:
+    try:
+        again = dump(value)
+    except cbor2.CBORError as error:
+        raise MessageError(f"message holds what CBOR cannot say twice: {error}") from error
+    if again != data:
         raise MessageError("message is not in deterministic CBOR encoding (RFC 8949, 4.2)")
     return Fields(value)
 
@@ -54,7 +58,8 @@ def load_any(data: bytes, what: str) -> object:
     """
     try:
         value: object = cbor2.loads(data)
-    except (cbor2.CBORError, ValueError, OverflowError, TypeError, RecursionError) as error:
+    except (cbor2.CBORError, ValueError, TypeError, ArithmeticError, RecursionError) as error:
+        # All but the first come out of cbor2's readers of tags: decimals, rationals, sets, dates.
         raise MessageError(f"{what} is no CBOR: {error}") from error
     return value
 
@@ -181,5 +186,8 @@ def integer_pair(value: object, what: str, least: int, most: int) -> tuple[int, 
 
 
 def _shown(value: object) -> str:
-    shown = repr(value)
+    try:
+        shown = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        shown = f"a very long {type(value).__name__}"
     return shown if len(shown) <= 80 else f"{shown[:77]}..."

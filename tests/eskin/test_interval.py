@@ -43,7 +43,6 @@ BINARY: dict[str, tuple[Callable[[Interval, Interval], Interval], Callable[..., 
 }
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered")
 @pytest.mark.parametrize("name", BINARY)
 @given(a=interval_and_member(), b=interval_and_member())
 def test_arithmetic_encloses_the_exact_result(

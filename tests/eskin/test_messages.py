@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import cbor2
 import numpy as np
+import pycddl
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -181,3 +183,18 @@ def test_block_of_no_or_too_many_samples_is_refused(n: int) -> None:
     tube = Tube((0, 0), 1, Interval(np.zeros(n)), "F", 1.0)
     with pytest.raises(MessageError, match="1 to 1000 samples"):
         Block.pack(Position(0, 0), "t.x", 0, tube, Encoding.F32)
+
+
+CDDL = Path(__file__).parents[2] / "docs" / "eskin.cddl"
+
+
+@pytest.mark.parametrize(
+    "message",
+    [*EXAMPLES, *(block_of([[0.0, 1.0], [1.0, math.inf]], e)[0] for e in Encoding)],
+    ids=lambda m: type(m).__name__,
+)
+def test_messages_are_as_the_documented_cddl_says(message: Message) -> None:
+    schema = pycddl.Schema(CDDL.read_text())
+    schema.validate_cbor(message.encode())
+    with pytest.raises(pycddl.ValidationError):
+        schema.validate_cbor(dump(cbor2.loads(message.encode()) | {77: 1}))

@@ -1,0 +1,74 @@
+# One command for each need; every target is self-sufficient on a fresh machine.
+# Options pass through ARGS, as in: make demo ARGS="--duration 30 --port 8090"
+
+SHELL := /bin/bash
+.SHELLFLAGS := -eu -o pipefail -c
+.DEFAULT_GOAL := help
+.DELETE_ON_ERROR:
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+ARGS ?=
+
+DASHBOARD := cloud/dashboard
+DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2>/dev/null) \
+	$(DASHBOARD)/index.html $(DASHBOARD)/package.json $(DASHBOARD)/package-lock.json
+DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
+
+.PHONY: help demo test test-compose lint bench dashboard install system clean
+
+help: ## List these commands
+	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
+
+demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine and print a login URL
+	@exec $(BIN)/eskin demo $(ARGS)
+
+test: $(VENV)/.development $(DASHBOARD_BUILT) system ## Run all tests (installs Mosquitto and Chromium on Debian)
+	$(BIN)/pytest $(ARGS)
+	services/npm.sh $(DASHBOARD) test
+
+test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real container engine and check it (root)
+	$(BIN)/pytest tests/compose -m compose --timeout 3600 $(ARGS)
+
+lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	services/npm.sh $(DASHBOARD) run lint
+
+bench: $(VENV)/.development $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
+	$(BIN)/python -m benchmarks $(ARGS)
+
+dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
+
+install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
+
+system: ## Install the Debian packages that the tests need
+	@services/install_test_packages.sh
+
+clean: ## Remove what was built (data folders stay)
+	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules
+
+$(VENV)/bin/pip:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
+		|| { echo "eskin needs Python 3.11 or newer; $(PYTHON) is $$($(PYTHON) --version)" >&2; exit 1; }
+	@$(PYTHON) -m venv $(VENV) \
+		|| { echo "no virtual environment could be made; on Debian: apt-get install python3-venv" >&2; exit 1; }
+
+$(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	@echo "Installing eskin and what it needs …"
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable . --constraint constraints.txt
+	@touch $@
+
+$(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	@echo "Installing eskin and what its tests need …"
+	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]' --constraint constraints.txt
+	@touch $@ $(VENV)/.runtime
+
+$(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip
+	@echo "Building the dashboard …"
+	@services/npm.sh $(DASHBOARD) ci
+	@services/npm.sh $(DASHBOARD) run build
+	@touch $@

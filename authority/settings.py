@@ -1,0 +1,70 @@
+"""Settings of the CA service."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, field_validator, model_validator
+
+from eskin.errors import IdentityError
+from eskin.identity import IdentityKind
+from eskin.settings import Section, Settings
+
+
+class AuthoritySection(Section):
+    """Where the CA lives and listens."""
+
+    directory: Path = Field(description="folder of the CA's keys; nobody else needs it")
+    host: str = Field(default="127.0.0.1", description="address to listen on (HTTPS)")
+    port: int = Field(default=8444, ge=1, le=65535, description="port to listen on")
+    names: tuple[str, ...] = Field(
+        default=("localhost", "127.0.0.1"),
+        description="DNS names and addresses under which clients reach the service",
+    )
+    token_hours: float = Field(
+        default=24.0, gt=0, description="hours for which a one-time enrolment token is good"
+    )
+    certificate_days: float = Field(
+        default=90.0, gt=0, le=398, description="days for which a certificate is valid"
+    )
+
+
+class LogSection(Section):
+    """What is logged."""
+
+    level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
+
+
+class Expected(Section):
+    """An identity that may enrol: at start, its token is put into its folder."""
+
+    kind: IdentityKind = Field(description="node, site, gateway, server or client")
+    name: str = Field(description="common name")
+    hosts: tuple[str, ...] = Field(default=(), description="a server's names and addresses")
+    directory: Path = Field(description="folder that takes NAME.token and root.pem")
+
+    @model_validator(mode="after")
+    def _name_fits_kind(self) -> Self:
+        try:
+            self.kind.require_name(self.name)
+        except IdentityError as error:
+            raise ValueError(str(error)) from error
+        return self
+
+
+class AuthoritySettings(Settings):
+    """All settings of the CA service."""
+
+    authority: AuthoritySection
+    log: LogSection = LogSection()
+    identity: tuple[Expected, ...] = Field(default=(), description="identities that may enrol")
+
+    @field_validator("identity")
+    @classmethod
+    def _names_are_unique(cls, value: tuple[Expected, ...]) -> tuple[Expected, ...]:
+        names = [expected.name for expected in value]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"named twice: {', '.join(twice)}")
+        return value

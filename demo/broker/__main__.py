@@ -1,0 +1,31 @@
+"""The embedded broker as a process: ``python -m demo.broker IDENTITY_FOLDER PORT``."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import sys
+from pathlib import Path
+
+from demo.broker.broker import LoopbackBroker
+from eskin.identity import Identity
+
+
+async def serve(directory: Path, port: int) -> None:
+    """Serve until SIGTERM or SIGINT."""
+    broker = LoopbackBroker(Identity.load(directory), port=port)
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stop.set)
+    await broker.start()
+    logging.getLogger(__name__).info("ready: port=%d", port)
+    await stop.wait()
+    await broker.shutdown()
+
+
+if __name__ == "__main__":
+    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(message)s")
+    logging.getLogger("demo").setLevel(logging.INFO)
+    asyncio.run(serve(Path(sys.argv[1]), int(sys.argv[2])))

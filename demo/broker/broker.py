@@ -1,0 +1,119 @@
+"""amqtt 0.12.1 with its holes closed; serves the demo on loopback and nothing else.
+
+- Client certificates are required (amqtt asks for them but takes clients without).
+- A session belongs to its certificate: the client id is prefixed with the certificate's name
+  (in amqtt, a certificate of n2 with client id n1 took over n1's session).
+- Sessions are clean, so no queue grows for a client that is away.
+- Wills obey the access rules, as publishing and reading do (amqtt publishes wills unchecked).
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import ssl
+from typing import TYPE_CHECKING, Final
+
+from amqtt.broker import Broker
+from amqtt.contexts import Action, BrokerConfig, ListenerConfig
+from amqtt.errors import MQTTError, NoDataError
+from amqtt.mqtt.protocol.broker_handler import BrokerProtocolHandler
+from amqtt.utils import gen_client_id
+
+from demo.broker.access import Party, may_publish, may_subscribe
+from eskin.errors import IdentityError
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
+
+if TYPE_CHECKING:
+    from amqtt.adapters import ReaderAdapter, WriterAdapter
+    from amqtt.session import Session
+
+    from eskin.identity import Identity
+
+log = logging.getLogger(__name__)
+
+PARTY: Final = "eskin.party"
+LOOPBACK: Final = "127.0.0.1"
+CONNECT_TIMEOUT_S: Final = 10.0
+
+
+class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
+    """An MQTT 3.1.1 broker on 127.0.0.1 with TLS and client certificates.
+
+    Args:
+        identity: The broker's own, of kind server.
+        port: Where to listen.
+    """
+
+    def __init__(self, identity: Identity, *, port: int) -> None:
+        directory = identity.directory
+        listener = ListenerConfig(
+            bind=f"{LOOPBACK}:{port}",
+            ssl=True,
+            cafile=directory / ROOT_FILE,
+            certfile=directory / CHAIN_FILE,
+            keyfile=directory / KEY_FILE,
+        )
+        super().__init__(BrokerConfig(listeners={"default": listener}, plugins={}))
+
+    @staticmethod
+    def _create_ssl_context(listener: ListenerConfig) -> ssl.SSLContext:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        context.load_cert_chain(listener.certfile, listener.keyfile)
+        context.load_verify_locations(cafile=listener.cafile)
+        context.verify_mode = ssl.CERT_REQUIRED
+        return context
+
+    async def _initialize_client_session(
+        self, reader: ReaderAdapter, writer: WriterAdapter, remote_address: str, remote_port: int
+    ) -> tuple[BrokerProtocolHandler, Session]:
+        """As amqtt does, but bound to the certificate; raises `MQTTError` for a refusal."""
+        del remote_address, remote_port
+        tls = writer.get_ssl_info()
+        try:
+            party = Party.of(tls.getpeercert(binary_form=True) if tls else None)
+        except IdentityError as error:
+            await writer.close()
+            raise MQTTError(str(error)) from error
+        handler, session = await self._connect(reader, writer)
+        log.info("connected: party=%s client=%s", party.name, session.client_id)
+        session.attributes[PARTY] = party
+        session.client_id = f"{party.name}|{session.client_id or gen_client_id()}"
+        session.clean_session = True
+        session.parent = 0
+        if session.will_flag and not may_publish(party, session.will_topic or ""):
+            await writer.close()
+            raise MQTTError(f"{party.name} may not leave a will on {session.will_topic!r}")
+        await self._delete_session(session.client_id)
+        return handler, session
+
+    async def _connect(
+        self, reader: ReaderAdapter, writer: WriterAdapter
+    ) -> tuple[BrokerProtocolHandler, Session]:
+        try:
+            async with asyncio.timeout(CONNECT_TIMEOUT_S):
+                handler, session = await BrokerProtocolHandler.init_from_connect(
+                    reader, writer, self.plugins_manager
+                )
+                return handler, session
+        except TimeoutError as error:
+            await writer.close()
+            raise MQTTError(f"no CONNECT within {CONNECT_TIMEOUT_S:g} s") from error
+        except (MQTTError, NoDataError):
+            await writer.close()
+            raise
+
+    async def _authenticate(self, session: Session, _: ListenerConfig) -> bool:
+        return isinstance(session.attributes.get(PARTY), Party)
+
+    async def _topic_filtering(self, session: Session, topic: str, action: Action) -> bool:
+        party = session.attributes.get(PARTY)
+        if not isinstance(party, Party):
+            return False
+        allowed = (
+            may_publish(party, topic) if action is Action.PUBLISH else may_subscribe(party, topic)
+        )
+        if not allowed:
+            log.warning("refused: party=%s action=%s topic=%s", party.name, action, topic[:200])
+        return allowed

@@ -1,0 +1,75 @@
+"""Where things lie in the demo's data folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """The demo's data folder.
+
+    Attributes:
+        root: The folder itself.
+    """
+
+    root: Path
+
+    @property
+    def authority(self) -> Path:
+        """Keys of the demo's CA."""
+        return self.root / "ca"
+
+    @property
+    def logs(self) -> Path:
+        """One log file a process."""
+        return self.root / "logs"
+
+    @property
+    def access(self) -> Path:
+        """How scripts and other clients join in."""
+        return self.root / "access.json"
+
+    @property
+    def lock(self) -> Path:
+        """Held while a demo runs on this folder."""
+        return self.root / "demo.lock"
+
+    @property
+    def store(self) -> Path:
+        """The cloud's database."""
+        return self.root / "cloud" / "store.sqlite"
+
+    @property
+    def spool(self) -> Path:
+        """The gateway's database."""
+        return self.root / "gateway" / "spool.sqlite"
+
+    @property
+    def nodes(self) -> Path:
+        """One folder a node."""
+        return self.root / "nodes"
+
+    def identity(self, name: str) -> Path:
+        """Folder of an identity."""
+        return self.root / "identities" / name
+
+    def node(self, name: str) -> Path:
+        """Folder of a node: ``node.toml``, its flash, and the truth that the emulator keeps."""
+        return self.nodes / name
+
+    def node_settings(self, name: str) -> Path:
+        """A node's settings; made at its first start, then the user's to change."""
+        return self.node(name) / "node.toml"
+
+    def truth(self, name: str) -> Path:
+        """What the emulator knows and the node does not."""
+        return self.node(name) / "truth.sqlite"
+
+    def settings(self, process: str) -> Path:
+        """Settings of the gateway or of the cloud; written anew at each start."""
+        return self.root / process / f"{process}.toml"

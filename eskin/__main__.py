@@ -1,0 +1,5 @@
+"""``python -m eskin`` is the command ``eskin``."""
+
+from eskin.command import main
+
+main()

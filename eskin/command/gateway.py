@@ -1,0 +1,22 @@
+"""``eskin gateway``: from the broker to the cloud."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from eskin.command.logs import start_logs
+
+
+def gateway(
+    config: Annotated[Path, typer.Option(help="TOML file with the gateway's settings.")],
+) -> None:
+    """Run a gateway: authenticate, spool, forward, acknowledge, republish."""
+    from gateway.service import run
+    from gateway.settings import GatewaySettings
+
+    settings = GatewaySettings.load(config)
+    start_logs(settings.log.level)
+    run(settings)

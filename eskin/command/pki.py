@@ -1,0 +1,135 @@
+"""``eskin pki``: who is who. A CA in a folder, and a CA service."""
+
+from __future__ import annotations
+
+import time
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, TypeVar
+
+import typer
+
+from eskin.command.logs import start_logs
+from eskin.errors import IdentityError
+from eskin.identity import Authority, Identity, IdentityKind, new_key
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+T = TypeVar("T")
+
+pki = typer.Typer(help="Make, enrol, list and revoke identities.", no_args_is_help=True)
+
+Directory = Annotated[Path, typer.Option("--dir", help="Folder of the CA.")]
+Url = Annotated[str, typer.Option(help="The CA service, such as https://authority:8444.")]
+EnrolDirectory = Annotated[
+    Path, typer.Option(help="Folder with root.pem and NAME.token, as the CA service left them.")
+]
+Name = Annotated[str, typer.Option(help="Common name, such as fingertip or gateway.g1.")]
+Patience = Annotated[float, typer.Option(help="Seconds to keep trying.")]
+
+
+@pki.command()
+def init(directory: Directory) -> None:
+    """Make a CA: a root, and one issuing CA for each kind of identity."""
+    Authority.open(directory)
+    typer.echo(f"CA in {directory}; its root: {directory / 'root.pem'}")
+
+
+@pki.command()
+def issue(
+    directory: Directory,
+    kind: Annotated[IdentityKind, typer.Option(help="Kind of the identity.")],
+    name: Name,
+    out: Annotated[Path, typer.Option(help="Folder for key.pem, chain.pem and root.pem.")],
+    host: Annotated[list[str] | None, typer.Option(help="A server's name or address.")] = None,
+    days: Annotated[float, typer.Option(min=0.001, max=398, help="Days of validity.")] = 90.0,
+) -> None:
+    """Make a key and issue its certificate, on the CA's own machine."""
+    if (out / "key.pem").exists():
+        raise IdentityError(f"{out}: there is an identity already; choose another folder")
+    authority = Authority.open(directory)
+    key = new_key()
+    chain = authority.issue(
+        kind, name, key.public_key(), hosts=host or (), lifetime=timedelta(days=days)
+    )
+    Identity.save(out, key=key, chain=chain, root=authority.root)
+    typer.echo(f"{name} in {out}, valid until {chain[0].not_valid_after_utc.isoformat()}")
+
+
+@pki.command(name="list")
+def list_(directory: Directory) -> None:
+    """List all certificates ever issued."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("name", "kind", "expires", "revoked", "serial")
+    for entry in Authority(directory).issued():
+        table.add_row(entry.name, entry.kind, entry.expires, entry.revoked or "-", entry.serial)
+    Console().print(table)
+
+
+@pki.command()
+def revoke(directory: Directory, name: Name) -> None:
+    """Revoke all certificates of a name, and sign its kind's revocation list anew."""
+    for entry in Authority(directory).revoke(name):
+        typer.echo(f"revoked {entry.name}, serial {entry.serial}")
+
+
+@pki.command()
+def serve(
+    config: Annotated[Path, typer.Option(help="TOML file with the CA service's settings.")],
+) -> None:
+    """Run the CA service: HTTPS, one-time enrolment tokens, certificate requests only."""
+    from authority.service import run
+    from authority.settings import AuthoritySettings
+
+    settings = AuthoritySettings.load(config)
+    start_logs(settings.log.level)
+    run(settings)
+
+
+@pki.command()
+def enrol(
+    url: Url,
+    enrol_dir: EnrolDirectory,
+    kind: Annotated[IdentityKind, typer.Option(help="Kind of the identity.")],
+    name: Name,
+    out: Annotated[Path, typer.Option(help="Folder for key.pem, chain.pem and root.pem.")],
+    patience: Patience = 60.0,
+) -> None:
+    """Make a key here and have it certified by the CA service; the key never leaves."""
+    from authority.enrolment import enrol as ask
+
+    kind.require_name(name)
+    identity = _patiently(lambda: ask(url, enrol_dir, name, out), patience)
+    typer.echo(f"{identity.name} in {out}")
+
+
+@pki.command()
+def fetch(
+    url: Url,
+    enrol_dir: EnrolDirectory,
+    name: Name,
+    out: Annotated[Path, typer.Option(help="PEM file to write.")],
+    patience: Patience = 60.0,
+) -> None:
+    """Fetch somebody's certificate, such as the site's for its nodes; wait until it is issued."""
+    from authority.enrolment import fetch as ask
+
+    _patiently(lambda: ask(url, enrol_dir, name, out), patience)
+    typer.echo(f"{name} in {out}")
+
+
+def _patiently(ask: Callable[[], T], patience: float) -> T:
+    """Ask again each second while the service is away or not ready, up to the end of patience."""
+    from authority.enrolment import NotReadyError
+
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            return ask()
+        except NotReadyError as error:
+            if time.monotonic() > deadline:
+                raise IdentityError(f"gave up after {patience:g} s: {error}") from error
+            time.sleep(1.0)

