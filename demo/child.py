@@ -109,6 +109,11 @@ class Child:
             self._again_at = 0.0
             self.start()
 
+    def terminate(self) -> None:
+        """Ask it to end."""
+        if self._process is not None and self._process.poll() is None:
+            self._process.terminate()
+
     def stop(self) -> None:
         """End it: SIGTERM, and SIGKILL after 10 s."""
         process = self._process

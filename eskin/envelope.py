@@ -65,11 +65,13 @@ class Opened:
         plaintext: The message.
         sender: Common name in the sender's certificate.
         held: The lowest position that the sender still holds, where it said so.
+        thumbprint: SHA-256 of the sender's certificate, to which an answer is sealed.
     """
 
     plaintext: bytes
     sender: str
     held: Position | None
+    thumbprint: bytes
 
 
 class Sealer:
@@ -184,7 +186,7 @@ class Opener:
             ) from error
         # Remembered only now, so that forged salts cannot push genuine senders out.
         self._remember(key, cipher, known=known)
-        return Opened(plaintext, common_name(certificate), header.held)
+        return Opened(plaintext, common_name(certificate), header.held, header.sender)
 
     def _remember(self, key: tuple[bytes, bytes, bytes], cipher: AESGCM, *, known: bool) -> None:
         if known:

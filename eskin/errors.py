@@ -13,6 +13,7 @@
     │   └── UntrustedCertificateError
     ├── FlashError               a node's flash that cannot hold or give back
     ├── SpoolError               a gateway's spool that cannot hold or give back
+    ├── CloudError               a cloud that did not answer a gateway as agreed
     ├── StoreError               a cloud's store that cannot hold or give back
     ├── QueryError               a question that has no answer as it stands
     └── AuditError               a data folder that cannot be audited
@@ -104,6 +105,22 @@ class FlashError(EskinError):
 
 class SpoolError(EskinError):
     """A gateway's spool that cannot hold or give back a message."""
+
+
+class CloudError(EskinError):
+    """A cloud that did not answer a gateway as agreed.
+
+    Attributes:
+        status: HTTP status, where there was an answer.
+        retry_after: Seconds for which the cloud asked for patience.
+    """
+
+    def __init__(
+        self, reason: str, *, status: int | None = None, retry_after: float | None = None
+    ) -> None:
+        super().__init__(reason)
+        self.status = status
+        self.retry_after = retry_after
 
 
 class StoreError(EskinError):

@@ -42,7 +42,7 @@ def decode_message(data: bytes) -> Message:
         MessageError: It is no message of a node.
     """
     fields = load(data)
-    kind = fields.raw(1)
+    kind = fields.integer(1, 0, 255)
     if kind == Kind.BLOCK:
         return Block.read(fields, data)
     if kind == Kind.PEAK:
@@ -51,4 +51,4 @@ def decode_message(data: bytes) -> Message:
         return Gap.read(fields)
     if kind == Kind.STATUS:
         return Status.read(fields)
-    raise MessageError(f"field 1 is {kind!r}; a node says kinds 1 to 4")
+    raise MessageError(f"field 1 is {kind}; a node says kinds 1 to 4")

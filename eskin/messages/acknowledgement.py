@@ -40,8 +40,9 @@ class Acknowledgement:
         """
         fields = load(data)
         fields.only(_FIELDS)
-        if fields.raw(1) != Kind.ACKNOWLEDGEMENT:
-            raise MessageError(f"field 1 is {fields.raw(1)!r}; expected an acknowledgement (16)")
+        kind = fields.integer(1, 0, 255)
+        if kind != Kind.ACKNOWLEDGEMENT:
+            raise MessageError(f"field 1 is {kind}; expected an acknowledgement (16)")
         return cls(
             time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
             spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),

@@ -39,8 +39,8 @@ def load(data: bytes) -> Fields:
     if len(data) > MOST_BYTES:
         raise MessageError(f"message of {len(data)} bytes; at most {MOST_BYTES} are allowed")
     value = load_any(data, "message")
-    if not isinstance(value, dict) or not all(type(key) is int for key in value):
-        raise MessageError("message is no CBOR map with integer keys")
+    if not isinstance(value, dict) or not all(_is_key(key) for key in value):
+        raise MessageError("message is no CBOR map with small integer keys")
     try:
         again = dump(value)
     except cbor2.CBORError as error:
@@ -183,6 +183,10 @@ def integer_pair(value: object, what: str, least: int, most: int) -> tuple[int, 
     if lo > hi:
         raise MessageError(f"{what} is reversed: {lo} > {hi}")
     return lo, hi
+
+
+def _is_key(key: object) -> bool:
+    return type(key) is int and abs(key) < 2**16
 
 
 def _shown(value: object) -> str:

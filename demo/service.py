@@ -1,0 +1,196 @@
+"""Running the demo: start everything with progress, watch it, end it cleanly."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import signal
+import time
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import TYPE_CHECKING, Final
+
+from cloud.access import Scope, create_login_code, create_token
+from cloud.store import Store
+from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+from demo.access import write_access
+from demo.identities import prepare_identities
+from demo.layout import Layout
+from demo.ports import LOOPBACK, free_ports, require_free
+from demo.settings_files import Ports, node_names
+from demo.stack import Stack
+from eskin.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+    from types import FrameType
+
+    from rich.console import Console
+
+log = logging.getLogger(__name__)
+
+_WATCH_S: Final = 0.2
+TOKEN_LIFETIME: Final = timedelta(days=30)
+LOGIN_LIFETIME: Final = timedelta(minutes=15)
+
+
+class _Stop(Exception):  # noqa: N818 - no error: the user's wish
+    """SIGTERM or SIGINT arrived."""
+
+
+def run_demo(
+    data: Path, *, nodes: int, port: int, speed: float, duration: float | None, console: Console
+) -> None:
+    """Run the whole stack until the duration is over, or SIGTERM or SIGINT.
+
+    Args:
+        data: Folder that keeps everything.
+        nodes: How many sensor nodes.
+        port: Port of the dashboard.
+        speed: Emulated seconds per second.
+        duration: Seconds to run once all is up; ``None`` runs until it is ended.
+        console: Takes progress and the URL.
+
+    Raises:
+        SettingsError: The folder or the port cannot be used.
+        EskinError: A process did not come up.
+    """
+    layout = Layout(data.resolve())
+    with _locked(layout), _stop_on_signals():
+        try:
+            _run(layout, nodes=nodes, port=port, speed=speed, duration=duration, console=console)
+        except _Stop:
+            console.print("Stopped; the data stay in", layout.root)
+
+
+def _run(
+    layout: Layout,
+    *,
+    nodes: int,
+    port: int,
+    speed: float,
+    duration: float | None,
+    console: Console,
+) -> None:
+    ports = Ports(require_free(port), *free_ports(3))
+    names = node_names(nodes)
+    stack: Stack | None = None
+    try:
+        with _progress(console) as progress:
+            task = progress.add_task("identities", total=6)
+            prepare_identities(layout, names)
+            progress.advance(task)
+            stack = Stack(layout, ports, names, speed)
+            progress.update(task, description="store")
+            token, login = _open_store(layout, ports)
+            progress.advance(task)
+            for stage in stack.stages(token):
+                progress.update(task, description=stage.title)
+                stack.start(stage)
+                progress.advance(task)
+            progress.update(task, description="all up")
+        _greet(console, layout, login)
+        _watch(stack, duration)
+    finally:
+        if stack is not None:
+            with _ignoring_signals(), console.status("Ending all processes in order …"):
+                stack.stop()
+
+
+def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
+    """Make the store, a token for scripts, and a login URL for a person."""
+    layout.store.parent.mkdir(parents=True, exist_ok=True)
+    store = Store.open(layout.store)
+    try:
+        token = create_token(
+            store, name="demo", scopes=frozenset({Scope.READ, Scope.OPERATE}),
+            lifetime=TOKEN_LIFETIME,
+        )  # fmt: skip
+        code = create_login_code(store, lifetime=LOGIN_LIFETIME)
+    finally:
+        store.close()
+    write_access(layout, ports, token)
+    return token, f"http://{LOOPBACK}:{ports.people}/login?code={code}"
+
+
+def _greet(console: Console, layout: Layout, login: str) -> None:
+    console.print("\n[bold green]eskin is running.[/] Open this once, in a browser:\n")
+    console.print(f"  {login}\n", soft_wrap=True, highlight=False)
+    console.print(
+        f"Scripts and MQTT clients: {layout.access}\n"
+        f"Check the data: eskin audit --data {layout.root}\n"
+        "Ctrl-C ends it; the data stay.",
+        soft_wrap=True,
+        highlight=False,
+    )
+
+
+def _watch(stack: Stack, duration: float | None) -> None:
+    deadline = None if duration is None else time.monotonic() + duration
+    while deadline is None or time.monotonic() < deadline:
+        stack.keep_alive()
+        time.sleep(_WATCH_S)
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        SpinnerColumn(finished_text="✓"),
+        TextColumn("starting {task.description}"),
+        BarColumn(),
+        TextColumn("{task.completed}/{task.total}"),
+        TimeElapsedColumn(),
+        console=console,
+    )
+
+
+@contextmanager
+def _locked(layout: Layout) -> Iterator[None]:
+    """Keep a second demo off the folder."""
+    try:
+        layout.root.mkdir(parents=True, exist_ok=True, mode=0o700)
+        lock = layout.lock.open("w")
+    except OSError as error:
+        raise SettingsError("--data", f"{layout.root} cannot be used: {error.strerror}") from error
+    with lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise SettingsError(
+                "--data", f"a demo runs on {layout.root} already; end it or choose another folder"
+            ) from error
+        yield
+
+
+@contextmanager
+def _stop_on_signals() -> Iterator[None]:
+    def stop(number: int, frame: FrameType | None) -> None:
+        del number, frame
+        raise _Stop
+
+    with _handled(stop):
+        yield
+
+
+@contextmanager
+def _ignoring_signals() -> Iterator[None]:
+    """The end in order is not cut short by a second Ctrl-C."""
+
+    def ignore(number: int, frame: FrameType | None) -> None:
+        del frame
+        log.info("already ending: signal=%d", number)
+
+    with _handled(ignore):
+        yield
+
+
+@contextmanager
+def _handled(handler: signal._HANDLER) -> Iterator[None]:
+    numbers = (signal.SIGTERM, signal.SIGINT)
+    before = [signal.signal(number, handler) for number in numbers]
+    try:
+        yield
+    finally:
+        for number, old in zip(numbers, before, strict=True):
+            signal.signal(number, old)

@@ -1,0 +1,217 @@
+"""The embedded broker closes amqtt's known holes."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import paho.mqtt.client as mqtt
+import pytest
+from paho.mqtt.enums import CallbackAPIVersion
+
+from demo.broker import Party, may_publish, may_subscribe
+from eskin.identity import Authority, Identity, IdentityKind, client_context, new_key
+from tests.processes import Running, accepts, free_port, wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.identities import Identities
+
+BLOCKS = "eskin/v1/nodes/fingertip/blocks"
+ACKS = "eskin/v1/nodes/fingertip/acks"
+
+
+class Peer:
+    """A paho client that keeps what it saw."""
+
+    def __init__(
+        self, port: int, identity: Identity | None, root: Path, *, client_id: str = "",
+        will: str | None = None,
+    ) -> None:  # fmt: skip
+        self.messages: list[tuple[str, bytes]] = []
+        self.granted: list[bool] = []
+        self.connections = 0
+        self.losses = 0
+        self.client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=client_id)
+        self.client.tls_set_context(client_context(root, identity))
+        if will:
+            self.client.will_set(will, b"will", qos=1)
+        self.client.on_connect = self._connected
+        self.client.on_disconnect = self._lost
+        self.client.on_message = lambda _c, _u, m: self.messages.append((m.topic, bytes(m.payload)))
+        self.client.on_subscribe = lambda _c, _u, _m, codes, _p: self.granted.extend(
+            not code.is_failure for code in codes
+        )
+        try:
+            self.client.connect("127.0.0.1", port)
+        except OSError:
+            self.client._reset_sockets()
+            raise
+        self.client.loop_start()
+
+    def _connected(self, *_: object) -> None:
+        self.connections += 1
+
+    def _lost(self, *_: object) -> None:
+        self.losses += 1
+
+    def subscribe(self, pattern: str) -> bool:
+        before = len(self.granted)
+        self.client.subscribe(pattern, qos=1)
+        wait_until(lambda: len(self.granted) > before, f"answer to subscribing {pattern}")
+        return self.granted[-1]
+
+    def publish(self, topic: str, payload: bytes = b"x", *, retain: bool = False) -> None:
+        self.client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(10)
+
+    def close(self) -> None:
+        self.client.disconnect()
+        self.client.loop_stop()
+        self.client._reset_sockets()
+
+
+def is_refused(
+    port: int, identity: Identity | None, root: Path, *, will: str | None = None
+) -> bool:
+    try:
+        peer = Peer(port, identity, root, will=will)
+    except OSError:
+        return True
+    wait_until(lambda: peer.losses > 0 or peer.connections > 0, "the broker answers")
+    peer.close()
+    return peer.connections == 0
+
+
+@pytest.fixture(scope="module")
+def port(identities: Identities, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    server = identities.make(IdentityKind.SERVER, "server.broker")
+    number = free_port()
+    argv = [sys.executable, "-m", "demo.broker", str(server.directory), str(number)]
+    with Running(argv, log=tmp_path_factory.mktemp("broker") / "log") as broker:
+        broker.wait_for(lambda: accepts(number), "the broker listens")
+        yield number
+
+
+@pytest.fixture
+def peers(identities: Identities, port: int) -> Iterator[dict[str, Peer]]:
+    root = identities.node.directory / "root.pem"
+    client = identities.make(IdentityKind.CLIENT, "client.demo")
+    made = {
+        "node": Peer(port, identities.node, root, client_id="fingertip"),
+        "gateway": Peer(port, identities.gateway, root, client_id="gateway"),
+        "client": Peer(port, client, root),
+    }
+    for name, peer in made.items():
+        wait_until(lambda peer=peer: peer.connections == 1, f"{name} connects")  # type: ignore[misc]
+    yield made
+    for peer in made.values():
+        peer.close()
+
+
+def test_node_reaches_gateway_and_gateway_reaches_node(peers: dict[str, Peer]) -> None:
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    assert peers["node"].subscribe(ACKS)
+    peers["node"].publish(BLOCKS, b"block")
+    peers["gateway"].publish(ACKS, b"ack")
+    wait_until(lambda: peers["gateway"].messages == [(BLOCKS, b"block")], "block arrives")
+    wait_until(lambda: peers["node"].messages == [(ACKS, b"ack")], "ack arrives")
+
+
+def test_what_a_node_writes_elsewhere_reaches_nobody(peers: dict[str, Peer]) -> None:
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    assert peers["client"].subscribe("eskin/v1/live/#")
+    for topic in ("eskin/v1/nodes/palm/blocks", "eskin/v1/live/fingertip/t01.current"):
+        peers["node"].publish(topic, b"forged")
+    peers["node"].publish(BLOCKS, b"genuine")
+    wait_until(lambda: bool(peers["gateway"].messages), "genuine block arrives")
+    assert peers["gateway"].messages == [(BLOCKS, b"genuine")]
+    assert peers["client"].messages == []
+
+
+def test_what_a_client_publishes_reaches_nobody(peers: dict[str, Peer]) -> None:
+    live = "eskin/v1/live/fingertip/t01.current"
+    assert peers["client"].subscribe("eskin/v1/live/#")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    peers["client"].publish(live, b"forged")
+    peers["client"].publish(BLOCKS, b"forged")
+    peers["gateway"].publish(live, b"genuine")
+    peers["node"].publish(BLOCKS, b"genuine")
+    wait_until(lambda: bool(peers["client"].messages), "genuine value arrives")
+    wait_until(lambda: bool(peers["gateway"].messages), "genuine block arrives")
+    assert peers["client"].messages == [(live, b"genuine")]
+    assert peers["gateway"].messages == [(BLOCKS, b"genuine")]
+
+
+@pytest.mark.parametrize("pattern", ["#", "eskin/#", "eskin/v1/nodes/+/blocks", ACKS, "+/+/+/+/+"])
+def test_client_may_not_read_private_topics(peers: dict[str, Peer], pattern: str) -> None:
+    assert not peers["client"].subscribe(pattern)
+
+
+@pytest.mark.parametrize("pattern", ["#", BLOCKS, "eskin/v1/nodes/palm/acks", "eskin/v1/live/#"])
+def test_node_may_read_its_own_answers_only(peers: dict[str, Peer], pattern: str) -> None:
+    assert not peers["node"].subscribe(pattern)
+
+
+def test_client_id_of_another_takes_no_session_over(
+    identities: Identities, peers: dict[str, Peer], port: int
+) -> None:
+    palm = identities.make(IdentityKind.NODE, "palm")
+    assert peers["node"].subscribe(ACKS)
+    thief = Peer(port, palm, palm.directory / "root.pem", client_id="fingertip")
+    wait_until(lambda: thief.connections == 1, "thief connects")
+    assert not thief.subscribe(ACKS)
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    thief.publish(BLOCKS, b"forged")
+    peers["gateway"].publish(ACKS, b"ack")
+    wait_until(lambda: bool(peers["node"].messages), "ack arrives at its owner")
+    thief.close()
+    assert thief.messages == []
+    assert peers["gateway"].messages == []
+    assert peers["node"].losses == 0
+
+
+def test_will_on_a_foreign_topic_is_refused(
+    identities: Identities, peers: dict[str, Peer], port: int
+) -> None:
+    palm = identities.make(IdentityKind.NODE, "palm")
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/status")
+    assert is_refused(port, palm, palm.directory / "root.pem", will="eskin/v1/nodes/x/status")
+    assert peers["gateway"].messages == []
+
+
+def test_connection_without_certificate_is_refused(identities: Identities, port: int) -> None:
+    assert is_refused(port, None, identities.node.directory / "root.pem")
+
+
+def test_certificate_of_another_ca_is_refused(
+    identities: Identities, port: int, tmp_path: Path
+) -> None:
+    stranger, key = Authority.open(tmp_path / "ca"), new_key()
+    chain = stranger.issue(IdentityKind.NODE, "fingertip", key.public_key())
+    forged = Identity.save(tmp_path / "id", key=key, chain=chain, root=stranger.root)
+    assert is_refused(port, forged, identities.node.directory / "root.pem")
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "topic", "publishes", "reads"),
+    [
+        (IdentityKind.NODE, "n", "eskin/v1/nodes/n/blocks", True, False),
+        (IdentityKind.NODE, "n", "eskin/v1/nodes/n/acks", False, True),
+        (IdentityKind.NODE, "n", "eskin/v1/nodes/m/acks", False, False),
+        (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/n/acks", True, False),
+        (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/n/blocks", False, True),
+        (IdentityKind.GATEWAY, "gateway.n", "eskin/v1/nodes/+/+", False, False),
+        (IdentityKind.CLIENT, "client.n", "eskin/v1/nodes/client.n/acks", False, False),
+        (IdentityKind.CLIENT, "client.n", "eskin/v1/live/n/status", False, True),
+        (IdentityKind.SERVER, "server.n", "eskin/v1/live/n/status", False, False),
+        (IdentityKind.SITE, "site.n", "eskin/v1/nodes/n/blocks", False, False),
+    ],
+)
+def test_access_follows_kind_and_name(
+    kind: IdentityKind, name: str, topic: str, *, publishes: bool, reads: bool
+) -> None:
+    party = Party(kind, name)
+    assert may_publish(party, topic) is publishes
+    assert may_subscribe(party, topic) is reads
