@@ -10,10 +10,10 @@ from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING, Final
 
-from cloud.access import Scope, create_login_code, create_token
-from cloud.store import Store
 from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
+from cloud.access import Scope, create_login_code, create_token
+from cloud.store import Store
 from demo.access import write_access
 from demo.identities import prepare_identities
 from demo.layout import Layout

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
-from importlib import resources
 from typing import TYPE_CHECKING, Final
 
 from demo.identities import BROKER, CLOUD, GATEWAY, SITE
 from demo.ports import LOOPBACK
 from eskin.identity.identity import CHAIN_FILE
+from sensor_node.profile import Profile
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 PROFILES: Final = ("fingertip", "palm", "forearm")
 """The nodes that come with eskin; the demo takes them in turn."""
+TRUTH_BYTES: Final = 4_000_000_000
+"""About a day of a node at 1 kHz and six channels."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,24 +85,32 @@ def write_node(layout: Layout, name: str) -> Path:
     path = layout.node_settings(name)
     if path.exists():
         return path
-    profile = name.split("-", maxsplit=1)[0]
-    template = resources.files("sensor_node") / "profiles" / f"{profile}.toml"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(template.read_text())
-    return path
+    profile = Profile.read(name.split("-", maxsplit=1)[0])
+    sections: dict[str, dict[str, object]] = {
+        "node": {
+            "name": name,
+            "profile": profile.name,
+            "description": profile.description,
+        },
+        "identity": {
+            "directory": layout.identity(name),
+            "site": layout.identity(SITE) / CHAIN_FILE,
+        },
+        "flash": {"path": layout.node(name) / "flash.sqlite"},
+        "truth": {"path": layout.truth(name), "limit_bytes": TRUTH_BYTES},
+    }
+    head = (
+        "# Made by `eskin demo`, yours to change: it is read at each start and never overwritten.\n"
+    )
+    return _write(path, sections, head=head, tail="\n" + profile.text)
 
 
-def node_environment(layout: Layout, ports: Ports, name: str, speed: float) -> dict[str, str]:
-    """What a node must know of this demo, so that its file stays the user's."""
+def node_environment(ports: Ports, speed: float) -> dict[str, str]:
+    """What changes from start to start, so that a node's file stays the user's."""
     return {
-        "ESKIN_NODE_NAME": name,
         "ESKIN_NODE_SPEED": repr(speed),
         "ESKIN_BROKER_HOST": LOOPBACK,
         "ESKIN_BROKER_PORT": str(ports.broker),
-        "ESKIN_IDENTITY_DIRECTORY": str(layout.identity(name)),
-        "ESKIN_IDENTITY_SITE": str(layout.identity(SITE) / CHAIN_FILE),
-        "ESKIN_FLASH_PATH": str(layout.node(name) / "flash.sqlite"),
-        "ESKIN_TRUTH_PATH": str(layout.truth(name)),
     }
 
 
@@ -109,8 +119,14 @@ def broker_identity(layout: Layout) -> Path:
     return layout.identity(BROKER)
 
 
-def _write(path: Path, sections: dict[str, dict[str, object]]) -> Path:
-    lines = ["# Written by `eskin demo` at each start.\n"]
+def _write(
+    path: Path,
+    sections: dict[str, dict[str, object]],
+    *,
+    head: str = "# Written by `eskin demo` at each start.\n",
+    tail: str = "",
+) -> Path:
+    lines = [head]
     for section, values in sections.items():
         lines.append(f"\n[{section}]\n")
         lines.extend(
@@ -119,5 +135,5 @@ def _write(path: Path, sections: dict[str, dict[str, object]]) -> Path:
             for name, value in values.items()
         )
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text("".join(lines))
+    path.write_text("".join([*lines, tail]))
     return path

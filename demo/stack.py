@@ -60,7 +60,7 @@ class Stack:
             self._child(
                 name,
                 [*eskin, "node", "--config", write_node(layout, name)],
-                node_environment(layout, ports, name, speed),
+                node_environment(ports, speed),
             )
             for name in nodes
         ]

@@ -1,0 +1,8 @@
+"""The end-to-end check of the enclosure law: what is stored holds what was true."""
+
+from __future__ import annotations
+
+from demo.audit.audit import audit
+from demo.audit.channel import ChannelAudit
+
+__all__ = ["ChannelAudit", "audit"]

@@ -121,6 +121,21 @@ def fetch(
     typer.echo(f"{name} in {out}")
 
 
+@pki.command()
+def anchor(
+    url: Url,
+    enrol_dir: EnrolDirectory,
+    kind: Annotated[IdentityKind, typer.Option(help="Kind of the identities to accept.")],
+    out: Annotated[Path, typer.Option(help="PEM file to write.")],
+    patience: Patience = 60.0,
+) -> None:
+    """Fetch the CA certificate with which a TLS server accepts one kind alone, as a broker does."""
+    from authority.enrolment import fetch_anchor as ask
+
+    _patiently(lambda: ask(url, enrol_dir, kind, out), patience)
+    typer.echo(f"anchor of {kind} in {out}")
+
+
 def _patiently(ask: Callable[[], T], patience: float) -> T:
     """Ask again each second while the service is away or not ready, up to the end of patience."""
     from authority.enrolment import NotReadyError

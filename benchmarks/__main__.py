@@ -1,0 +1,37 @@
+"""``python -m benchmarks``: run all, print the table, write ``build/bench.json``."""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from rich.console import Console
+
+from benchmarks.envelope import measure_envelope
+from benchmarks.latency import measure_latency
+from benchmarks.pipeline import measure_pipeline
+from benchmarks.report import Row, as_table, write_json
+
+
+def main() -> None:
+    """Measure what is asked for, everything by default."""
+    parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
+    parser.add_argument("--blocks", type=int, default=20_000, help="blocks through the gateway")
+    parser.add_argument("--seconds", type=float, default=30.0, help="seconds of the running demo")
+    options = parser.parse_args()
+    console = Console()
+    rows: list[Row] = []
+    with tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
+        data = Path(folder)
+        with console.status("sealing and opening envelopes …"):
+            rows += measure_envelope()
+        with console.status(f"{options.blocks} blocks through broker, gateway and cloud …"):
+            rows += measure_pipeline(data / "pipeline", blocks=options.blocks)
+        with console.status(f"latency in a demo of {options.seconds:g} s …"):
+            rows += measure_latency(data / "demo", seconds=options.seconds)
+    console.print(as_table(rows))
+    write_json(rows, Path("build/bench.json"))
+
+
+main()

@@ -1,0 +1,85 @@
+"""From the sample to the store and to the event stream, in a running demo."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+import threading
+import time
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import httpx
+import numpy as np
+
+from benchmarks.report import Row
+from eskin.moment import parse_moment
+from tests.demos import RunningDemo
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+_NODES = ("fingertip", "palm", "forearm")
+
+
+def measure_latency(data: Path, *, seconds: float) -> list[Row]:
+    """p50 and p99, in ms, over all samples and over the last sample of each block."""
+    with RunningDemo(data) as demo:
+        demo.wait_for_more(_NODES)
+        begin = time.time_ns()
+        arrivals = _listen(demo, seconds)
+        stored = _stored(data, begin)
+    return [
+        *_rows("sample to stored", stored),
+        *_rows("sample to event stream", arrivals),
+    ]
+
+
+def _listen(demo: RunningDemo, seconds: float) -> NDArray[np.int64]:
+    """(first sample, last sample, arrival) of each block on the event stream, ns."""
+    found: list[tuple[int, int, int]] = []
+    access = demo.access
+    headers = {"Authorization": f"Bearer {access['token']}"}
+    done = threading.Event()
+    timer = threading.Timer(seconds, done.set)
+    timer.start()
+    url = f"{access['url']}/api/v1/live"
+    with httpx.stream("GET", url, headers=headers, timeout=30) as answer:
+        event = ""
+        for line in answer.iter_lines():
+            if line.startswith("event:"):
+                event = line[6:].strip()
+            elif line.startswith("data:") and event == "block":
+                arrival = time.time_ns()
+                block = json.loads(line[5:])
+                first = parse_moment(block["t0"]) + block["t"][0]
+                width = block["dt"] if block["resolution"] == "hull" else 0
+                last = parse_moment(block["t0"]) + block["t"][-1] + width
+                found.append((first, last, arrival))
+            if done.is_set():
+                break
+    return np.array(found, dtype=np.int64)
+
+
+def _stored(data: Path, begin: int) -> NDArray[np.int64]:
+    """(first sample, last sample, commit) of each block in the store, ns."""
+    path = data / "cloud" / "store.sqlite"
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
+        rows = db.execute("SELECT t, t_end, received FROM blocks WHERE t >= ?", (begin,)).fetchall()
+    return np.array(rows, dtype=np.int64)
+
+
+def _rows(name: str, blocks: NDArray[np.int64]) -> Sequence[Row]:
+    first, last, arrival = blocks.T
+    # All samples of a block are evenly spread between its first and its last.
+    shares = np.linspace(0.0, 1.0, 101)
+    every = (arrival[:, None] - (first[:, None] + shares * (last - first)[:, None])) / 1e6
+    newest = (arrival - last) / 1e6
+    return [
+        Row(f"{name}, {which}, p{q}", float(np.percentile(values, q)), "ms")
+        for which, values in (("every sample", every), ("block's last sample", newest))
+        for q in (50, 99)
+    ]

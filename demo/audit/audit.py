@@ -1,0 +1,100 @@
+"""The audit: every interval that the cloud stored, against the truth that the emulator kept."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import func, select
+
+from cloud.store.engine import reading_engine
+from cloud.store.schema import blocks as table
+from demo.audit.channel import ChannelAudit
+from eskin.errors import AuditError
+from eskin.messages import Block, Position
+from sensor_node.truth import Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from sqlalchemy import Connection
+
+    from demo.layout import Layout
+
+_PAGE: Final = 500
+
+
+def audit(
+    layout: Layout, *, progress: Callable[[int, int], None] = lambda _done, _all: None
+) -> list[ChannelAudit]:
+    """Compare all blocks in the store with the truth; also while the demo runs.
+
+    Args:
+        layout: The demo's data folder.
+        progress: Told blocks done and blocks in all.
+
+    Returns:
+        One entry a channel, by node and channel.
+
+    Raises:
+        AuditError: There is no store, no block, or a block that no node's emulator knows.
+    """
+    if not layout.store.exists():
+        raise AuditError(f"{layout.root}: no store here; has `eskin demo` run on this folder?")
+    engine = reading_engine(layout.store, readers=1)
+    try:
+        with engine.begin() as connection:
+            return _audit(layout, connection, progress)
+    finally:
+        engine.dispose()
+
+
+def _audit(
+    layout: Layout, connection: Connection, progress: Callable[[int, int], None]
+) -> list[ChannelAudit]:
+    counts = select(table.c.node, func.count()).group_by(table.c.node).order_by(table.c.node)
+    nodes = {row[0]: int(row[1]) for row in connection.execute(counts)}
+    total, done = sum(nodes.values()), 0
+    if total == 0:
+        raise AuditError(f"{layout.store}: the store holds no block yet; let the demo run longer")
+    found: dict[tuple[str, str], ChannelAudit] = {}
+    for node in nodes:
+        path = layout.truth(node)
+        if not path.exists():
+            raise AuditError(f"{path}: the emulator's truth of node {node!r} is missing")
+        for page in _pages(connection, node):
+            truths = Truth.read(path, [block.position for block in page])
+            oldest = Truth.oldest(path)
+            for block in page:
+                key = (node, block.channel)
+                entry = found.setdefault(key, ChannelAudit(node, block.channel, block.tube.unit))
+                truth = truths.get(block.position)
+                if truth is not None and len(truth.values) == len(block.tube):
+                    entry.compare(block, truth.time, truth.values)
+                elif oldest is not None and block.position < oldest:
+                    entry.forgotten += 1
+                else:
+                    raise AuditError(f"{path}: no truth behind {block.position} of node {node!r}")
+            done += len(page)
+            progress(done, total)
+    return [found[key] for key in sorted(found)]
+
+
+def _pages(connection: Connection, node: str) -> Iterator[Sequence[Block]]:
+    """The node's blocks in order, page by page: no more than a page in memory."""
+    last = Position(-1, -1)
+    while True:
+        query = (
+            select(table.c.data)
+            .where(table.c.node == node)
+            .where(
+                (table.c.boot > last.boot)
+                | ((table.c.boot == last.boot) & (table.c.sequence > last.sequence))
+            )
+            .order_by(table.c.boot, table.c.sequence)
+            .limit(_PAGE)
+        )
+        page = [Block.decode(bytes(row[0])) for row in connection.execute(query)]
+        if not page:
+            return
+        yield page
+        last = page[-1].position

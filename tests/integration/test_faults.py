@@ -1,0 +1,67 @@
+"""Whatever dies with -9, what a node's flash had taken is stored exactly once."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from tests.demos import RunningDemo
+from tests.processes import ESKIN, wait_until
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NODES = ["fingertip", "palm", "forearm"]
+
+
+def waiting_in_flash(data: Path, node: str) -> int:
+    path = data / "nodes" / node / "flash.sqlite"
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
+        return int(db.execute("SELECT count(*) FROM messages").fetchone()[0])
+
+
+@pytest.mark.timeout(300)
+def test_killed_processes_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with RunningDemo(data) as demo:
+        demo.wait_for_more(NODES)
+        for victim in ["gateway", "fingertip", "cloud", "broker", "palm", "forearm"]:
+            dead = demo.children()[victim]
+            dead.kill()
+            wait_until(
+                lambda victim=victim, dead=dead: demo.children().get(victim, dead) != dead,  # type: ignore[misc]
+                f"{victim} runs again",
+                seconds=30,
+            )
+            wait_until(lambda: bool(_answers(demo)), "the API answers", seconds=30)
+            demo.wait_for_more(NODES, seconds=60)
+        assert demo.stop(seconds=60) == 0
+        demo.start()
+        wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored", seconds=60)
+        assert demo.stop(seconds=60) == 0
+        left = {node: waiting_in_flash(data, node) for node in NODES}
+        assert max(left.values()) < 60, left
+        boots = [boot for _, boot in demo.sequences()]
+        assert max(boots) >= 3
+        done = subprocess.run(
+            [ESKIN, "audit", "--data", str(data)],
+            capture_output=True, text=True, timeout=100, check=False,
+        )  # fmt: skip
+        assert done.returncode == 0, done.stdout + done.stderr
+
+
+def _answers(demo: RunningDemo) -> bool:
+    try:
+        return bool(demo.get("/nodes")["items"])
+    except httpx.HTTPError:
+        return False
+
+
+def _ranges_are_whole(demo: RunningDemo) -> bool:
+    """Each boot's sequence numbers are one range from 0: no message of the flash is missing."""
+    return all(len(ranges) == 1 and ranges[0][0] == 0 for ranges in demo.sequences().values())
