@@ -52,7 +52,7 @@ class Interval:
     """
 
     __slots__ = ("inf", "sup")
-    __array_priority__ = 100.0
+    __array_ufunc__ = None  # numpy's operators leave the work to ours
     __hash__ = None  # type: ignore[assignment]  # intervals are arrays: equal to nothing as a key
 
     def __init__(self, lo: ArrayLike, hi: ArrayLike | None = None) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 import mpmath
@@ -142,3 +143,25 @@ def test_sqrt_and_log_of_negative_name_the_place() -> None:
         Interval([0.0, -1.0], [1.0, 1.0]).sqrt()
     with pytest.raises(IntervalError, match="log needs"):
         Interval(0.0, 0.0).log()
+
+
+def test_numpy_arrays_and_scalars_mix_from_both_sides() -> None:
+    x, array = Interval([1.0, 2.0], [1.5, 2.5]), np.array([2.0, 4.0])
+    for left, right in (
+        (array * x, x * array),
+        (np.float64(2) + x, x + 2.0),
+        (array - x, -x + array),
+    ):
+        assert isinstance(left, Interval)
+        assert np.array_equal(left.inf, right.inf)
+        assert np.array_equal(left.sup, right.sup)
+    assert isinstance(array / x, Interval)
+
+
+def test_documented_example_runs() -> None:
+    text = (Path(__file__).parents[2] / "docs" / "intervals.md").read_text()
+    code = text.split("```python\n")[1].split("```")[0]
+    names: dict[str, object] = {}
+    exec(compile(code, "docs/intervals.md", "exec"), names)  # noqa: S102 - our own documentation
+    assert isinstance(names["frequency"], Interval)
+    assert "peak" in names
