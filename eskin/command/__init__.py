@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import logging
 import sys
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
-import click
 import typer
 
 from eskin.command.cloud import cloud
@@ -15,6 +14,9 @@ from eskin.command.gateway import gateway
 from eskin.command.node import node
 from eskin.command.pki import pki
 from eskin.errors import EskinError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 __all__ = ["app", "main"]
 
@@ -37,15 +39,32 @@ def main() -> NoReturn:
     """Run the command; exit status 0, 1 where a check failed, or 2 with one clear line."""
     try:
         status = app(standalone_mode=False)
-    except click.exceptions.Exit as stop:
+    except typer.Exit as stop:
         status = stop.exit_code
-    except click.ClickException as error:
-        error.show()
-        status = 2
-    except click.Abort:
+    except typer.Abort:
         status = 130
-    except EskinError as error:
-        sys.stderr.write(f"eskin: {error}\n")
+    except (typer.TyperException, EskinError) as error:
+        sys.stderr.write(f"eskin: {_said(error)}\n")
         status = 2
     logging.shutdown()
     sys.exit(status if isinstance(status, int) else 0)
+
+
+def _said(error: Exception) -> str:
+    """One line; bad usage also says which value it was, and where help is."""
+    if isinstance(error, EskinError):
+        return str(error)
+    shown = getattr(error, "format_message", error.__str__)().rstrip(".")
+    given = _given(getattr(getattr(error, "param", None), "opts", []))
+    return f"{shown}{given}. See `eskin --help`, or --help after a command."
+
+
+def _given(options: Sequence[str]) -> str:
+    """What was written after an option; typer's message leaves it out."""
+    for option in options:
+        for word, after in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
+            if word == option:
+                return f", not {after!r}"
+            if word.startswith(f"{option}="):
+                return f", not {word.removeprefix(f'{option}=')!r}"
+    return ""

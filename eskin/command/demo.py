@@ -55,7 +55,7 @@ def audit(data: Data = _DATA) -> None:
     from demo.layout import Layout
 
     console = Console(stderr=True)
-    with Progress(console=console, transient=True) as bar:
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         task = bar.add_task("comparing blocks", total=None)
         found = compare(
             Layout(data.resolve()),

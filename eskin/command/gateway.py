@@ -11,7 +11,9 @@ from eskin.command.logs import start_logs
 
 
 def gateway(
-    config: Annotated[Path, typer.Option(help="TOML file with the gateway's settings.")],
+    config: Annotated[
+        Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the gateway's settings.")
+    ],
 ) -> None:
     """Run a gateway: authenticate, spool, forward, acknowledge, republish."""
     from gateway.service import run

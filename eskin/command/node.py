@@ -11,7 +11,9 @@ from eskin.command.logs import start_logs
 
 
 def node(
-    config: Annotated[Path, typer.Option(help="TOML file with the node's settings.")],
+    config: Annotated[
+        Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the node's settings.")
+    ],
 ) -> None:
     """Run one emulated sensor node."""
     from sensor_node.service import run

@@ -1,0 +1,129 @@
+import type { ChannelItem, EventItem, NodeItem, Page, SegmentItem, SeriesAnswer } from "./contract";
+import { Failure, isAbort } from "./failure";
+import type { Instant } from "../time/instant";
+
+export type Query = Readonly<Record<string, string | number | bigint | null | undefined>>;
+
+export interface EventQuery {
+  readonly node?: string | undefined;
+  readonly channel?: string | undefined;
+  readonly kind?: string | undefined;
+  readonly verdict?: string | undefined;
+  readonly start?: Instant | undefined;
+  readonly end?: Instant | undefined;
+  readonly limit?: number | undefined;
+  readonly cursor?: string | undefined;
+}
+
+export interface ClientOptions {
+  readonly fetch: typeof fetch;
+  /** Called when the session is over; the page then goes to the login. */
+  readonly onUnauthorised: () => void;
+}
+
+const ROOT = "/api/v1";
+/** A list is followed over at most so many pages, so that no question runs away. */
+const MOST_PAGES = 20;
+const EVENTS_AT_ONCE = 200;
+
+/** Writes a path with its query; empty and absent values are left out. */
+export function address(path: string, query: Query = {}): string {
+  const pairs = new URLSearchParams();
+  for (const [name, value] of Object.entries(query)) {
+    if (value !== undefined && value !== null && value !== "") pairs.append(name, String(value));
+  }
+  const text = pairs.toString();
+  return `${ROOT}${path}${text ? `?${text}` : ""}`;
+}
+
+function part(text: string): string {
+  return encodeURIComponent(text);
+}
+
+/** The cloud's REST interface, by the session's cookie. */
+export class Client {
+  constructor(private readonly options: ClientOptions) {}
+
+  nodes(signal: AbortSignal): Promise<NodeItem[]> {
+    return this.all<NodeItem>("/nodes", {}, signal).then((list) => list.items);
+  }
+
+  channels(node: string, signal: AbortSignal): Promise<ChannelItem[]> {
+    return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, {}, signal).then((list) => list.items);
+  }
+
+  series(
+    place: { node: string; channel: string },
+    window: { start: Instant; end: Instant; points: number },
+    signal: AbortSignal,
+  ): Promise<SeriesAnswer> {
+    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}`, window), signal);
+  }
+
+  /** The segments of a window in which a threshold is passed; `complete` is false if there were too many. */
+  threshold(
+    place: { node: string; channel: string },
+    question: { above?: number; below?: number; start: Instant; end: Instant },
+    signal: AbortSignal,
+  ): Promise<{ items: SegmentItem[]; complete: boolean }> {
+    return this.all(`/series/${part(place.node)}/${part(place.channel)}/threshold`, question, signal);
+  }
+
+  events(query: EventQuery, signal: AbortSignal): Promise<Page<EventItem>> {
+    return this.get(address("/events", { ...query, order: "desc" }), signal);
+  }
+
+  /** The latest events that a question finds, over several pages at most. */
+  async eventsOf(query: EventQuery, pages: number, signal: AbortSignal): Promise<EventItem[]> {
+    const found: EventItem[] = [];
+    let cursor: string | undefined;
+    for (let page = 0; page < pages; page += 1) {
+      // Each page's address comes with the page before it.
+      // oxlint-disable-next-line no-await-in-loop
+      const answer = await this.events({ ...query, limit: EVENTS_AT_ONCE, cursor }, signal);
+      found.push(...answer.items);
+      if (answer.next === null) break;
+      cursor = answer.next;
+    }
+    return found;
+  }
+
+  async logout(): Promise<void> {
+    await this.options.fetch("/logout", { method: "POST", credentials: "same-origin", redirect: "manual" });
+  }
+
+  private async all<Item>(
+    path: string,
+    query: Query,
+    signal: AbortSignal,
+  ): Promise<{ items: Item[]; complete: boolean }> {
+    const items: Item[] = [];
+    let cursor: string | null = null;
+    for (let page = 0; page < MOST_PAGES; page += 1) {
+      // Each page's address comes with the page before it.
+      // oxlint-disable-next-line no-await-in-loop
+      const answer: Page<Item> = await this.get(address(path, { ...query, cursor }), signal);
+      items.push(...answer.items);
+      cursor = answer.next;
+      if (cursor === null || cursor === undefined) return { items, complete: true };
+    }
+    return { items, complete: false };
+  }
+
+  private async get<Answer>(path: string, signal: AbortSignal): Promise<Answer> {
+    let answer: Response;
+    try {
+      const headers = { Accept: "application/json" };
+      answer = await this.options.fetch(path, { headers, credentials: "same-origin", signal });
+    } catch (error) {
+      if (isAbort(error)) throw error;
+      throw new Failure("The cloud cannot be reached. Check the network and that the cloud is running.", null);
+    }
+    if (answer.status === 401) {
+      this.options.onUnauthorised();
+      throw new Failure("The session is over. Sign in again.", 401);
+    }
+    if (!answer.ok) throw await Failure.fromAnswer(answer, path);
+    return (await answer.json()) as Answer;
+  }
+}

@@ -1,0 +1,87 @@
+import type { IntervalJson } from "../interval/interval";
+
+/** The shapes that the cloud answers with, under /api/v1. */
+
+export type Health = "online" | "late" | "offline";
+export type Verdict = "certain" | "possible";
+export type EventKind = "peak" | "gap" | "status";
+
+export interface Page<Item> {
+  readonly items: readonly Item[];
+  readonly next: string | null;
+}
+
+export interface NodeItem {
+  readonly id: string;
+  readonly health: Health;
+  readonly last_seen: string | null;
+  readonly boot: number | null;
+  readonly sequence: number | null;
+  readonly profile: string | null;
+  readonly description: string | null;
+  readonly uptime_ns: number | null;
+  readonly outbox: { readonly messages: number; readonly bytes: number; readonly capacity_bytes: number } | null;
+  readonly gaps: number;
+  readonly channels: number;
+}
+
+export interface ChannelItem {
+  readonly id: string;
+  readonly taxel: string;
+  readonly quantity: string;
+  readonly unit: string;
+  readonly coverage: number;
+  readonly dt: number;
+  readonly blocks: number;
+  readonly samples: number;
+  readonly first: string | null;
+  readonly last: string | null;
+  readonly bounds: IntervalJson | null;
+}
+
+export interface SeriesAnswer {
+  readonly node: string;
+  readonly channel: string;
+  readonly unit: string;
+  readonly coverage: number;
+  readonly resolution: "sample" | "hull";
+  readonly t0: string;
+  readonly t: readonly number[];
+  readonly lo: readonly (number | null)[];
+  readonly hi: readonly (number | null)[];
+  readonly dt: number;
+  readonly time_error: number;
+}
+
+export interface SegmentItem {
+  readonly id: string;
+  readonly start: string;
+  readonly end: string;
+  readonly verdict: Verdict;
+}
+
+export interface EventItem {
+  readonly id: string;
+  readonly node: string;
+  readonly channel: string | null;
+  readonly kind: EventKind;
+  readonly verdict: Verdict | null;
+  readonly time: { readonly lo: string; readonly hi: string };
+  readonly height: IntervalJson | null;
+  readonly prominence: IntervalJson | null;
+  readonly count: IntervalJson | null;
+  readonly unit: string | null;
+  readonly coverage: number | null;
+  readonly boot: number;
+  readonly sequence: number;
+  readonly detail: string | null;
+}
+
+/** RFC 9457 problem details. */
+export interface Problem {
+  readonly type?: string;
+  readonly title?: string;
+  readonly status?: number;
+  readonly detail?: string;
+  readonly instance?: string;
+}

@@ -1,0 +1,253 @@
+import uPlot from "uplot";
+import type { Range } from "../state/window";
+import type { Timeline } from "../time/timeline";
+import { NOTHING, type Entries } from "../tube/entries";
+import { element, setText } from "../view/element";
+import { makeAxes } from "./axes";
+import { halfMarkFor, reduceToColumns } from "./columns";
+import { Gestures } from "./gestures";
+import { paintBand, type Canvas } from "./paint-band";
+import type { Palette } from "./palette";
+import { PeakOverlay } from "./peak-overlay";
+import type { PeakMark } from "./peak-groups";
+import { paintPeaks, placePeaks, type PlacedPeak } from "./peaks";
+import type { PlotMap } from "./plot-map";
+import { nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
+import {
+  missingStretches, paintMissing, paintSegments, paintThreshold, type Segment, type Stretch,
+} from "./segments";
+import { Tooltip } from "./tooltip";
+import { calmRange, finiteExtent, type ValueRange } from "./value-range";
+
+export interface ChartOptions {
+  readonly root: HTMLElement;
+  readonly timeline: Timeline;
+  readonly palette: Palette;
+  readonly facts: ChannelFacts;
+  /** A chart that stands alone: the wheel zooms at once, and its peaks are tab stops. */
+  readonly alone: boolean;
+  readonly dragPans: () => boolean;
+  readonly onRange: (range: Range) => void;
+  readonly onPeak: (mark: PeakMark) => void;
+}
+
+/** What a chart shows besides its band. */
+export interface Marks {
+  readonly peaks: readonly PeakMark[];
+  readonly gaps: readonly Stretch[];
+  readonly segments: readonly Segment[];
+  readonly threshold: number | null;
+}
+
+/** A chart of one channel's interval band: uPlot's scales and axes, with outward-rounding paint of ours. */
+export class BandChart {
+  facts: ChannelFacts;
+  private readonly plot: uPlot;
+  private readonly gestures: Gestures;
+  private readonly overlay: PeakOverlay;
+  private readonly tooltip: Tooltip;
+  private readonly unitLabel = element("span", { class: "chart-unit", "aria-hidden": "true" });
+  private readonly resizing: ResizeObserver;
+  private entries: Entries = NOTHING;
+  private marks: Marks = { peaks: [], gaps: [], segments: [], threshold: null };
+  private range: Range = { x0: 0, x1: 1e9 };
+  private values: ValueRange | null = null;
+  private placed: PlacedPeak[] = [];
+  private pointer: { x: number; y: number } | null = null;
+  private readonly host = element("div", { class: "chart-host" });
+
+  constructor(private readonly options: ChartOptions) {
+    const { root } = options;
+    this.facts = options.facts;
+    root.append(this.host, this.unitLabel);
+    this.plot = new uPlot(this.plotOptions(), [[0], [null]], this.host);
+    this.tooltip = new Tooltip(root);
+    this.gestures = new Gestures({
+      area: this.plot.over,
+      range: () => this.range,
+      onRange: options.onRange,
+      wheelZooms: () => options.alone || root.contains(document.activeElement),
+      dragPans: options.dragPans,
+    });
+    this.overlay = new PeakOverlay({
+      area: this.plot.over,
+      tabStops: options.alone,
+      describe: (mark) => {
+        const text = readPeakText(mark, this.facts.unit);
+        return [text.title, ...text.lines.map((line) => `${line.name} ${line.value}`)].join(", ");
+      },
+      onPoint: (placed) => this.pointAt(placed),
+      onOpen: options.onPeak,
+    });
+    this.plot.over.addEventListener("pointermove", this.onPointer);
+    this.plot.over.addEventListener("pointerleave", this.onLeave);
+    this.resizing = new ResizeObserver(() => this.resize());
+    this.resizing.observe(this.host);
+  }
+
+  /** The width of the plot area in CSS pixels. */
+  get width(): number {
+    return Math.max(1, this.plot.over.clientWidth);
+  }
+
+  get busy(): boolean {
+    return this.gestures.busy;
+  }
+
+  /** Shows entries and marks over a window, and paints. */
+  show(entries: Entries, marks: Marks, range: Range): void {
+    this.entries = entries;
+    this.marks = marks;
+    this.range = range;
+    this.values = calmRange(this.values, this.extent());
+    const { min, max } = this.values;
+    this.plot.batch(() => {
+      this.plot.setScale("x", { min: range.x0, max: range.x1 });
+      this.plot.setScale("y", { min, max });
+    });
+    this.overlay.sync(this.placed, uPlot.pxRatio);
+    if (this.pointer) this.tip(this.pointer, false);
+  }
+
+  /** Forgets the scale of values, so that the next window chooses its own. */
+  resetValues(): void {
+    this.values = null;
+  }
+
+  /** Paints again, after a change of theme. */
+  repaint(): void {
+    this.plot.redraw(false, true);
+  }
+
+  /** Moves the reading cursor to the next entry, at least a pixel on, and reads its value out. */
+  step(by: 1 | -1): void {
+    const { x0, x1 } = this.range;
+    const perPixel = (x1 - x0) / this.width;
+    const from = this.pointer ? x0 + this.pointer.x * perPixel : (x0 + x1) / 2;
+    const x = nextKnown(this.entries, from + by * perPixel, by);
+    if (x === null || x < x0 || x > x1) return;
+    this.pointer = { x: (x - x0) / perPixel, y: 8 };
+    this.plot.setCursor({ left: this.pointer.x, top: 8 }, false);
+    this.tip(this.pointer, true);
+  }
+
+  destroy(): void {
+    this.resizing.disconnect();
+    this.plot.destroy();
+    this.options.root.replaceChildren();
+  }
+
+  private extent(): ValueRange | null {
+    const { x0, x1 } = this.range;
+    const extent = finiteExtent(this.entries, x0, x1);
+    const level = this.marks.threshold;
+    if (extent === null) return level === null ? null : { min: level, max: level };
+    const size = extent.max - extent.min;
+    if (level === null || level > extent.max + 2 * size || level < extent.min - 2 * size) return extent;
+    return { min: Math.min(extent.min, level), max: Math.max(extent.max, level) };
+  }
+
+  private plotOptions(): uPlot.Options {
+    const { palette, timeline } = this.options;
+    const onUnit = (unit: string): void => setText(this.unitLabel, unit);
+    return {
+      width: Math.max(120, this.host.clientWidth),
+      height: Math.max(80, this.host.clientHeight),
+      padding: [18, 6, 0, 0],
+      legend: { show: false },
+      cursor: { drag: { x: false, y: false }, y: false, points: { show: false }, sync: { key: "eskin", scales: ["x", null] } },
+      scales: { x: { time: false, auto: false }, y: { auto: false } },
+      series: [{}, { paths: () => null, points: { show: false } }],
+      axes: makeAxes({ palette, timeline, unit: this.facts.unit, onUnit }),
+      hooks: { drawAxes: [(plot) => this.paint(plot)] },
+    };
+  }
+
+  private plotMap(plot: uPlot): PlotMap {
+    const { width, height } = plot.bbox;
+    const { x0, x1 } = this.range;
+    const { min, max } = this.values ?? { min: 0, max: 1 };
+    return { width: Math.round(width), height: Math.round(height), xMin: x0, xMax: x1, yMin: min, yMax: max };
+  }
+
+  private paint(plot: uPlot): void {
+    const map = this.plotMap(plot);
+    const ratio = uPlot.pxRatio;
+    const canvas: Canvas = { context: plot.ctx, palette: this.options.palette, ratio };
+    const { context } = canvas;
+    const corner = { left: Math.round(plot.bbox.left), top: Math.round(plot.bbox.top) };
+    context.save();
+    context.translate(corner.left, corner.top);
+    context.beginPath();
+    context.rect(0, 0, map.width, map.height);
+    context.clip();
+    const { x0, x1 } = this.range;
+    paintSegments(canvas, map, this.marks.segments);
+    paintMissing(canvas, map, [...missingStretches(this.entries, x0, x1), ...this.marks.gaps]);
+    const spacing = ((this.entries.reach / 1.5) * map.width) / (x1 - x0);
+    const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio), timeError: this.facts.timeError };
+    paintBand(canvas, reduceToColumns(this.entries, map, style), map.height);
+    if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
+    this.placed = placePeaks(this.marks.peaks, map, ratio);
+    paintPeaks(canvas, this.placed);
+    context.restore();
+    this.publish(map, corner, ratio);
+  }
+
+  /** Tells tests and tools which values the pixels stand for. The box is in CSS pixels of the root. */
+  private publish(map: PlotMap, corner: { left: number; top: number }, ratio: number): void {
+    const { timeline, root } = this.options;
+    const data = root.dataset;
+    data["xMin"] = timeline.toInstant(map.xMin).toString();
+    data["xMax"] = timeline.toInstant(map.xMax).toString();
+    data["yMin"] = String(map.yMin);
+    data["yMax"] = String(map.yMax);
+    data["plotLeft"] = String(corner.left / ratio);
+    data["plotTop"] = String(corner.top / ratio);
+    data["plotWidth"] = String(map.width / ratio);
+    data["plotHeight"] = String(map.height / ratio);
+    data["pixelRatio"] = String(ratio);
+    data["entries"] = String(this.entries.t.length);
+  }
+
+  private resize(): void {
+    const { clientWidth, clientHeight } = this.host;
+    if (clientWidth < 40 || clientHeight < 40) return;
+    this.plot.setSize({ width: clientWidth, height: clientHeight });
+  }
+
+  private readonly onPointer = (event: PointerEvent): void => {
+    if (event.target !== this.plot.over) return;
+    const box = this.plot.over.getBoundingClientRect();
+    this.pointer = { x: event.clientX - box.left, y: event.clientY - box.top };
+    this.tip(this.pointer, false);
+  };
+
+  private readonly onLeave = (): void => {
+    this.pointer = null;
+    this.tooltip.hide();
+  };
+
+  private rootPoint(at: { x: number; y: number }): { x: number; y: number } {
+    return { x: at.x + this.plot.bbox.left / uPlot.pxRatio, y: at.y + this.plot.bbox.top / uPlot.pxRatio };
+  }
+
+  private tip(at: { x: number; y: number }, speak: boolean): void {
+    const perPixel = (this.range.x1 - this.range.x0) / this.width;
+    const x = this.range.x0 + at.x * perPixel;
+    const reading = readValue(this.entries, this.options.timeline, this.facts, { x, perPixel });
+    if (reading) this.tooltip.show(reading.text, this.rootPoint(at), speak);
+    else this.tooltip.hide();
+  }
+
+  private pointAt(placed: PlacedPeak | null): void {
+    this.pointer = null;
+    if (!placed) {
+      this.tooltip.hide();
+      return;
+    }
+    const ratio = uPlot.pxRatio;
+    const at = { x: placed.tip.x / ratio, y: placed.tip.y / ratio };
+    this.tooltip.show(readPeakText(placed.mark, this.facts.unit), this.rootPoint(at), false);
+  }
+}

@@ -1,0 +1,50 @@
+const NAMES = [
+  "axis", "grid", "band", "band-edge", "certain", "certain-fill", "possible", "missing", "text", "plot",
+  "segment-certain", "segment-possible", "threshold",
+] as const;
+
+export type Colour = (typeof NAMES)[number];
+
+/** The chart's colours, read from the style sheet so that light and dark live in one place. */
+export class Palette {
+  private colours = new Map<Colour, string>();
+  private readonly hatches = new Map<string, CanvasPattern>();
+
+  constructor(private readonly root: HTMLElement) {
+    this.refresh();
+  }
+
+  /** Reads the colours again after a change of theme. */
+  refresh(): void {
+    const style = getComputedStyle(this.root);
+    this.colours = new Map(NAMES.map((name) => [name, style.getPropertyValue(`--chart-${name}`).trim()]));
+    this.hatches.clear();
+  }
+
+  colour(name: Colour): string {
+    return this.colours.get(name) ?? "";
+  }
+
+  /** A diagonal hatch, which tells "possible" and "missing" apart from a solid fill without colour. */
+  hatch(context: CanvasRenderingContext2D, name: Colour, pitch: number): CanvasPattern | string {
+    const key = `${name} ${pitch}`;
+    const known = this.hatches.get(key);
+    if (known) return known;
+    const tile = document.createElement("canvas");
+    tile.width = pitch;
+    tile.height = pitch;
+    const pen = tile.getContext("2d");
+    if (!pen) return this.colour(name);
+    pen.strokeStyle = this.colour(name);
+    pen.lineWidth = Math.max(1, pitch / 6);
+    pen.beginPath();
+    for (const shift of [-pitch, 0, pitch]) {
+      pen.moveTo(shift - 1, pitch + 1);
+      pen.lineTo(shift + pitch + 1, -1);
+    }
+    pen.stroke();
+    const pattern = context.createPattern(tile, "repeat");
+    if (pattern) this.hatches.set(key, pattern);
+    return pattern ?? this.colour(name);
+  }
+}

@@ -1,0 +1,111 @@
+import type { Verdict } from "../api/contract";
+import { firstReaching, type Entries } from "../tube/entries";
+import type { Canvas } from "./paint-band";
+import { leftColumn, rightColumn, yPixel, type PlotMap } from "./plot-map";
+
+/** A stretch of time with an answer to a threshold question. */
+export interface Segment {
+  readonly x0: number;
+  readonly x1: number;
+  readonly verdict: Verdict;
+}
+
+/** A stretch of time of which nothing is known. */
+export interface Stretch {
+  readonly x0: number;
+  readonly x1: number;
+}
+
+const LANE_HEIGHT = 6;
+
+/** The stretches within a window that begin with a missing entry and end with the next known one. */
+export function missingStretches(entries: Entries, from: number, to: number): Stretch[] {
+  const stretches: Stretch[] = [];
+  let begin: number | null = null;
+  for (let i = Math.max(0, firstReaching(entries, from) - 1); i < entries.t.length; i += 1) {
+    const missing = Number.isNaN(entries.lo[i]!);
+    if (missing && begin === null) begin = entries.t[i]!;
+    if (!missing && begin !== null) {
+      stretches.push({ x0: begin, x1: entries.t[i]! });
+      begin = null;
+    }
+    if (entries.t[i]! > to) break;
+  }
+  const last = entries.t.length - 1;
+  if (begin !== null) stretches.push({ x0: begin, x1: entries.t[last]! + entries.width[last]! });
+  return stretches;
+}
+
+/** Hatches the stretches of which nothing is known over the whole height. */
+export function paintMissing(canvas: Canvas, map: PlotMap, stretches: readonly Stretch[]): void {
+  const { context, palette, ratio } = canvas;
+  context.fillStyle = palette.hatch(context, "missing", Math.round(6 * ratio));
+  for (const stretch of stretches) {
+    const left = leftColumn(map, stretch.x0);
+    const width = Math.max(rightColumn(map, stretch.x1) - left, 2 * ratio);
+    context.fillRect(left, 0, width, map.height);
+  }
+}
+
+/** Which pixel columns the segments of a verdict touch, rounded outward. */
+function touchedColumns(map: PlotMap, segments: readonly Segment[], verdict: Verdict): Uint8Array {
+  const touched = new Uint8Array(map.width);
+  for (const segment of segments) {
+    if (segment.verdict !== verdict || segment.x1 < map.xMin || segment.x0 > map.xMax) continue;
+    const left = Math.max(0, leftColumn(map, segment.x0));
+    const right = Math.min(map.width, Math.max(left + 1, rightColumn(map, segment.x1)));
+    touched.fill(1, left, right);
+  }
+  return touched;
+}
+
+/** Calls for every run of touched columns. */
+function eachRun(touched: Uint8Array, paint: (left: number, width: number) => void): void {
+  for (let start = touched.indexOf(1); start >= 0; ) {
+    const next = touched.indexOf(0, start);
+    const stop = next < 0 ? touched.length : next;
+    paint(start, stop - start);
+    start = touched.indexOf(1, stop);
+  }
+}
+
+/**
+ * Paints the answers in two lanes at the bottom: certain as a solid bar, possible below it as a hatched
+ * bar with an outline, each with a tint of the plot above.
+ */
+export function paintSegments(canvas: Canvas, map: PlotMap, segments: readonly Segment[]): void {
+  const { context, palette, ratio } = canvas;
+  const lane = Math.round(LANE_HEIGHT * ratio);
+  const top = map.height - 2 * lane;
+  const certain = touchedColumns(map, segments, "certain");
+  const possible = touchedColumns(map, segments, "possible");
+  eachRun(certain, (left, width) => {
+    context.fillStyle = palette.colour("segment-certain");
+    context.fillRect(left, 0, width, top);
+    context.fillStyle = palette.colour("certain");
+    context.fillRect(left, top, width, lane - ratio);
+  });
+  context.lineWidth = ratio;
+  eachRun(possible, (left, width) => {
+    context.fillStyle = palette.colour("segment-possible");
+    context.fillRect(left, 0, width, top);
+    context.fillStyle = palette.hatch(context, "possible", Math.round(5 * ratio));
+    context.fillRect(left, top + lane, width, lane);
+    context.strokeStyle = palette.colour("possible");
+    context.strokeRect(left + ratio / 2, top + lane + ratio / 2, Math.max(ratio, width - ratio), lane - ratio);
+  });
+}
+
+/** Draws the level that the question asks about. */
+export function paintThreshold(canvas: Canvas, map: PlotMap, level: number): void {
+  const { context, palette, ratio } = canvas;
+  const y = Math.round(yPixel(map, level)) + 0.5;
+  context.strokeStyle = palette.colour("threshold");
+  context.lineWidth = ratio;
+  context.setLineDash([8 * ratio, 3 * ratio, 2 * ratio, 3 * ratio]);
+  context.beginPath();
+  context.moveTo(0, y);
+  context.lineTo(map.width, y);
+  context.stroke();
+  context.setLineDash([]);
+}

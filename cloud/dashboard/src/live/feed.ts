@@ -1,0 +1,122 @@
+import { isAbort, messageOf } from "../api/failure";
+import { StreamParser, type StreamMessage } from "./stream";
+
+export type FeedState =
+  | { readonly kind: "connecting" }
+  | { readonly kind: "open" }
+  | { readonly kind: "waiting"; readonly seconds: number; readonly reason: string }
+  | { readonly kind: "offline" };
+
+export interface FeedOptions {
+  readonly url: string;
+  readonly fetch: typeof fetch;
+  readonly random: () => number;
+  readonly onMessage: (message: StreamMessage) => void;
+  readonly onState: (state: FeedState) => void;
+  readonly onUnauthorised: () => void;
+}
+
+const FIRST_WAIT_MS = 1_000;
+const LONGEST_WAIT_MS = 15_000;
+/** The cloud sends a heartbeat every 10 s; three missing ones mean a dead connection. */
+const SILENCE_MS = 30_000;
+
+/**
+ * A live event stream that resumes where it stopped. EventSource gives up for good at an HTTP error (a
+ * restarting cloud, a proxy's 502) and a new one cannot send Last-Event-ID, so the stream is read by fetch.
+ */
+export class Feed {
+  private lastId: string | null = null;
+  private waitMs = FIRST_WAIT_MS;
+  private stopped = false;
+  private connection: AbortController | null = null;
+  private timer: ReturnType<typeof setTimeout> | null = null;
+
+  constructor(private readonly options: FeedOptions) {}
+
+  start(): void {
+    addEventListener("online", this.onOnline);
+    addEventListener("offline", this.onOffline);
+    void this.connect();
+  }
+
+  stop(): void {
+    this.stopped = true;
+    removeEventListener("online", this.onOnline);
+    removeEventListener("offline", this.onOffline);
+    if (this.timer !== null) clearTimeout(this.timer);
+    this.connection?.abort();
+  }
+
+  private readonly onOnline = (): void => {
+    this.waitMs = FIRST_WAIT_MS;
+    void this.connect();
+  };
+
+  private readonly onOffline = (): void => {
+    this.connection?.abort();
+    this.options.onState({ kind: "offline" });
+  };
+
+  private async connect(): Promise<void> {
+    if (this.stopped) return;
+    if (this.timer !== null) clearTimeout(this.timer);
+    this.connection?.abort();
+    const connection = new AbortController();
+    this.connection = connection;
+    this.options.onState({ kind: "connecting" });
+    let reason = "the cloud ended the stream";
+    try {
+      await this.read(connection);
+    } catch (error) {
+      reason = isAbort(error) ? "no sign of life for 30 s" : messageOf(error);
+    }
+    if (!this.stopped && this.connection === connection) this.retryLater(reason);
+  }
+
+  private retryLater(reason: string): void {
+    if (!navigator.onLine) {
+      this.options.onState({ kind: "offline" });
+      return;
+    }
+    const wait = this.waitMs * (0.75 + 0.5 * this.options.random());
+    this.waitMs = Math.min(LONGEST_WAIT_MS, 2 * this.waitMs);
+    this.options.onState({ kind: "waiting", seconds: Math.ceil(wait / 1000), reason });
+    this.timer = setTimeout(() => void this.connect(), wait);
+  }
+
+  private async read(connection: AbortController): Promise<void> {
+    const headers: Record<string, string> = { Accept: "text/event-stream" };
+    if (this.lastId !== null) headers["Last-Event-ID"] = this.lastId;
+    let watchdog = setTimeout(() => connection.abort(), SILENCE_MS);
+    try {
+      const answer = await this.options.fetch(this.options.url, {
+        headers,
+        credentials: "same-origin",
+        cache: "no-store",
+        signal: connection.signal,
+      });
+      if (answer.status === 401) this.options.onUnauthorised();
+      if (!answer.ok || answer.body === null) throw new Error(`the live stream answered ${answer.status}`);
+      this.options.onState({ kind: "open" });
+      const parser = new StreamParser();
+      const reader = answer.body.pipeThrough(new TextDecoderStream()).getReader();
+      // Pieces of a stream come one after another.
+      // oxlint-disable-next-line no-await-in-loop
+      for (let piece = await reader.read(); !piece.done; piece = await reader.read()) {
+        clearTimeout(watchdog);
+        watchdog = setTimeout(() => connection.abort(), SILENCE_MS);
+        for (const message of parser.push(piece.value)) this.deliver(message);
+        if (parser.retry !== null) this.waitMs = parser.retry;
+      }
+    } finally {
+      clearTimeout(watchdog);
+    }
+  }
+
+  private deliver(message: StreamMessage): void {
+    if (message.id !== null) this.lastId = message.id;
+    this.waitMs = FIRST_WAIT_MS;
+    this.options.onMessage(message);
+  }
+}

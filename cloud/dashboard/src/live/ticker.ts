@@ -1,0 +1,30 @@
+const FRAME_MS = 33;
+const CALM_FRAME_MS = 500;
+/** Painting may take at most this share of the time, so that a slow machine stays usable. */
+const SHARE = 0.3;
+
+/** Calls for a frame up to 30 times a second, and less often when painting is slow. */
+export class Ticker {
+  private next = 0;
+  private handle = 0;
+  private readonly calm = matchMedia("(prefers-reduced-motion: reduce)");
+
+  constructor(private readonly onFrame: (at: number) => void) {}
+
+  start(): void {
+    this.handle = requestAnimationFrame(this.tick);
+  }
+
+  stop(): void {
+    cancelAnimationFrame(this.handle);
+  }
+
+  private readonly tick = (at: number): void => {
+    this.handle = requestAnimationFrame(this.tick);
+    if (at < this.next) return;
+    const begin = performance.now();
+    this.onFrame(begin);
+    const cost = performance.now() - begin;
+    this.next = at - 4 + Math.max(this.calm.matches ? CALM_FRAME_MS : FRAME_MS, cost / SHARE);
+  };
+}

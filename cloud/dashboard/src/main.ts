@@ -1,0 +1,30 @@
+import "uplot/dist/uPlot.min.css";
+import "./style/tokens.css";
+import "./style/layout.css";
+import "./style/chart.css";
+import "./style/parts.css";
+import { Client } from "./api/client";
+import { Palette } from "./chart/palette";
+import { ThemeChoice } from "./state/theme";
+import { Timeline } from "./time/timeline";
+import { App } from "./view/app";
+
+function toLogin(): void {
+  location.assign("/login");
+}
+
+function start(root: HTMLElement): void {
+  const client = new Client({ fetch: (input, init) => fetch(input, init), onUnauthorised: toLogin });
+  const timeline = new Timeline(BigInt(Math.floor(Date.now() / 1000)) * 1_000_000_000n);
+  const palette = new Palette(document.documentElement);
+  const app = new App({ root, client, timeline, palette, theme: () => theme, onUnauthorised: toLogin });
+  const theme = new ThemeChoice(document.documentElement, () => {
+    palette.refresh();
+    app.repaint();
+  });
+  app.start();
+}
+
+const root = document.getElementById("app");
+if (root === null) throw new Error('the page has no element with the id "app"');
+start(root);

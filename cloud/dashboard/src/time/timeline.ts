@@ -1,0 +1,19 @@
+import type { Instant } from "./instant";
+
+/**
+ * Maps instants to plain numbers near zero: nanoseconds after an origin. Within 104 days of the origin
+ * such a number holds every nanosecond exactly, which nanoseconds since 1970 would not.
+ */
+export class Timeline {
+  constructor(readonly origin: Instant) {}
+
+  /** Nanoseconds after the origin. */
+  toX(instant: Instant): number {
+    return Number(instant - this.origin);
+  }
+
+  /** The instant at x, cut to whole nanoseconds. */
+  toInstant(x: number): Instant {
+    return this.origin + BigInt(Math.floor(x));
+  }
+}

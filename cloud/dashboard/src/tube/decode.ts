@@ -1,0 +1,23 @@
+import type { SeriesAnswer } from "../api/contract";
+import { parseInstant } from "../time/instant";
+import type { Timeline } from "../time/timeline";
+import type { Entries } from "./entries";
+
+/** Reads the cloud's series (or a live block): null on one side is unbounded, on both sides missing. */
+export function readSeries(answer: SeriesAnswer, timeline: Timeline): Entries {
+  const count = answer.t.length;
+  const start = timeline.toX(parseInstant(answer.t0));
+  const t = Float64Array.from(answer.t, (offset) => start + offset);
+  const lo = new Float64Array(count);
+  const hi = new Float64Array(count);
+  for (let i = 0; i < count; i += 1) {
+    const low = answer.lo[i] ?? null;
+    const high = answer.hi[i] ?? null;
+    const missing = low === null && high === null;
+    lo[i] = missing ? Number.NaN : (low ?? -Infinity);
+    hi[i] = missing ? Number.NaN : (high ?? Infinity);
+  }
+  const hull = answer.resolution === "hull";
+  const width = new Float64Array(count).fill(hull ? answer.dt : 0);
+  return { t, width, lo, hi, reach: (hull ? 0.5 : 1.5) * answer.dt };
+}

@@ -1,0 +1,60 @@
+/**
+ * A run of interval values in the order of time. An entry of width 0 is a sample: its interval holds at
+ * its instant only. An entry of positive width is a hull: it encloses every sample in [t, t + width).
+ * NaN bounds mean that nothing is known from here on (a gap); infinities are unbounded sides.
+ */
+export interface Entries {
+  readonly t: Float64Array;
+  readonly width: Float64Array;
+  readonly lo: Float64Array;
+  readonly hi: Float64Array;
+  /** Neighbours with no more than this between them (ns) follow each other without a break. */
+  readonly reach: number;
+}
+
+export const NOTHING: Entries = {
+  t: new Float64Array(0),
+  width: new Float64Array(0),
+  lo: new Float64Array(0),
+  hi: new Float64Array(0),
+  reach: 0,
+};
+
+/** The index of the first entry at or after x. */
+export function firstAtOrAfter(t: Float64Array, x: number): number {
+  let low = 0;
+  let high = t.length;
+  while (low < high) {
+    const middle = (low + high) >>> 1;
+    if (t[middle]! < x) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/** The index of the first entry that touches x or comes later; a joined hull holds its last instant too. */
+export function firstReaching(entries: Entries, x: number): number {
+  let index = firstAtOrAfter(entries.t, x);
+  while (index > 0 && entries.t[index - 1]! + entries.width[index - 1]! >= x) index -= 1;
+  return index;
+}
+
+/** Where the run ends: the last instant that it speaks of, or null for an empty run. */
+export function endOf(entries: Entries): number | null {
+  const last = entries.t.length - 1;
+  return last < 0 ? null : entries.t[last]! + entries.width[last]!;
+}
+
+/** The hull of the known entries that touch [from, to]; NaN where there is none. */
+export function hullWithin(entries: Entries, from: number, to: number): { lo: number; hi: number; count: number } {
+  let lo = Infinity;
+  let hi = -Infinity;
+  let count = 0;
+  for (let i = firstReaching(entries, from); i < entries.t.length && entries.t[i]! <= to; i += 1) {
+    if (Number.isNaN(entries.lo[i]!)) continue;
+    lo = Math.min(lo, entries.lo[i]!);
+    hi = Math.max(hi, entries.hi[i]!);
+    count += 1;
+  }
+  return count === 0 ? { lo: Number.NaN, hi: Number.NaN, count } : { lo, hi, count };
+}

@@ -1,0 +1,180 @@
+import type { Client } from "../api/client";
+import { isAbort, messageOf } from "../api/failure";
+import type { NodeItem } from "../api/contract";
+import type { Palette } from "../chart/palette";
+import { Ticker } from "../live/ticker";
+import { printPlace, readPlace, type Place } from "../state/place";
+import type { ThemeChoice } from "../state/theme";
+import type { Range } from "../state/window";
+import type { Timeline } from "../time/timeline";
+import type { Context } from "./context";
+import { button, element, icon } from "./element";
+import { legend } from "./legend";
+import { LiveStatus } from "./live-status";
+import { NodeStrip } from "./node-strip";
+import { Page } from "./page";
+import { ICONS } from "./symbol";
+import { Timebar } from "./timebar";
+
+export interface AppOptions {
+  readonly root: HTMLElement;
+  readonly client: Client;
+  readonly timeline: Timeline;
+  readonly palette: Palette;
+  readonly theme: () => ThemeChoice;
+  readonly onUnauthorised: () => void;
+}
+
+const POLL_MS = 2_000;
+const STATUS_PAUSE_MS = 300;
+
+/** The whole dashboard: header, nodes, and the page that the address names. */
+export class App {
+  private place: Place = readPlace(location.hash);
+  private page: Page | null = null;
+  private nodes: readonly NodeItem[] | null = null;
+  private dragPans = false;
+  private polledAt = -Infinity;
+  private stripAt = 0;
+  private readonly status = new LiveStatus();
+  private readonly strip: NodeStrip;
+  private readonly timebar: Timebar;
+  private readonly announcer = element("div", { class: "unseen", "aria-live": "polite", "data-testid": "announcer" });
+  private readonly banner = element("div", { class: "banner", hidden: true, role: "alert", "data-testid": "banner" });
+  private readonly context: Context;
+
+  constructor(private readonly options: AppOptions) {
+    const { client, timeline, palette, onUnauthorised } = options;
+    this.context = {
+      client,
+      timeline,
+      palette,
+      onUnauthorised,
+      place: () => this.place,
+      go: (place, how) => this.go(place, how ?? "push"),
+      showRange: (range) => this.showRange(range),
+      dragPans: () => this.dragPans,
+      announce: (text) => this.announce(text),
+    };
+    this.strip = new NodeStrip(this.context);
+    this.timebar = new Timebar({
+      context: this.context,
+      range: () => this.page?.range() ?? null,
+      extent: () => this.page?.extent() ?? null,
+      onPanMode: (pans) => {
+        this.dragPans = pans;
+        document.body.classList.toggle("pans", pans);
+      },
+    });
+  }
+
+  start(): void {
+    this.options.root.replaceChildren(this.header(), this.banner, this.strip.root, this.announcer);
+    addEventListener("hashchange", () => this.show(readPlace(location.hash)));
+    addEventListener("keydown", this.onKey);
+    this.show(this.place);
+    new Ticker((at) => this.frame(at)).start();
+  }
+
+  /** Paints everything again, after a change of theme. */
+  repaint(): void {
+    this.page?.repaint();
+  }
+
+  private header(): HTMLElement {
+    const theme = button(icon(ICONS.moon), { class: "tool", "aria-label": "switch between light and dark", title: "Light or dark", "data-testid": "theme" }, () => this.options.theme().toggle());
+    const logout = button(icon(ICONS.logout), { class: "tool", "aria-label": "log out", title: "Log out", "data-testid": "logout" }, () => void this.logout());
+    const brand = element("a", { class: "brand", href: "#/" }, element("i", { class: "mark" }), "eskin");
+    brand.addEventListener("click", (event) => {
+      event.preventDefault();
+      this.go({ ...this.place, node: null, channel: null, question: null }, "push");
+    });
+    const tools = element("span", { class: "tools" }, theme, logout);
+    const bar = element("div", { class: "bar" }, brand, this.status.root, this.timebar.root, tools);
+    return element("header", { class: "top" }, bar, legend());
+  }
+
+  private go(place: Place, how: "push" | "replace"): void {
+    const hash = printPlace(place);
+    if (how === "push") history.pushState(null, "", hash);
+    else history.replaceState(null, "", hash);
+    this.show(place);
+  }
+
+  private showRange(range: Range): void {
+    const { timeline } = this.options;
+    const view = { kind: "history", from: timeline.toInstant(range.x0), to: timeline.toInstant(Math.ceil(range.x1)) } as const;
+    const how = this.place.view.kind === "live" ? "push" : "replace";
+    if (how === "push") this.announce("History. Choose Live to follow the newest data again.");
+    this.go({ ...this.place, view }, how);
+  }
+
+  private show(place: Place): void {
+    const before = this.place;
+    this.place = place;
+    document.title = [place.channel, place.node, "eskin"].filter(Boolean).join(" · ");
+    document.body.dataset["mode"] = place.view.kind;
+    this.timebar.apply(place.view);
+    if (this.page && before.node === place.node && before.channel === place.channel) this.page.apply(place);
+    else this.openPage();
+    if (this.nodes) this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n);
+  }
+
+  private openPage(): void {
+    this.page?.destroy();
+    this.page = new Page({
+      context: this.context,
+      onFeed: (state) => this.status.show(state),
+      onUnreadable: () => this.status.refuse(),
+      onStatus: () => {
+        this.polledAt = Math.min(this.polledAt, performance.now() - POLL_MS + STATUS_PAUSE_MS);
+      },
+    });
+    this.options.root.append(this.page.root);
+    if (this.nodes) this.page.showNodes(this.nodes);
+    scrollTo(0, 0);
+  }
+
+  private frame(at: number): void {
+    this.page?.frame(at);
+    this.timebar.frame(at);
+    if (at - this.polledAt > POLL_MS) {
+      this.polledAt = at;
+      void this.poll();
+    }
+    if (this.nodes && at - this.stripAt > 1_000) {
+      this.stripAt = at;
+      this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n);
+    }
+  }
+
+  private async poll(): Promise<void> {
+    try {
+      this.nodes = await this.options.client.nodes(AbortSignal.timeout(10_000));
+      this.banner.hidden = true;
+      this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n);
+      this.page?.showNodes(this.nodes);
+    } catch (error) {
+      if (isAbort(error)) return;
+      const again = (): void => void this.poll();
+      this.page?.showFailure(messageOf(error), again);
+      this.banner.replaceChildren(`${messageOf(error).replace(/[.!]?$/, ".")} What is shown may be out of date; trying again every 2 s.`);
+      this.banner.hidden = this.nodes === null;
+    }
+  }
+
+  private announce(text: string): void {
+    this.announcer.textContent = text;
+  }
+
+  private async logout(): Promise<void> {
+    await this.options.client.logout();
+    this.options.onUnauthorised();
+  }
+
+  private readonly onKey = (event: KeyboardEvent): void => {
+    const typing = event.target instanceof HTMLElement && event.target.closest("input, select, textarea, .chart");
+    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.key === "l" || event.key === "L") this.timebar.root.querySelector("button")?.click();
+  };
+}

@@ -1,0 +1,42 @@
+import type { ChannelItem } from "../api/contract";
+import { formatCoverage, formatInterval } from "../interval/format";
+import { readInterval } from "../interval/interval";
+import { printPlace } from "../state/place";
+import { formatDuration } from "../time/duration";
+import { parseInstant, printClock, printDay } from "../time/instant";
+import type { Context } from "./context";
+import { element } from "./element";
+
+function moment(text: string | null): string {
+  if (text === null) return "–";
+  const instant = parseInstant(text);
+  return `${printDay(instant)} ${printClock(instant, 0)}`;
+}
+
+/** The way back from a channel to its node and to all nodes. */
+export function crumbs(context: Context, node: string, channel: string): HTMLElement {
+  const place = { ...context.place(), channel: null, question: null };
+  return element(
+    "nav",
+    { class: "crumbs", "aria-label": "path" },
+    element("a", { href: printPlace({ ...place, node: null }) }, "All nodes"),
+    element("a", { href: printPlace({ ...place, node }) }, node),
+    element("span", { "aria-current": "page" }, channel),
+  );
+}
+
+/** What the store knows of a channel. */
+export function channelFacts(channel: ChannelItem): HTMLElement {
+  const facts: readonly (readonly [string, string])[] = [
+    ["sampled every", formatDuration(channel.dt)],
+    ["samples", channel.samples.toLocaleString("en")],
+    ["blocks", channel.blocks.toLocaleString("en")],
+    ["bounds", channel.bounds ? formatInterval(readInterval(channel.bounds), channel.unit) : "–"],
+    ["coverage", formatCoverage(channel.coverage)],
+    ["first", moment(channel.first)],
+    ["last", moment(channel.last)],
+  ];
+  const list = element("dl", { class: "channel-facts", "data-testid": "channel-facts" });
+  for (const [name, value] of facts) list.append(element("div", {}, element("dt", {}, name), element("dd", {}, value)));
+  return list;
+}

@@ -1,0 +1,294 @@
+import { messageOf, isAbort } from "../api/failure";
+import type { ChannelItem, SeriesAnswer } from "../api/contract";
+import { BandChart, type Marks } from "../chart/band-chart";
+import type { PeakMark } from "../chart/peak-groups";
+import type { Segment } from "../chart/segments";
+import { formatInterval } from "../interval/format";
+import { describeHull } from "../chart/reading";
+import { ChannelData } from "../live/channel-data";
+import type { LiveEdge } from "../live/edge";
+import type { View } from "../state/place";
+import type { Range } from "../state/window";
+import { printClock } from "../time/instant";
+import { hullWithin } from "../tube/entries";
+import type { Context } from "./context";
+import { element, setText } from "./element";
+import { operateByKeys } from "./keys";
+import { NoticeBoard } from "./notice";
+import { panelHead } from "./panel-head";
+
+export interface PanelOptions {
+  readonly context: Context;
+  readonly node: string;
+  readonly channel: ChannelItem;
+  readonly edge: LiveEdge;
+  readonly alone: boolean;
+  readonly onPeak: (mark: PeakMark) => void;
+}
+
+const SETTLE_MS = 120;
+const REFRESH_MS = 2_000;
+const READOUT_MS = 200;
+const MOST_POINTS = 20_000;
+const STALE_MS = 4_000;
+
+/** One channel: its name, its present interval, and its chart, live or in history. */
+export class ChannelPanel {
+  readonly root: HTMLElement;
+  readonly data: ChannelData;
+  segments: readonly Segment[] = [];
+  private readonly chart: BandChart;
+  private readonly chartRoot: HTMLElement;
+  private readonly value = element("span", { class: "value", "data-testid": "channel-value" });
+  private readonly notices = new NoticeBoard();
+  private view: View;
+  private visible = false;
+  private loading: AbortController | null = null;
+  private timer: ReturnType<typeof setTimeout> | null = null;
+  private drawnEdge = Number.NaN;
+  private dirty = true;
+  private readAt = 0;
+  private reloadAt = 0;
+  private loaded = false;
+  private readonly watcher: IntersectionObserver;
+
+  constructor(private readonly options: PanelOptions) {
+    const { context, node, channel, edge } = options;
+    this.view = context.place().view;
+    this.data = new ChannelData({ client: context.client, timeline: context.timeline, node, channel, edge });
+    this.chartRoot = element("div", {
+      class: "chart",
+      tabindex: 0,
+      role: "group",
+      "aria-label": `Chart of ${node} ${channel.id}. Arrows pan, plus and minus zoom, comma and full stop read values, L goes live.`,
+      "data-testid": "chart",
+      "data-node": node,
+      "data-channel": channel.id,
+    });
+    this.root = element("section", { class: "panel", "data-testid": "channel", "data-channel": channel.id }, panelHead({ context, node, channel, alone: options.alone, value: this.value }), element("div", { class: "chart-frame" }, this.chartRoot, this.notices.root));
+    this.chart = new BandChart({
+      root: this.chartRoot,
+      timeline: context.timeline,
+      palette: context.palette,
+      facts: this.data.facts,
+      alone: options.alone,
+      dragPans: context.dragPans,
+      onRange: (range) => context.showRange(range),
+      onPeak: options.onPeak,
+    });
+    operateByKeys(this.chartRoot, {
+      context,
+      place: { node, channel: channel.id },
+      range: () => this.range(),
+      step: (by) => this.chart.step(by),
+    });
+    this.watcher = new IntersectionObserver((changes) => this.setVisible(changes.at(-1)?.isIntersecting ?? false), { rootMargin: "120px" });
+    this.watcher.observe(this.root);
+  }
+
+  /** Shows another window, live or fixed. */
+  apply(view: View): void {
+    const before = this.view;
+    this.view = view;
+    this.dirty = true;
+    if (!this.visible) return;
+    if (view.kind === "live") {
+      if (before.kind !== "live" || before.span !== view.span) this.startLive();
+      return;
+    }
+    if (before.kind === "live") this.data.freeze();
+    this.showHistory();
+    this.loadSoon(SETTLE_MS);
+  }
+
+  /** Takes a live block of this channel. */
+  take(block: SeriesAnswer, at: number): void {
+    if (!this.visible) return;
+    const { block: range, hole } = this.data.take(block, at);
+    this.dirty = true;
+    if (this.view.kind === "live") {
+      this.notices.clear();
+      if (hole) this.fillHole(hole);
+    } else if (range && this.touchesView(range) && at - this.reloadAt > REFRESH_MS) {
+      this.reloadAt = at;
+      this.loadSoon(SETTLE_MS);
+    }
+  }
+
+  /** Marks have changed: paint at the next frame. */
+  touch(): void {
+    this.dirty = true;
+    if (this.visible && this.view.kind === "history") this.showHistory();
+  }
+
+  /** Paints the live window, if anything has moved by a pixel. */
+  frame(at: number): void {
+    if (!this.visible || this.view.kind !== "live") return;
+    const { span } = this.view;
+    const x1 = this.options.edge.at(at, span);
+    if (x1 === null) return;
+    const moved = !(Math.abs(x1 - this.drawnEdge) < span / this.chart.width / 2);
+    if (!moved && !this.dirty) return;
+    this.drawnEdge = x1;
+    this.dirty = false;
+    this.data.evictBefore(x1 - 1.5 * span);
+    this.draw({ x0: x1 - span, x1 });
+    if (at - this.readAt > READOUT_MS) this.readOut(at, x1);
+  }
+
+  repaint(): void {
+    this.chart.repaint();
+  }
+
+  /** The window that the chart shows now, or null before there is data. */
+  range(): Range | null {
+    const { timeline } = this.options.context;
+    if (this.view.kind === "history") return { x0: timeline.toX(this.view.from), x1: timeline.toX(this.view.to) };
+    return Number.isNaN(this.drawnEdge) ? null : { x0: this.drawnEdge - this.view.span, x1: this.drawnEdge };
+  }
+
+  destroy(): void {
+    this.watcher.disconnect();
+    this.loading?.abort();
+    if (this.timer !== null) clearTimeout(this.timer);
+    this.chart.destroy();
+  }
+
+  private setVisible(visible: boolean): void {
+    if (visible === this.visible) return;
+    this.visible = visible;
+    if (!visible) {
+      this.loading?.abort();
+      this.data.clear();
+      return;
+    }
+    if (this.view.kind === "live") this.startLive();
+    else {
+      this.showHistory();
+      this.loadSoon(0);
+    }
+  }
+
+  private startLive(): void {
+    const { edge, channel } = this.options;
+    if (this.view.kind !== "live") return;
+    const extent = this.data.extent;
+    this.data.clear();
+    this.chart.resetValues();
+    this.drawnEdge = Number.NaN;
+    this.chartRoot.dataset["mode"] = "live";
+    const end = edge.newest() ?? extent?.x1 ?? null;
+    if (end === null) {
+      this.notices.say("empty", "No data yet", `${channel.id} has not sent a block so far. It appears here as soon as one arrives.`);
+      return;
+    }
+    this.notices.say("loading", "Loading…", "");
+    this.fillHole({ x0: end - this.view.span, x1: end });
+  }
+
+  private fillHole(hole: Range): void {
+    if (this.view.kind !== "live") return;
+    const { span } = this.view;
+    const range = { x0: Math.max(hole.x0, hole.x1 - span), x1: hole.x1 };
+    const points = Math.max(2, Math.ceil((this.chart.width * (range.x1 - range.x0)) / span));
+    this.loading ??= new AbortController();
+    this.data.backfill(range, points, this.loading.signal).then(
+      () => {
+        this.options.edge.observe(range.x1, performance.now());
+        this.dirty = true;
+        this.notices.clear();
+      },
+      (error: unknown) => this.fail(error, () => this.startLive()),
+    );
+  }
+
+  private showHistory(): void {
+    const range = this.range();
+    if (range === null || this.view.kind !== "history") return;
+    this.chartRoot.dataset["mode"] = "history";
+    this.draw(range);
+    setText(this.value, describeHull(this.data.history, range, this.data.facts.unit));
+    this.value.title = "The hull of everything in this window";
+  }
+
+  private loadSoon(delay: number): void {
+    if (this.timer !== null) clearTimeout(this.timer);
+    this.timer = setTimeout(() => void this.load(), delay);
+  }
+
+  private async load(): Promise<void> {
+    const range = this.range();
+    if (range === null || this.view.kind !== "history") return;
+    this.loading?.abort();
+    const loading = new AbortController();
+    this.loading = loading;
+    if (!this.loaded) this.notices.say("loading", "Loading…", "");
+    this.root.classList.add("busy");
+    try {
+      const points = Math.min(MOST_POINTS, Math.max(2, Math.round(this.chart.width)));
+      await this.data.load(range, points, loading.signal);
+      this.loaded = true;
+      if (!this.chart.busy) this.chart.resetValues();
+      this.chartRoot.dataset["resolution"] = this.data.resolution;
+      this.showHistory();
+      this.sayWhatIsThere(range);
+    } catch (error) {
+      this.fail(error, () => this.loadSoon(0));
+    } finally {
+      if (this.loading === loading) {
+        this.loading = null;
+        this.root.classList.remove("busy");
+      }
+    }
+  }
+
+  private sayWhatIsThere(range: Range): void {
+    const { extent } = this.data;
+    const any = hullWithin(this.data.history, range.x0, range.x1).count > 0;
+    if (any) this.notices.clear();
+    else if (extent === null) this.notices.say("empty", "No data yet", "This channel has not sent a block so far.");
+    else {
+      this.notices.say("empty", "No samples in this window", "", {
+        label: "Show all data",
+        act: () => this.options.context.showRange(extent),
+      });
+    }
+  }
+
+  private touchesView(range: Range): boolean {
+    const shown = this.range();
+    return shown !== null && range.x1 >= shown.x0 && range.x0 <= shown.x1;
+  }
+
+  private draw(range: Range): void {
+    const marks: Marks = {
+      peaks: this.data.peaks,
+      gaps: this.data.gaps,
+      segments: this.segments,
+      threshold: this.options.alone ? (this.options.context.place().question?.level ?? null) : null,
+    };
+    const entries = this.view.kind === "live" ? this.data.rolling : this.data.history;
+    this.chart.show(entries, marks, range);
+  }
+
+  private readOut(at: number, x1: number): void {
+    this.readAt = at;
+    const { t, width, lo, hi } = this.data.rolling;
+    let last = t.length - 1;
+    while (last > 0 && t[last]! + width[last]! > x1) last -= 1;
+    const interval = last < 0 ? null : { lo: lo[last]!, hi: hi[last]! };
+    setText(this.value, interval ? formatInterval(interval, this.data.facts.unit) : "–");
+    this.value.title = "The newest interval";
+    const { edge, context } = this.options;
+    const newest = edge.newest();
+    if (newest !== null && edge.silence(at) > Math.max(STALE_MS, 4 * edge.rhythm())) {
+      this.notices.say("stale", `No data after ${printClock(context.timeline.toInstant(newest), 0)}`, "");
+    } else this.notices.clear();
+  }
+
+  private fail(error: unknown, again: () => void): void {
+    if (isAbort(error)) return;
+    this.notices.clear();
+    this.notices.say("error", "This channel could not be loaded", messageOf(error), { label: "Try again", act: again });
+  }
+}

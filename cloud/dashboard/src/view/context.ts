@@ -1,0 +1,20 @@
+import type { Client } from "../api/client";
+import type { Palette } from "../chart/palette";
+import type { Place } from "../state/place";
+import type { Range } from "../state/window";
+import type { Timeline } from "../time/timeline";
+
+/** What every part of the page is given: its means, and how to go elsewhere. */
+export interface Context {
+  readonly client: Client;
+  readonly timeline: Timeline;
+  readonly palette: Palette;
+  readonly place: () => Place;
+  /** Goes to a place; `replace` leaves no step to go back to (while zooming and panning). */
+  readonly go: (place: Place, how?: "push" | "replace") => void;
+  readonly showRange: (range: Range) => void;
+  readonly dragPans: () => boolean;
+  /** Says something to people, and to screen readers. */
+  readonly announce: (text: string) => void;
+  readonly onUnauthorised: () => void;
+}

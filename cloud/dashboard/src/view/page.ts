@@ -1,0 +1,252 @@
+import type { EventItem, NodeItem, SeriesAnswer } from "../api/contract";
+import { address } from "../api/client";
+import { isAbort } from "../api/failure";
+import type { PeakMark } from "../chart/peak-groups";
+import { Feed, type FeedState } from "../live/feed";
+import type { StreamMessage } from "../live/stream";
+import type { Place } from "../state/place";
+import type { Range } from "../state/window";
+import { channelFacts, crumbs } from "./channel-detail";
+import type { ChannelPanel } from "./channel-panel";
+import type { Context } from "./context";
+import { element } from "./element";
+import { EventList } from "./event-list";
+import { NodeSection } from "./node-section";
+import { notice } from "./notice";
+import { ThresholdForm } from "./threshold-form";
+
+export interface PageOptions {
+  readonly context: Context;
+  readonly onFeed: (state: FeedState) => void;
+  readonly onUnreadable: () => void;
+  /** A status event came in: the nodes' cards are out of date. */
+  readonly onStatus: () => void;
+}
+
+/** A chart shows at most so many pages of the latest peaks and gaps in its window. */
+const EVENT_PAGES = 4;
+const SETTLE_MS = 250;
+/** Buckets a block, by the length of the live window: no finer than a pixel, to save work. */
+const POINTS: readonly (readonly [number, number])[] = [[10e9, 100], [60e9, 50], [Infinity, 10]];
+
+/** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
+export class Page {
+  readonly root = element("main", { class: "page" });
+  private readonly sections = new Map<string, NodeSection>();
+  private readonly column = element("div", { class: "column" });
+  private readonly list: EventList;
+  private readonly scope: { readonly node: string | null; readonly channel: string | null };
+  private form: ThresholdForm | null = null;
+  private feed: Feed | null = null;
+  private feedUrl = "";
+  private eventLoading = new AbortController();
+  private timer: ReturnType<typeof setTimeout> | null = null;
+
+  constructor(private readonly options: PageOptions) {
+    const { context } = options;
+    const place = context.place();
+    this.scope = { node: place.node, channel: place.channel };
+    this.list = new EventList(context, this.scope);
+    this.root.append(this.column, this.list.root);
+    if (place.node !== null) this.addSection(place.node);
+    else this.column.append(notice("loading", "Loading nodes…", ""));
+    if (place.node !== null && place.channel !== null) {
+      this.column.prepend(crumbs(context, place.node, place.channel));
+    }
+    this.apply(place);
+  }
+
+  /** Shows the nodes of the overview; a page of one node keeps to it. */
+  showNodes(nodes: readonly NodeItem[]): void {
+    if (this.scope.node !== null) return;
+    if (nodes.length === 0) {
+      const detail = "Nodes appear here with their first message. Start one with: eskin node --config node.toml, or try eskin demo.";
+      if (this.sections.size === 0) this.column.replaceChildren(notice("empty", "No node has reported yet", detail));
+      return;
+    }
+    if (this.sections.size === 0) this.column.replaceChildren();
+    for (const node of nodes) if (!this.sections.has(node.id)) this.addSection(node.id);
+  }
+
+  /** Says that the nodes could not be loaded. */
+  showFailure(message: string, again: () => void): void {
+    if (this.sections.size > 0) return;
+    this.column.replaceChildren(notice("error", "The nodes could not be loaded", message, { label: "Try again", act: again }));
+  }
+
+  /** Takes over a change of the window or the question. */
+  apply(place: Place): void {
+    for (const section of this.sections.values()) section.apply(place.view);
+    this.form?.apply(place.question);
+    this.connect();
+    if (this.timer !== null) clearTimeout(this.timer);
+    this.timer = setTimeout(() => void this.loadEvents(), SETTLE_MS);
+  }
+
+  frame(at: number): void {
+    for (const section of this.sections.values()) section.frame(at);
+    this.list.frame(at);
+    this.form?.frame(at);
+  }
+
+  repaint(): void {
+    for (const section of this.sections.values()) section.repaint();
+  }
+
+  /** The window shown now. */
+  range(): Range | null {
+    const { view } = this.options.context.place();
+    const { timeline } = this.options.context;
+    if (view.kind === "history") return { x0: timeline.toX(view.from), x1: timeline.toX(view.to) };
+    for (const section of this.sections.values()) {
+      const range = section.range();
+      if (range) return range;
+    }
+    return null;
+  }
+
+  /** From the first to the last sample of everything on the page. */
+  extent(): Range | null {
+    const all = [...this.sections.values()].map((section) => section.extent()).filter((one) => one !== null);
+    if (all.length === 0) return null;
+    return { x0: Math.min(...all.map((one) => one.x0)), x1: Math.max(...all.map((one) => one.x1)) };
+  }
+
+  destroy(): void {
+    this.feed?.stop();
+    this.form?.destroy();
+    this.eventLoading.abort();
+    if (this.timer !== null) clearTimeout(this.timer);
+    for (const section of this.sections.values()) section.destroy();
+    this.list.destroy();
+    this.root.remove();
+  }
+
+  private addSection(node: string): void {
+    const { context } = this.options;
+    const section = new NodeSection({
+      context,
+      node,
+      channel: this.scope.channel,
+      onPeak: (mark) => this.openPeak(mark),
+      onPanels: (fresh) => this.onPanels(section, fresh),
+    });
+    this.sections.set(node, section);
+    this.column.append(section.root);
+  }
+
+  private onPanels(section: NodeSection, fresh: boolean): void {
+    if (fresh) void this.loadEvents();
+    const { node, channel } = this.scope;
+    const panel = channel === null ? undefined : section.panels.get(channel);
+    if (node === null || !panel) return;
+    if (this.form === null) {
+      this.form = this.makeForm(node, panel);
+      panel.root.append(this.form.root);
+    }
+    const facts = channelFacts(panel.data.channel);
+    const shown = section.root.querySelector(".channel-facts");
+    if (shown) shown.replaceWith(facts);
+    else section.root.append(facts);
+  }
+
+  private makeForm(node: string, panel: ChannelPanel): ThresholdForm {
+    const { channel } = panel.data;
+    const bounds = channel.bounds ? [channel.bounds.lo, channel.bounds.hi] : [];
+    return new ThresholdForm({
+      context: this.options.context,
+      node,
+      channel: channel.id,
+      unit: channel.unit,
+      magnitude: Math.max(0, ...bounds.map((bound) => Math.abs(bound ?? 0))),
+      range: () => panel.range(),
+      known: (range) => panel.data.knows(range),
+      onSegments: (segments) => {
+        panel.segments = segments;
+        panel.touch();
+      },
+    });
+  }
+
+  private openPeak(mark: PeakMark): void {
+    const { context } = this.options;
+    const { event } = mark;
+    const middle = (mark.x0 + mark.x1) / 2;
+    const half = Math.max(1e9, mark.x1 - mark.x0);
+    const view = {
+      kind: "history",
+      from: context.timeline.toInstant(middle - half),
+      to: context.timeline.toInstant(middle + half),
+    } as const;
+    context.go({ node: event.node, channel: event.channel, view, question: null });
+  }
+
+  private connect(): void {
+    const { context, onFeed } = this.options;
+    const { node, channel } = this.scope;
+    const { view } = context.place();
+    const span = view.kind === "live" ? view.span : 10e9;
+    const points = POINTS.find(([longest]) => span <= longest)?.[1] ?? 10;
+    const place = channel === null ? { node } : { channel: `${node}/${channel}` };
+    const url = address("/live", { ...place, points });
+    if (url === this.feedUrl) return;
+    this.feedUrl = url;
+    this.feed?.stop();
+    this.feed = new Feed({
+      url,
+      fetch: (input, init) => fetch(input, init),
+      random: Math.random,
+      onMessage: (message) => this.receive(message),
+      onState: onFeed,
+      onUnauthorised: context.onUnauthorised,
+    });
+    this.feed.start();
+  }
+
+  private receive(message: StreamMessage): void {
+    const at = performance.now();
+    try {
+      if (message.event === "block") {
+        const block = JSON.parse(message.data) as SeriesAnswer;
+        this.sections.get(block.node)?.take(block, at);
+      } else if (["peak", "gap", "status"].includes(message.event)) {
+        const event = JSON.parse(message.data) as EventItem;
+        this.list.take(event);
+        this.sections.get(event.node)?.takeEvent(event);
+        if (event.kind === "status") this.options.onStatus();
+      }
+    } catch (error) {
+      if (!(error instanceof SyntaxError || error instanceof RangeError || error instanceof TypeError)) throw error;
+      this.options.onUnreadable();
+    }
+  }
+
+  /** The window that events are asked for: the one shown, or the newest data. */
+  private eventWindow(): Range | null {
+    const { view } = this.options.context.place();
+    const extent = this.extent();
+    if (view.kind === "history") return this.range();
+    return extent && { x0: extent.x1 - 1.5 * view.span, x1: extent.x1 + view.span };
+  }
+
+  /** Loads the peaks and gaps of the window, for the charts. */
+  private async loadEvents(): Promise<void> {
+    const { client, timeline } = this.options.context;
+    const range = this.eventWindow();
+    if (range === null) return;
+    const window = { start: timeline.toInstant(range.x0), end: timeline.toInstant(Math.ceil(range.x1)) };
+    const scope = { node: this.scope.node ?? undefined, channel: this.scope.channel ?? undefined };
+    this.eventLoading.abort();
+    this.eventLoading = new AbortController();
+    const { signal } = this.eventLoading;
+    try {
+      const lists = ["gap", "peak"].map((kind) => client.eventsOf({ ...scope, ...window, kind }, EVENT_PAGES, signal));
+      for (const event of (await Promise.all(lists)).flat().toReversed()) {
+        this.sections.get(event.node)?.takeEvent(event);
+      }
+    } catch (error) {
+      // The event list beside the charts tells of the same failure, with a way to try again.
+      if (!isAbort(error)) this.list.fail(error);
+    }
+  }
+}

@@ -1,0 +1,36 @@
+import type { Health, Verdict } from "../api/contract";
+import { icon } from "./element";
+
+const HEALTH: Readonly<Record<Health, { path: string; filled: boolean }>> = {
+  online: { path: "M8 3a5 5 0 1 0 0 10a5 5 0 1 0 0-10z", filled: true },
+  late: { path: "M8 2.5 L14 13 H2 Z M8 6.5 V9.5 M8 11 V11.4", filled: false },
+  offline: { path: "M8 3a5 5 0 1 0 0 10a5 5 0 1 0 0-10z M4.6 11.4 L11.4 4.6", filled: false },
+};
+
+/** A disc, a warning triangle, or a crossed ring: health without relying on colour. */
+export function healthSymbol(health: Health): SVGSVGElement {
+  const { path, filled } = HEALTH[health] ?? HEALTH.offline;
+  const symbol = icon(path, filled);
+  symbol.classList.add("health", health);
+  return symbol;
+}
+
+/** The triangle that marks a peak: filled when certain, hollow and dashed when possible. */
+export function verdictSymbol(verdict: Verdict): SVGSVGElement {
+  const symbol = icon("M2.5 4 H13.5 L8 13 Z", verdict === "certain");
+  symbol.classList.add("verdict", verdict);
+  return symbol;
+}
+
+export const ICONS = {
+  gap: "M2 4 V12 M14 4 V12 M5 8 H6 M10 8 H11",
+  status: "M2 8 H5 L7 4 L9 12 L11 8 H14",
+  moon: "M13 9.5 A5.5 5.5 0 1 1 6.5 3 A4.5 4.5 0 0 0 13 9.5 Z",
+  sun: "M8 5.2a2.8 2.8 0 1 0 0 5.6a2.8 2.8 0 1 0 0-5.6z M8 1.5V3 M8 13v1.5 M1.5 8H3 M13 8h1.5 M3.4 3.4l1 1 M11.6 11.6l1 1 M3.4 12.6l1-1 M11.6 4.4l1-1",
+  logout: "M6 3 H3 V13 H6 M7 8 H14 M11 5 L14 8 L11 11",
+  left: "M10 3 L5 8 L10 13",
+  right: "M6 3 L11 8 L6 13",
+  plus: "M8 3 V13 M3 8 H13",
+  minus: "M3 8 H13",
+  open: "M6 3 H3 V13 H13 V10 M9 3 H13 V7 M13 3 L7.5 8.5",
+} as const;

@@ -1,0 +1,168 @@
+import type { SegmentItem } from "../api/contract";
+import { isAbort, messageOf } from "../api/failure";
+import type { Segment } from "../chart/segments";
+import { decimalExponent, printUnits, roundToUnits } from "../interval/decimal";
+import { choosePrefix, findUnit } from "../interval/unit";
+import type { Question } from "../state/place";
+import type { Range } from "../state/window";
+import { formatDuration } from "../time/duration";
+import { parseInstant } from "../time/instant";
+import type { Context } from "./context";
+import { button, element } from "./element";
+
+export interface ThresholdOptions {
+  readonly context: Context;
+  readonly node: string;
+  readonly channel: string;
+  readonly unit: string;
+  /** The typical magnitude of the channel, which chooses the prefix that people type in. */
+  readonly magnitude: number;
+  readonly range: () => Range | null;
+  /** Whether anything is known in a window: where nothing is, nothing is impossible either. */
+  readonly known: (range: Range) => boolean;
+  readonly onSegments: (segments: readonly Segment[]) => void;
+}
+
+const LIVE_PAUSE_MS = 2_000;
+const SETTLE_MS = 200;
+
+/** The sums of the answers: certain time is a lower bound, certain and possible together an upper one. */
+export function sumSegments(segments: readonly Segment[], within: Range): { certain: number; atMost: number } {
+  let certain = 0;
+  let possible = 0;
+  for (const { x0, x1, verdict } of segments) {
+    const length = Math.max(0, Math.min(x1, within.x1) - Math.max(x0, within.x0));
+    if (verdict === "certain") certain += length;
+    else possible += length;
+  }
+  return { certain, atMost: certain + possible };
+}
+
+/** Asks when a channel passes a threshold, and says how long it certainly and possibly did. */
+export class ThresholdForm {
+  readonly root: HTMLFormElement;
+  private readonly side = element("select", { name: "side", "aria-label": "side" });
+  private readonly level = element("input", { name: "level", type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": "threshold", placeholder: "level", "data-testid": "threshold-level" });
+  private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "threshold-answer" });
+  private readonly prefix: number;
+  private asking: AbortController | null = null;
+  private askedAt = 0;
+  private due: number | null = null;
+
+  constructor(private readonly options: ThresholdOptions) {
+    const unit = findUnit(options.unit);
+    const prefix = choosePrefix(unit, options.magnitude > 0 ? decimalExponent(options.magnitude) : 0);
+    this.prefix = prefix.exponent;
+    for (const side of ["above", "below"]) this.side.append(element("option", { value: side }, side));
+    this.side.dataset["testid"] = "threshold-side";
+    const label = element("span", { class: "unit" }, `${prefix.symbol}${unit.symbol}`);
+    const ask = element("button", { type: "submit", class: "plain", "data-testid": "threshold-ask" }, "Ask");
+    const clear = button("Clear", { class: "plain quiet" }, () => this.go(null));
+    const fields = element("div", { class: "fields" }, element("span", {}, "When is it"), this.side, element("span", { class: "with-unit" }, this.level, label), ask, clear);
+    this.root = element("form", { class: "threshold", "aria-label": "threshold question", "data-testid": "threshold" }, fields, this.answer);
+    this.root.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.submit();
+    });
+    this.side.addEventListener("change", () => {
+      if (this.level.value.trim() !== "") this.submit();
+    });
+    this.apply(options.context.place().question);
+  }
+
+  /** Takes over a question from the address, or the change of the window. */
+  apply(question: Question | null): void {
+    if (question) {
+      this.side.value = question.side;
+      if (document.activeElement !== this.level) this.level.value = this.print(question.level);
+      this.due = performance.now() + SETTLE_MS;
+    } else {
+      if (document.activeElement !== this.level) this.level.value = "";
+      this.asking?.abort();
+      this.due = null;
+      this.options.onSegments([]);
+      this.answer.textContent = "Certain: the whole interval passes. Possible: a part of it does.";
+    }
+  }
+
+  /** Asks again once the window has settled, and every other second while it moves. */
+  frame(at: number): void {
+    const { question, view } = this.options.context.place();
+    if (!question) return;
+    const live = view.kind === "live" && at - this.askedAt > LIVE_PAUSE_MS;
+    if (!live && (this.due === null || at < this.due)) return;
+    const range = this.options.range();
+    if (range === null) return;
+    this.due = null;
+    this.askedAt = at;
+    void this.ask(question, range);
+  }
+
+  destroy(): void {
+    this.asking?.abort();
+  }
+
+  private print(level: number): string {
+    if (level === 0) return "0";
+    const place = Math.min(this.prefix, decimalExponent(level) - 14);
+    const text = printUnits(roundToUnits(level, place, "down"), place, this.prefix).replace("−", "-");
+    return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
+  }
+
+  private submit(): void {
+    const text = this.level.value.trim().replace(",", ".").replace("−", "-");
+    const level = Number(`${text}e${this.prefix}`);
+    const valid = /^[-+]?(\d+\.?\d*|\.\d+)$/.test(text) && Number.isFinite(level);
+    this.level.setAttribute("aria-invalid", String(!valid));
+    if (valid) this.go({ side: this.side.value === "below" ? "below" : "above", level });
+    else this.answer.textContent = `"${this.level.value}" is not a number. Type a level such as 12.5.`;
+  }
+
+  private go(question: Question | null): void {
+    const { context } = this.options;
+    if (question === null) this.level.value = "";
+    context.go({ ...context.place(), question }, "replace");
+  }
+
+  private async ask(question: Question, range: Range): Promise<void> {
+    const { context, node, channel } = this.options;
+    this.asking?.abort();
+    this.asking = new AbortController();
+    const window = { start: context.timeline.toInstant(range.x0), end: context.timeline.toInstant(Math.ceil(range.x1)) };
+    const side = question.side === "above" ? { above: question.level } : { below: question.level };
+    try {
+      const found = await context.client.threshold({ node, channel }, { ...side, ...window }, this.asking.signal);
+      const segments = found.items.map((item) => this.read(item));
+      this.options.onSegments(segments);
+      this.tell(question, segments, range, found.complete);
+    } catch (error) {
+      if (!isAbort(error)) this.answer.textContent = `No answer: ${messageOf(error)}`;
+    }
+  }
+
+  private read(item: SegmentItem): Segment {
+    const { timeline } = this.options.context;
+    const x0 = timeline.toX(parseInstant(item.start));
+    return { x0, x1: timeline.toX(parseInstant(item.end)), verdict: item.verdict };
+  }
+
+  private tell(question: Question, segments: readonly Segment[], range: Range, complete: boolean): void {
+    const certain = segments.filter((segment) => segment.verdict === "certain").length;
+    const sums = sumSegments(segments, range);
+    const unit = this.root.querySelector(".unit")?.textContent ?? "";
+    const level = `${question.side} ${this.print(question.level)} ${unit}`.trim();
+    const window = formatDuration(range.x1 - range.x0);
+    const parts = [
+      element("strong", { "data-testid": "total-certain" }, `certainly ${formatDuration(sums.certain, "down")}`),
+      element("span", {}, ` in ${certain} segment${certain === 1 ? "" : "s"}, `),
+      element("strong", { "data-testid": "total-possible" }, `possibly up to ${formatDuration(sums.atMost, "up")}`),
+      element("span", {}, ` in ${segments.length - certain} more, of ${window}.`),
+      complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
+    ];
+    if (segments.length === 0 && !this.options.known(range)) {
+      this.answer.textContent = "Nothing is known in this window, so there is no answer.";
+    } else if (segments.length === 0) {
+      this.answer.replaceChildren(element("strong", {}, "Impossible"), `: no sample in this window of ${window} is ${level}.`);
+    } else this.answer.replaceChildren(`${level}: `, ...parts);
+  }
+}

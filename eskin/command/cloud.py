@@ -1,0 +1,87 @@
+"""``eskin cloud``: ingest, store, queries, dashboard; and who may look."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from eskin.command.logs import start_logs
+
+if TYPE_CHECKING:
+    from cloud.settings import CloudSettings
+
+cloud = typer.Typer(help="Run a cloud, or give people and scripts access to it.")
+
+Config = Annotated[
+    Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the cloud's settings.")
+]
+
+
+@cloud.callback(invoke_without_command=True)
+def run(
+    context: typer.Context,
+    config: Annotated[
+        Path | None, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with its settings.")
+    ] = None,
+) -> None:
+    """Run a cloud: ingest, store, queries, live, dashboard."""
+    if context.invoked_subcommand is not None:
+        return
+    from cloud.service import run as serve
+
+    settings = _load(config)
+    start_logs(settings.log.level)
+    serve(settings)
+
+
+@cloud.command()
+def login(
+    config: Config,
+    url: Annotated[
+        str | None, typer.Option(help="How browsers reach it, such as https://skin.example:8080.")
+    ] = None,
+    minutes: Annotated[float, typer.Option(min=1, max=1440, help="How long it is good.")] = 15.0,
+) -> None:
+    """Print a URL that logs in, once; also while the cloud runs."""
+    from cloud.access import Scope, create_login_code
+    from cloud.store import Store
+
+    settings = _load(config)
+    with Store(settings.store.path) as store:
+        code = create_login_code(
+            store, lifetime=timedelta(minutes=minutes), scopes=(Scope.READ, Scope.OPERATE)
+        )
+    people = settings.people
+    scheme = "http" if people.identity is None else "https"
+    typer.echo(f"{(url or f'{scheme}://localhost:{people.port}').rstrip('/')}/login?code={code}")
+
+
+@cloud.command()
+def token(
+    config: Config,
+    name: Annotated[str, typer.Option(help="Whose token it is, for people.")],
+    scope: Annotated[
+        list[str] | None, typer.Option(help="read, operate or admin; may be repeated.")
+    ] = None,
+    days: Annotated[float, typer.Option(min=0.01, max=3650, help="Days it is good.")] = 30.0,
+) -> None:
+    """Print a bearer token for the REST API; it is shown only here."""
+    from cloud.access import Scope, create_token
+    from cloud.store import Store
+
+    try:
+        scopes = [Scope(item) for item in scope or ["read"]]
+    except ValueError:
+        allowed = ", ".join(Scope)
+        raise typer.BadParameter(f"{scope} is not allowed; use {allowed}") from None
+    with Store(_load(config).store.path) as store:
+        typer.echo(create_token(store, scopes=scopes, name=name, lifetime=timedelta(days=days)))
+
+
+def _load(config: Path | None) -> CloudSettings:
+    from cloud.settings import CloudSettings
+
+    return CloudSettings.load(config)
