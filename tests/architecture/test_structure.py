@@ -1,0 +1,108 @@
+"""Small rooms: files and functions that are read in one glance, public names that are true."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import pkgutil
+import subprocess
+from pathlib import Path
+from statistics import median
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROOMS = ["eskin", "sensor_node", "gateway", "cloud", "authority", "demo"]
+SOURCES = [
+    path
+    for room in [*ROOMS, "tests", "benchmarks"]
+    for path in sorted((ROOT / room).rglob("*.py"))
+    if "node_modules" not in path.parts
+]
+FORBIDDEN = {"utils", "helpers", "common", "misc", "util", "helper"}
+
+
+def functions(path: Path) -> list[tuple[str, int]]:
+    tree = ast.parse(path.read_text())
+    return [
+        (node.name, (node.end_lineno or node.lineno) - node.lineno + 1)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
+    ]
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_file_is_one_noun_of_at_most_300_lines(path: Path) -> None:
+    assert len(path.read_text().splitlines()) <= 300
+    assert path.stem not in FORBIDDEN
+    assert path.parent.name not in FORBIDDEN
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_function_is_at_most_50_lines(path: Path) -> None:
+    assert [(name, lines) for name, lines in functions(path) if lines > 50] == []
+
+
+def test_median_function_is_at_most_15_lines() -> None:
+    assert median(lines for path in SOURCES for _, lines in functions(path)) <= 15
+
+
+def packages() -> list[str]:
+    found = []
+    for room in ROOMS:
+        module = importlib.import_module(room)
+        found.append(room)
+        found += [
+            info.name for info in pkgutil.walk_packages(module.__path__, f"{room}.") if info.ispkg
+        ]
+    return found
+
+
+@pytest.mark.parametrize("name", packages())
+def test_public_names_of_a_package_are_there_and_documented(name: str) -> None:
+    module = importlib.import_module(name)
+    assert module.__doc__, f"{name} has no docstring"
+    public = getattr(module, "__all__", [])
+    assert list(public) == sorted(set(public))
+    imported = {
+        alias.asname or alias.name
+        for node in ast.parse(Path(module.__file__ or "").read_text()).body
+        if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] in ROOMS
+        for alias in node.names
+    }
+    if public:
+        assert imported - set(public) - {"main", "annotations"} <= _used_inside(module)
+    for item in public:
+        value = getattr(module, item)
+        assert getattr(value, "__doc__", None), f"{name}.{item} has no docstring"
+
+
+def _used_inside(module: object) -> set[str]:
+    """Names that an ``__init__`` imports for its own code, not to offer them."""
+    tree = ast.parse(Path(getattr(module, "__file__", "")).read_text())
+    return {node.id for node in ast.walk(tree) if isinstance(node, ast.Name)}
+
+
+def test_imports_go_one_way() -> None:
+    done = subprocess.run(
+        [ROOT / ".venv" / "bin" / "lint-imports", "--no-cache"],
+        capture_output=True, text=True, cwd=ROOT, timeout=100, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+def test_import_of_eskin_starts_no_tier_and_no_server() -> None:
+    code = "import eskin, sys; print(sorted({m.split('.')[0] for m in sys.modules}))"
+    done = subprocess.run(
+        [ROOT / ".venv" / "bin" / "python", "-c", code],
+        capture_output=True, text=True, timeout=60, check=True,
+    )  # fmt: skip
+    loaded = set(ast.literal_eval(done.stdout))
+    assert not loaded & {"cloud", "gateway", "sensor_node", "fastapi", "sqlalchemy", "paho"}
+
+
+def test_decisions_are_listed() -> None:
+    listed = (ROOT / "docs" / "adr" / "README.md").read_text()
+    pages = [path.name for path in (ROOT / "docs" / "adr").glob("0*.md")]
+    assert pages
+    assert [page for page in pages if page not in listed] == []
