@@ -53,6 +53,7 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._deaths = 0
         self._again_at = 0.0
+        self._asked = False
 
     def start(self) -> None:
         """Start it.
@@ -110,8 +111,9 @@ class Child:
             self.start()
 
     def terminate(self) -> None:
-        """Ask it to end."""
-        if self._process is not None and self._process.poll() is None:
+        """Ask it to end, once."""
+        if self._process is not None and self._process.poll() is None and not self._asked:
+            self._asked = True
             self._process.terminate()
 
     def stop(self) -> None:
@@ -119,7 +121,7 @@ class Child:
         process = self._process
         if process is None or process.poll() is not None:
             return
-        process.terminate()
+        self.terminate()
         try:
             process.wait(_PATIENCE_S)
         except subprocess.TimeoutExpired:

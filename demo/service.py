@@ -102,15 +102,10 @@ def _run(
 def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
     """Make the store, a token for scripts, and a login URL for a person."""
     layout.store.parent.mkdir(parents=True, exist_ok=True)
-    store = Store.open(layout.store)
-    try:
-        token = create_token(
-            store, name="demo", scopes=frozenset({Scope.READ, Scope.OPERATE}),
-            lifetime=TOKEN_LIFETIME,
-        )  # fmt: skip
-        code = create_login_code(store, lifetime=LOGIN_LIFETIME)
-    finally:
-        store.close()
+    scopes = (Scope.READ, Scope.OPERATE)
+    with Store(layout.store) as store:
+        token = create_token(store, name="demo", scopes=scopes, lifetime=TOKEN_LIFETIME)
+        code = create_login_code(store, lifetime=LOGIN_LIFETIME, scopes=scopes)
     write_access(layout, ports, token)
     return token, f"http://{LOOPBACK}:{ports.people}/login?code={code}"
 

@@ -68,7 +68,10 @@ class RunningDemo(Running):
         assert self.process is not None
         found = {}
         for child in psutil.Process(self.process.pid).children():
-            line = child.cmdline()
+            try:
+                line = child.cmdline()
+            except psutil.Error:  # it is ending just now
+                continue
             if "demo.broker" in line:
                 found["broker"] = child
             elif "node" in line:

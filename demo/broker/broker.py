@@ -4,6 +4,8 @@
 - A session belongs to its certificate: the client id is prefixed with the certificate's name
   (in amqtt, a certificate of n2 with client id n1 took over n1's session).
 - Sessions are clean, so no queue grows for a client that is away.
+- A retained message goes to those who subscribed (amqtt sends every new connection whatever anybody
+  else has subscribed to).
 - Wills obey the access rules, as publishing and reading do (amqtt publishes wills unchecked).
 """
 
@@ -103,6 +105,13 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         except (MQTTError, NoDataError):
             await writer.close()
             raise
+
+    async def _publish_retained_messages_for_subscription(
+        self, subscription: tuple[str, int], session: Session
+    ) -> None:
+        subscribers = self._subscriptions.get(subscription[0], [])
+        if any(subscriber is session for subscriber, _ in subscribers):
+            await super()._publish_retained_messages_for_subscription(subscription, session)
 
     async def _authenticate(self, session: Session, _: ListenerConfig) -> bool:
         return isinstance(session.attributes.get(PARTY), Party)

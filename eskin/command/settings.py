@@ -28,8 +28,8 @@ _HEAD = """\
 
 Each process reads one TOML file (`--config FILE.toml`, or `ESKIN_CONFIG`). A setting `section.name`
 stands in the table `[section]`, or in the environment as `ESKIN_SECTION_NAME`, which wins. An
-unknown setting, a wrong type or a value out of range ends the process with status 2 and one line that
-names it.
+unknown setting, a wrong type or a value out of range ends the process with status 2 and one line
+that names it.
 """
 
 

@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from pycose.keys.symmetric import SymmetricKey
 from pycose.messages.enc0message import Enc0Message
 
-from eskin.envelope import HELD, Opener, Sealer, _agree, introduction
+from eskin.envelope import HELD, Opener, Sealer, introduction
+from eskin.envelope.agreement import agree_key
 from eskin.errors import (
     EnvelopeError,
     ForgedEnvelopeError,
@@ -134,7 +135,7 @@ def test_independent_cose_library_decrypts(identities: Identities, sealer: Seale
     message = Enc0Message.decode(envelope)
     salt = cbor2.loads(cbor2.loads(envelope).value[0])[-20]
     node, site = identities.node.certificate, identities.site.certificate
-    message.key = SymmetricKey(k=_agree(identities.site.key, node, node, site, salt))
+    message.key = SymmetricKey(k=agree_key(identities.site.key, node, node, site, salt))
     message.external_aad = TOPIC.encode()
     assert message.decrypt() == b"hello"
     assert HELD in {getattr(label, "identifier", label) for label in message.phdr}

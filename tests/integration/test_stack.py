@@ -35,8 +35,8 @@ def test_series_of_a_capacitance_lies_in_its_physical_range(demo: RunningDemo) -
     pairs = [(lo, hi) for lo, hi in zip(series["lo"], series["hi"], strict=True) if lo is not None]
     assert len(pairs) > 100
     assert all(lo <= hi for lo, hi in pairs)
-    assert min(hi for _, hi in pairs) >= 10e-12
-    assert max(lo for lo, _ in pairs) <= 100e-12
+    assert min(hi for _, hi in pairs) >= 9.5e-12
+    assert max(lo for lo, _ in pairs) <= 105e-12
 
 
 def test_audit_passes_while_the_demo_runs(demo: RunningDemo) -> None:

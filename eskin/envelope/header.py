@@ -1,0 +1,149 @@
+"""Reading an envelope's parts and headers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cbor2
+
+from eskin.envelope.labels import (
+    A256GCM,
+    ALG,
+    CHAIN,
+    ENCRYPT0,
+    HELD,
+    IV,
+    IV_BYTES,
+    MOST_ENVELOPE,
+    RECIPIENT,
+    SALT,
+    SALT_BYTES,
+    SENDER,
+    SHA256_ID,
+)
+from eskin.errors import MalformedEnvelopeError, MessageError
+from eskin.messages.fields import MOST_COUNT, integer, load_any
+from eskin.messages.head import Position
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """The protected header.
+
+    Attributes:
+        salt: The sender's.
+        sender: Thumbprint of the sender's certificate.
+        recipient: Thumbprint of the recipient's.
+        held: The lowest position that the sender still holds, where it says so.
+    """
+
+    salt: bytes
+    sender: bytes
+    recipient: bytes
+    held: Position | None
+
+    @classmethod
+    def read(cls, protected: bytes) -> Header:
+        """Read it.
+
+        Raises:
+            MalformedEnvelopeError: It is none of ours.
+        """
+        header = _load(protected, "protected header")
+        if not isinstance(header, dict):
+            raise MalformedEnvelopeError("protected header is no map")
+        if header.get(ALG) != A256GCM:
+            raise MalformedEnvelopeError("algorithm is not A256GCM (3)")
+        salt = header.get(SALT)
+        if not isinstance(salt, bytes) or len(salt) != SALT_BYTES:
+            raise MalformedEnvelopeError(f"salt is not {SALT_BYTES} bytes")
+        return cls(salt, _hash(header, SENDER), _hash(header, RECIPIENT), _held(header))
+
+
+def _hash(header: Mapping[object, object], label: int) -> bytes:
+    value = header.get(label)
+    if isinstance(value, list) and len(value) == 2 and value[0] == SHA256_ID:
+        digest = value[1]
+        if isinstance(digest, bytes) and len(digest) == 32:
+            return digest
+    raise MalformedEnvelopeError(f"header {label} is no SHA-256 thumbprint (RFC 9360)")
+
+
+def _held(header: Mapping[object, object]) -> Position | None:
+    value = header.get(HELD)
+    if value is None:
+        return None
+    if not isinstance(value, list) or len(value) != 2:
+        raise MalformedEnvelopeError("header `held` is no pair of boot and sequence")
+    try:
+        boot, sequence = (integer(number, "header `held`", 0, MOST_COUNT) for number in value)
+    except MessageError as error:
+        raise MalformedEnvelopeError(str(error)) from error
+    return Position(boot, sequence)
+
+
+def read_parts(envelope: bytes) -> tuple[bytes, dict[object, object], bytes]:
+    """Protected header, unprotected header and ciphertext.
+
+    Raises:
+        MalformedEnvelopeError: The bytes are no envelope of ours.
+    """
+    if len(envelope) > MOST_ENVELOPE:
+        raise MalformedEnvelopeError(
+            f"envelope of {len(envelope)} bytes; at most {MOST_ENVELOPE} are allowed"
+        )
+    tagged = _load(envelope, "envelope")
+    if isinstance(tagged, cbor2.CBORTag) and tagged.tag == ENCRYPT0:
+        value = tagged.value
+        if isinstance(value, list) and len(value) == 3:
+            protected, unprotected, sealed = value
+            if (
+                isinstance(protected, bytes)
+                and isinstance(unprotected, dict)
+                and isinstance(sealed, bytes)
+            ):
+                return protected, unprotected, sealed
+    raise MalformedEnvelopeError("envelope is no COSE_Encrypt0 (RFC 9052, section 5.2)")
+
+
+def read_iv(unprotected: Mapping[object, object]) -> bytes:
+    """The nonce.
+
+    Raises:
+        MalformedEnvelopeError: It is not 12 bytes.
+    """
+    iv = unprotected.get(IV)
+    if not isinstance(iv, bytes) or len(iv) != IV_BYTES:
+        raise MalformedEnvelopeError(f"IV is not {IV_BYTES} bytes")
+    return iv
+
+
+def introduction(envelope: bytes) -> tuple[bytes, ...] | None:
+    """The sender's certificate chain (DER), where the envelope carries it; not verified yet.
+
+    Raises:
+        MalformedEnvelopeError: The bytes are no envelope of ours.
+    """
+    _, unprotected, _ = read_parts(envelope)
+    chain = unprotected.get(CHAIN)
+    if chain is None:
+        return None
+    if not isinstance(chain, list) or not all(isinstance(item, bytes) for item in chain):
+        raise MalformedEnvelopeError("header x5chain-sender is no array of byte strings")
+    return tuple(chain)
+
+
+def associated_data(protected: bytes, topic: str) -> bytes:
+    """Enc_structure of RFC 9052, section 5.3."""
+    return cbor2.dumps(["Encrypt0", protected, topic.encode()])
+
+
+def _load(data: bytes, what: str) -> object:
+    try:
+        return load_any(data, what)
+    except MessageError as error:
+        raise MalformedEnvelopeError(str(error)) from error

@@ -1,0 +1,109 @@
+"""Opening messages."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
+from eskin.envelope.agreement import agree_key
+from eskin.envelope.header import Header, associated_data, read_iv, read_parts
+from eskin.errors import ForgedEnvelopeError, UnknownRecipientError, UnknownSenderError
+from eskin.identity.certificates import common_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from cryptography import x509
+
+    from eskin.identity.identity import Identity
+    from eskin.messages.head import Position
+
+
+@dataclass(frozen=True, slots=True)
+class Opened:
+    """What an envelope held, after it proved genuine.
+
+    Attributes:
+        plaintext: The message.
+        sender: Common name in the sender's certificate.
+        held: The lowest position that the sender still holds, where it said so.
+        thumbprint: SHA-256 of the sender's certificate, to which an answer is sealed.
+    """
+
+    plaintext: bytes
+    sender: str
+    held: Position | None
+    thumbprint: bytes
+
+
+class Opener:
+    """Opens messages that are sealed to one of our keys. Not for several threads at once.
+
+    Args:
+        keys: Our identities that messages may be sealed to.
+        sender: Finds a sender's verified certificate by its thumbprint; ``None`` if unknown.
+        capacity: How many senders' keys are remembered.
+    """
+
+    def __init__(
+        self,
+        keys: Sequence[Identity],
+        *,
+        sender: Callable[[bytes], x509.Certificate | None],
+        capacity: int = 4096,
+    ) -> None:
+        self._keys = {key.thumbprint: key for key in keys}
+        self._find = sender
+        self._capacity = capacity
+        self._ciphers: OrderedDict[tuple[bytes, bytes, bytes], AESGCM] = OrderedDict()
+
+    def open(self, envelope: bytes, *, topic: str) -> Opened:
+        """Open a message.
+
+        Args:
+            envelope: The sealed bytes.
+            topic: Where it arrived.
+
+        Raises:
+            MalformedEnvelopeError: The bytes are no envelope of ours.
+            UnknownRecipientError: It is not sealed to one of our keys.
+            UnknownSenderError: The sender's certificate is not known (yet).
+            ForgedEnvelopeError: Authentication fails.
+        """
+        protected, unprotected, sealed = read_parts(envelope)
+        header = Header.read(protected)
+        own = self._keys.get(header.recipient)
+        if own is None:
+            raise UnknownRecipientError(header.recipient)
+        certificate = self._find(header.sender)
+        if certificate is None:
+            raise UnknownSenderError(header.sender)
+        key = (header.sender, header.recipient, header.salt)
+        cipher = self._ciphers.get(key)
+        known = cipher is not None
+        if cipher is None:
+            shared = agree_key(own.key, certificate, certificate, own.certificate, header.salt)
+            cipher = AESGCM(shared)
+        try:
+            plaintext = cipher.decrypt(
+                read_iv(unprotected), sealed, associated_data(protected, topic)
+            )
+        except InvalidTag as error:
+            raise ForgedEnvelopeError(
+                f"authentication failed for sender {common_name(certificate)!r} on {topic!r}"
+            ) from error
+        # Remembered only now, so that forged salts cannot push genuine senders out.
+        self._remember(key, cipher, known=known)
+        return Opened(plaintext, common_name(certificate), header.held, header.sender)
+
+    def _remember(self, key: tuple[bytes, bytes, bytes], cipher: AESGCM, *, known: bool) -> None:
+        if known:
+            self._ciphers.move_to_end(key)
+            return
+        self._ciphers[key] = cipher
+        if len(self._ciphers) > self._capacity:
+            self._ciphers.popitem(last=False)

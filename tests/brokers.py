@@ -1,0 +1,66 @@
+"""Real MQTT brokers in tests: Mosquitto on loopback, configured as in production."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+from eskin.identity import IdentityKind
+from tests.processes import Running, accepts, free_port
+
+if TYPE_CHECKING:
+    from tests.identities import Identities
+
+PRODUCTION = Path(__file__).parents[1] / "services" / "broker"
+"""Folder of the configuration that the broker's image takes."""
+
+
+def mosquitto() -> str:
+    """Path of the broker's program."""
+    found = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin")
+    assert found is not None, "mosquitto is missing; install it (apt-get install mosquitto)"
+    return found
+
+
+class Mosquitto(Running):
+    """A broker in a folder of its own; can be stopped and started again on the same ports.
+
+    Attributes:
+        node_port: Takes nodes alone.
+        gateway_port: Takes gateways alone.
+        client_port: Takes clients alone.
+    """
+
+    def __init__(self, folder: Path, identities: Identities) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.node_port, self.gateway_port, self.client_port = (free_port() for _ in range(3))
+        server = identities.make(IdentityKind.SERVER, "server.broker")
+        for kind in (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT):
+            shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.pem")
+        config = (PRODUCTION / "mosquitto.conf").read_text()
+        for word, value in {
+            "HOST": "127.0.0.1",
+            "NODES_PORT": self.node_port,
+            "GATEWAYS_PORT": self.gateway_port,
+            "CLIENTS_PORT": self.client_port,
+            "IDENTITY": server.directory,
+            "ANCHORS": folder,
+            "ACL": PRODUCTION / "acl",
+            "DATA": folder,
+        }.items():
+            config = config.replace(f"@{word}@", str(value))
+        file = folder / "mosquitto.conf"
+        # Started as root, Mosquitto becomes another user, who must not need to read our keys.
+        file.write_text(f"user root\n{config}")
+        super().__init__([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
+
+    def __enter__(self) -> Self:
+        self.begin()
+        return self
+
+    def begin(self) -> None:
+        """Start, and wait until it listens."""
+        self.start()
+        ports = self.node_port, self.gateway_port, self.client_port
+        self.wait_for(lambda: all(accepts(port) for port in ports), "mosquitto listens")
