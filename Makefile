@@ -11,6 +11,9 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
+# Shows a long command's progress in one line; what it says on standard error stays.
+ON_ONE_LINE := | awk '{ printf "\r\033[K  %.100s", $$0; fflush() } END { print "\r\033[K  done" }'
+
 DASHBOARD := cloud/dashboard
 DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2>/dev/null) \
 	$(DASHBOARD)/index.html $(DASHBOARD)/package.json $(DASHBOARD)/package-lock.json
@@ -29,7 +32,8 @@ test: $(VENV)/.development $(DASHBOARD_BUILT) system ## Run all tests (installs 
 	services/npm.sh $(DASHBOARD) test
 
 test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real container engine and check it (root)
-	$(BIN)/pytest tests/compose -m compose --timeout 3600 $(ARGS)
+	@services/install_test_packages.sh docker.io docker-compose debootstrap
+	$(BIN)/pytest tests/compose -m compose --timeout 1800 $(ARGS)
 
 lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules
 	$(BIN)/ruff format --check .
@@ -46,7 +50,7 @@ dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules
@@ -59,12 +63,12 @@ $(VENV)/bin/pip:
 
 $(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/bin/pip
 	@echo "Installing eskin and what it needs …"
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable . --constraint constraints.txt
+	@$(BIN)/pip install --disable-pip-version-check --editable . --constraint constraints.txt $(ON_ONE_LINE)
 	@touch $@
 
 $(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
 	@echo "Installing eskin and what its tests need …"
-	@$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[dev]' --constraint constraints.txt
+	@$(BIN)/pip install --disable-pip-version-check --editable '.[dev]' --constraint constraints.txt $(ON_ONE_LINE)
 	@touch $@ $(VENV)/.runtime
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

@@ -21,6 +21,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=30.0, help="seconds of the running demo")
     options = parser.parse_args()
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=140)
     rows: list[Row] = []
     with tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)

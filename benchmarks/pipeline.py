@@ -43,7 +43,7 @@ def measure_pipeline(folder: Path, *, blocks: int) -> list[Row]:
         Running([ESKIN, "cloud", "--config", str(cloud_toml)], log=folder / "cloud.log") as cloud,
     ):
         gateway_toml = _write(folder / "gateway.toml", {
-            "broker": {"host": "127.0.0.1", "port": broker.port},
+            "broker": {"host": "127.0.0.1", "port": broker.gateway_port},
             "identity": {"directory": folder / "pki" / "gateway.g1",
                          "site": folder / "pki" / "site.main"},
             "cloud": {"url": f"https://127.0.0.1:{ingest}/api/v1/ingest"},
@@ -59,7 +59,7 @@ def measure_pipeline(folder: Path, *, blocks: int) -> list[Row]:
 def _flood(
     folder: Path, broker: Mosquitto, gateway: Running, cloud: Running, store: Path, blocks: int
 ) -> list[Row]:
-    port = str(broker.port)
+    port = str(broker.node_port)
     loader = [sys.executable, "-m", "benchmarks.loader", str(folder / "pki"), port, str(blocks)]
     processes: tuple[Running, ...] = (broker, gateway, cloud)
     before = {running: _cpu(running) for running in processes}

@@ -46,7 +46,8 @@ def write_json(rows: Sequence[Row], path: Path) -> None:
 
 def as_table(rows: Sequence[Row]) -> Table:
     """All rows for the terminal."""
-    table = Table("figure", title="eskin bench")
+    table = Table(title="eskin bench")
+    table.add_column("figure", no_wrap=True)
     for heading in ("value", "unit", "peer", "peer's value", "ratio", "target", "met"):
         table.add_column(heading, justify="right")
     for row in rows:

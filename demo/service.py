@@ -41,7 +41,13 @@ class _Stop(Exception):  # noqa: N818 - no error: the user's wish
 
 
 def run_demo(
-    data: Path, *, nodes: int, port: int, speed: float, duration: float | None, console: Console
+    data: Path,
+    *,
+    nodes: int,
+    port: int,
+    speed: float | None,
+    duration: float | None,
+    console: Console,
 ) -> None:
     """Run the whole stack until the duration is over, or SIGTERM or SIGINT.
 
@@ -49,7 +55,7 @@ def run_demo(
         data: Folder that keeps everything.
         nodes: How many sensor nodes.
         port: Port of the dashboard.
-        speed: Emulated seconds per second.
+        speed: Emulated seconds per second; ``None`` leaves it to each node's file.
         duration: Seconds to run once all is up; ``None`` runs until it is ended.
         console: Takes progress and the URL.
 
@@ -70,7 +76,7 @@ def _run(
     *,
     nodes: int,
     port: int,
-    speed: float,
+    speed: float | None,
     duration: float | None,
     console: Console,
 ) -> None:

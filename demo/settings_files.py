@@ -105,13 +105,10 @@ def write_node(layout: Layout, name: str) -> Path:
     return _write(path, sections, head=head, tail="\n" + profile.text)
 
 
-def node_environment(ports: Ports, speed: float) -> dict[str, str]:
+def node_environment(ports: Ports, speed: float | None) -> dict[str, str]:
     """What changes from start to start, so that a node's file stays the user's."""
-    return {
-        "ESKIN_NODE_SPEED": repr(speed),
-        "ESKIN_BROKER_HOST": LOOPBACK,
-        "ESKIN_BROKER_PORT": str(ports.broker),
-    }
+    broker = {"ESKIN_BROKER_HOST": LOOPBACK, "ESKIN_BROKER_PORT": str(ports.broker)}
+    return broker if speed is None else broker | {"ESKIN_NODE_SPEED": repr(speed)}
 
 
 def broker_identity(layout: Layout) -> Path:

@@ -42,7 +42,9 @@ class Stage:
 class Stack:
     """All processes of one demo."""
 
-    def __init__(self, layout: Layout, ports: Ports, nodes: Sequence[str], speed: float) -> None:
+    def __init__(
+        self, layout: Layout, ports: Ports, nodes: Sequence[str], speed: float | None
+    ) -> None:
         self._layout = layout
         self._ports = ports
         self._nodes = nodes

@@ -25,8 +25,9 @@ def demo(
     nodes: Annotated[int, typer.Option(min=1, max=100, help="Sensor nodes to run.")] = 3,
     port: Annotated[int, typer.Option(min=1, max=65535, help="Port of the dashboard.")] = 8080,
     speed: Annotated[
-        float, typer.Option(min=0.01, max=100, help="Emulated seconds per second.")
-    ] = 1.0,
+        float | None,
+        typer.Option(min=0.01, max=100, help="Emulated seconds per second; else each node's own."),
+    ] = None,
     duration: Annotated[
         float | None, typer.Option(min=0.1, help="Seconds to run; else until Ctrl-C.")
     ] = None,

@@ -8,6 +8,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import httpx
+import psutil
 import pytest
 
 from tests.demos import RunningDemo
@@ -22,7 +23,7 @@ NODES = ["fingertip", "palm", "forearm"]
 def waiting_in_flash(data: Path, node: str) -> int:
     path = data / "nodes" / node / "flash.sqlite"
     with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
-        return int(db.execute("SELECT count(*) FROM messages").fetchone()[0])
+        return int(db.execute("SELECT count(*) FROM message").fetchone()[0])
 
 
 @pytest.mark.timeout(300)
@@ -53,6 +54,21 @@ def test_killed_processes_lose_nothing_and_double_nothing(tmp_path: Path) -> Non
             capture_output=True, text=True, timeout=100, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.timeout(200)
+def test_killed_demo_leaves_no_process_and_its_data(tmp_path: Path) -> None:
+    with RunningDemo(tmp_path / "data") as demo:
+        demo.wait_for_more(NODES)
+        children = list(demo.children().values())
+        demo.kill()
+        _, alive = psutil.wait_procs(children, timeout=20)
+        assert alive == []
+        demo.start()
+        demo.wait_for_more(NODES)
+        assert min(boot for _, boot in demo.sequences()) == 1
+        wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored", seconds=60)
+        assert demo.stop(seconds=60) == 0
 
 
 def _answers(demo: RunningDemo) -> bool:
