@@ -1,0 +1,1 @@
+"""The emulated microcontroller: physics, analogue chain, firmware, flash, publisher."""

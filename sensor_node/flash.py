@@ -1,0 +1,284 @@
+"""A node's flash: every message waits here until a gateway acknowledges it."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from contextlib import contextmanager
+from copy import deepcopy
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from eskin.errors import FlashError
+from eskin.messages import Gap, Kind, Position
+from sensor_node.losses import Loss
+from sensor_node.stored import KINDS, SCHEMA, Stored, affects
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+    from eskin.messages import Message
+
+_INSERT: Final = "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?)"
+_GAP_RESERVE: Final = 2048
+"""Room that is kept for the gap message which tells of an eviction."""
+
+FULL: Final = "flash full"
+FAILED: Final = "flash write failed"
+
+
+@dataclass(slots=True)
+class _Level:
+    messages: int
+    used: int
+    gaps: int
+
+
+@dataclass(frozen=True, slots=True)
+class Usage:
+    """How full the flash is: messages, bytes, capacity in bytes, gaps ever recorded."""
+
+    messages: int
+    used: int
+    capacity: int
+    gaps: int
+
+
+class Batch:
+    """Messages that become durable together."""
+
+    def __init__(self, flash: Flash) -> None:
+        self._flash = flash
+        self.messages: list[Message] = []
+
+    def position(self) -> Position:
+        """The next message's position; never given out again."""
+        return self._flash.next_position()
+
+    def add(self, message: Message) -> None:
+        """Add a message."""
+        self.messages.append(message)
+
+
+class Flash:
+    """Durable outbox of a node, safe for several threads.
+
+    Opening counts the boot, durably, before anyone can use its number. Every batch is one
+    synchronised commit. Over its capacity the oldest raw blocks give way first, then the oldest
+    other messages, and a gap message names what was lost.
+
+    Args:
+        path: Database file; made if missing.
+        capacity: Bytes of messages that it may hold.
+
+    Raises:
+        FlashError: It cannot be opened.
+    """
+
+    def __init__(self, path: Path, *, capacity: int) -> None:
+        self._path = path
+        self._capacity = capacity
+        self._lock = threading.RLock()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+            self._db.execute("PRAGMA journal_mode = WAL")
+            self._db.execute("PRAGMA synchronous = FULL")
+            self._db.executescript(SCHEMA)
+            self._db.execute("UPDATE counter SET value = value + 1 WHERE name = 'boot'")
+            counters = dict(self._db.execute("SELECT name, value FROM counter").fetchall())
+            self._messages, self._used = self._db.execute(
+                "SELECT count(*), coalesce(sum(length(body)), 0) FROM message"
+            ).fetchone()
+        except (OSError, sqlite3.Error) as error:
+            raise FlashError(
+                f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
+            ) from error
+        self.boot: int = counters["boot"]
+        self._gaps: int = counters["gaps"]
+        self._sequence = 0
+        self._settled = 0
+        # What no gap message could say yet, because nothing could be written.
+        self._unsaid = Loss(FAILED)
+        # The last gap of an eviction, still open to more as long as nobody has read it.
+        self._open: tuple[Position, Loss] | None = None
+
+    def next_position(self) -> Position:
+        """Give out the next position; only for use inside of a batch."""
+        position = Position(self.boot, self._sequence)
+        self._sequence += 1
+        return position
+
+    @contextmanager
+    def batch(self) -> Iterator[Batch]:
+        """Collect messages; leaving the block makes them durable in one commit.
+
+        Raises:
+            FlashError: They could not be written. They are lost then, and the next batch that can
+                be written tells so in a gap.
+        """
+        with self._lock:
+            batch = Batch(self)
+            try:
+                if self._unsaid.time is not None:
+                    batch.add(self._unsaid.gap(batch.position()))
+                yield batch
+                self._commit(batch.messages)
+            except (sqlite3.Error, FlashError) as error:
+                told = 1 if self._unsaid.time is not None else 0
+                for message in batch.messages[told:]:
+                    time, samples = affects(message)
+                    self._unsaid.take(time=time, samples=samples, position=message.position)
+                raise FlashError(
+                    f"{self._path}: {len(batch.messages)} messages could not be stored: {error}; "
+                    "make room, sampling goes on and a gap will tell"
+                ) from error
+            self._unsaid = Loss(FAILED)
+            self._settled = self._sequence
+
+    def pending(self, after: Position | None, limit: int) -> list[Stored]:
+        """The oldest waiting messages behind a position."""
+        start = after or Position(-1, -1)
+        with self._lock:
+            rows = self._query(
+                "SELECT boot, sequence, kind, body FROM message WHERE (boot, sequence) > (?, ?) "
+                "ORDER BY boot, sequence LIMIT ?",
+                (start.boot, start.sequence, limit),
+            )
+            found = [Stored(Position(row[0], row[1]), row[2], row[3]) for row in rows]
+            if self._open and any(stored.position == self._open[0] for stored in found):
+                self._open = None
+            return found
+
+    def read(self, position: Position) -> Stored | None:
+        """One waiting message; ``None`` if it is gone."""
+        with self._lock:
+            rows = self._query(
+                "SELECT kind, body FROM message WHERE boot = ? AND sequence = ?",
+                (position.boot, position.sequence),
+            )
+            if self._open and self._open[0] == position:
+                self._open = None
+            return Stored(position, rows[0][0], rows[0][1]) if rows else None
+
+    def held(self) -> Position:
+        """A position below which nothing waits or will come."""
+        with self._lock:
+            rows = self._query(
+                "SELECT boot, sequence FROM message ORDER BY boot, sequence LIMIT 1", ()
+            )
+            settled = Position(self.boot, self._settled)
+            return min(settled, Position(*rows[0])) if rows else settled
+
+    def forget(self, spans: Iterable[tuple[int, int, int]]) -> None:
+        """Forget messages that a gateway acknowledged.
+
+        Args:
+            spans: ``(boot, first, last)``.
+
+        Raises:
+            FlashError: The file cannot be written; they stay, and are sent again.
+        """
+        with self._lock:
+            freed = count = 0
+            try:
+                self._db.execute("BEGIN IMMEDIATE")
+                try:
+                    for span in spans:
+                        rows = self._db.execute(
+                            "DELETE FROM message WHERE boot = ? AND sequence BETWEEN ? AND ? "
+                            "RETURNING length(body)",
+                            span,
+                        ).fetchall()
+                        count += len(rows)
+                        freed += sum(row[0] for row in rows)
+                    self._db.execute("COMMIT")
+                finally:
+                    self._roll_back()
+            except sqlite3.Error as error:
+                raise FlashError(f"{self._path}: flash cannot be written: {error}") from error
+            self._messages -= count
+            self._used -= freed
+
+    def usage(self) -> Usage:
+        """How full it is."""
+        with self._lock:
+            return Usage(self._messages, self._used, self._capacity, self._gaps)
+
+    def close(self) -> None:
+        """Close the file."""
+        with self._lock:
+            self._db.close()
+
+    def _query(self, statement: str, values: tuple[int, ...]) -> list[tuple[Any, ...]]:
+        try:
+            return self._db.execute(statement, values).fetchall()
+        except sqlite3.Error as error:
+            raise FlashError(f"{self._path}: flash cannot be read: {error}") from error
+
+    def _commit(self, messages: list[Message]) -> None:
+        if not messages:
+            return
+        level = _Level(self._messages, self._used, self._gaps)
+        opened = deepcopy(self._open)
+        self._db.execute("BEGIN IMMEDIATE")
+        try:
+            for message in messages:
+                self._insert(message, level)
+            if level.used > self._capacity:
+                opened = self._evict(level, opened)
+            self._db.execute("UPDATE counter SET value = ? WHERE name = 'gaps'", (level.gaps,))
+            self._db.execute("COMMIT")
+        finally:
+            self._roll_back()
+        self._messages, self._used, self._gaps = level.messages, level.used, level.gaps
+        self._open = opened
+
+    def _insert(self, message: Message, level: _Level) -> None:
+        body = message.encode()
+        (earliest, latest), samples = affects(message)
+        stands_for = 1 + (message.messages if isinstance(message, Gap) else 0)
+        position = (message.position.boot, message.position.sequence)
+        kind = KINDS[type(message)]
+        weight = 0 if kind is Kind.BLOCK else 1
+        row = (*position, weight, earliest, latest, samples, stands_for, int(kind), body)
+        self._db.execute(_INSERT, row)
+        level.messages += 1
+        level.used += len(body)
+        level.gaps += kind is Kind.GAP
+
+    def _evict(self, level: _Level, opened: tuple[Position, Loss] | None) -> tuple[Position, Loss]:
+        """Make room, oldest blocks first; gives the gap that tells of it and may still grow."""
+        position, loss = opened or (self.next_position(), Loss(FULL))
+        if opened is not None:
+            self._remove(position, level)
+            level.gaps -= 1
+        while level.used > self._capacity - _GAP_RESERVE:
+            row = self._db.execute(
+                "SELECT boot, sequence, earliest, latest, samples, stands_for FROM message "
+                "ORDER BY weight, boot, sequence LIMIT 1"
+            ).fetchone()
+            if row is None:
+                break
+            if loss.full:
+                self._insert(loss.gap(position), level)
+                position, loss = self.next_position(), Loss(FULL)
+            victim = Position(row[0], row[1])
+            self._remove(victim, level)
+            loss.take(time=(row[2], row[3]), samples=row[4], messages=row[5], position=victim)
+        self._insert(loss.gap(position), level)
+        return position, loss
+
+    def _remove(self, position: Position, level: _Level) -> None:
+        freed = self._db.execute(
+            "DELETE FROM message WHERE boot = ? AND sequence = ? RETURNING length(body)",
+            (position.boot, position.sequence),
+        ).fetchone()
+        if freed is not None:
+            level.messages -= 1
+            level.used -= freed[0]
+
+    def _roll_back(self) -> None:
+        if self._db.in_transaction:
+            self._db.execute("ROLLBACK")

@@ -1,0 +1,160 @@
+"""The node without its network: taxels, clock, flash and truth."""
+
+from __future__ import annotations
+
+import heapq
+import logging
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import FlashError
+from eskin.messages import Encoding, Gap, Status
+from sensor_node.constants import SECOND
+from sensor_node.emulation import EmulatedTaxel
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from eskin.messages import Message, Position
+    from sensor_node.clock import Clock
+    from sensor_node.flash import Batch, Flash
+    from sensor_node.settings import NodeSettings
+    from sensor_node.truth import Truth
+
+log = logging.getLogger(__name__)
+
+OVERRUN: Final = "sampling overrun"
+_MOST_FRAMES: Final = 64
+"""Frames of one commit."""
+
+
+class Node:
+    """Samples all taxels into flash.
+
+    Args:
+        settings: The node's settings.
+        clock: Its clock.
+        flash: Its outbox; its boot number is this run's.
+        truth: What the emulator keeps for the audit.
+        seed: Draws true parts and noise.
+    """
+
+    def __init__(
+        self, settings: NodeSettings, *, clock: Clock, flash: Flash, truth: Truth, seed: int
+    ) -> None:
+        self._settings = settings
+        self._clock = clock
+        self._flash = flash
+        self._truth = truth
+        self._overrun = int(settings.sampling.overrun_s * settings.node.speed * SECOND)
+        self._failures = 0
+        self._taxels = [
+            EmulatedTaxel(
+                taxel,
+                seed=(seed, number),
+                noise_seed=(seed, number, flash.boot),
+                clock=clock,
+                block=settings.sampling.block_samples,
+                encoding=Encoding[settings.sampling.encoding.upper()],
+                position=flash.next_position,
+            )
+            for number, taxel in enumerate(settings.taxel)
+        ]
+        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self._taxels)]
+        heapq.heapify(self._due)
+
+    @property
+    def next_due(self) -> int:
+        """Ticks at which the next frame is complete."""
+        return self._due[0][0]
+
+    def advance(self, ticks: int) -> None:
+        """Take all frames that are complete by now; say so where some were missed."""
+        if ticks - self.next_due > self._overrun:
+            self._pass_over(ticks)
+        while self.next_due <= ticks:
+            with self._tolerant(), self._flash.batch() as batch:
+                self._take(batch, ticks)
+
+    def record_status(self) -> Position:
+        """Put a status into flash.
+
+        Raises:
+            FlashError: It could not be written.
+        """
+        ticks = self._clock.ticks()
+        own, usage = self._settings.node, self._flash.usage()
+        with self._flash.batch() as batch:
+            status = Status(
+                position=batch.position(),
+                time=self._clock.enclosure(ticks),
+                profile=own.profile,
+                description=own.description or own.profile,
+                uptime=ticks,
+                messages=usage.messages,
+                used=usage.used,
+                capacity=usage.capacity,
+                gaps=usage.gaps,
+                channels=tuple(info for taxel in self._taxels for info in taxel.channels),
+            )
+            batch.add(status)
+        return status.position
+
+    def finish(self) -> None:
+        """Say what stays undecided at the end."""
+        with self._tolerant(), self._flash.batch() as batch:
+            for taxel in self._taxels:
+                _add(batch, taxel.finish())
+
+    def _take(self, batch: Batch, ticks: int) -> None:
+        true_blocks = []
+        for _ in range(_MOST_FRAMES):
+            end, number = self._due[0]
+            if end > ticks:
+                break
+            taxel = self._taxels[number]
+            messages, truth = taxel.sample()
+            _add(batch, messages)
+            true_blocks += truth
+            heapq.heapreplace(self._due, (taxel.next.end, number))
+        # Before the flash's commit: every stored block has its truth.
+        self._truth.store(true_blocks)
+
+    def _pass_over(self, ticks: int) -> None:
+        begin = min(taxel.next.start for taxel in self._taxels)
+        with self._tolerant(), self._flash.batch() as batch:
+            lost = 0
+            for taxel in self._taxels:
+                peaks, samples = taxel.skip(ticks)
+                _add(batch, peaks)
+                lost += samples
+            self._due = [(taxel.next.end, number) for number, taxel in enumerate(self._taxels)]
+            heapq.heapify(self._due)
+            again = max(taxel.next.start for taxel in self._taxels)
+            time = self._clock.enclosure(begin)[0], self._clock.enclosure(again)[1]
+            batch.add(Gap(batch.position(), OVERRUN, time, 0, lost, ()))
+            log.warning(
+                "samples lost: reason=%s samples=%d behind_s=%.3f",
+                OVERRUN,
+                lost,
+                (ticks - begin) / SECOND,
+            )
+
+    @contextmanager
+    def _tolerant(self) -> Iterator[None]:
+        """Let sampling go on when a commit fails; the next gap tells what was lost."""
+        try:
+            yield
+        except FlashError as error:
+            if self._failures == 0:
+                log.error("flash fails, sampling goes on: error=%s", error)  # noqa: TRY400 - says all
+            self._failures += 1
+            return
+        if self._failures:
+            log.warning("flash works again: failed_commits=%d", self._failures)
+            self._failures = 0
+
+
+def _add(batch: Batch, messages: Sequence[Message]) -> None:
+    for message in messages:
+        batch.add(message)

@@ -1,0 +1,46 @@
+"""A touch that covers more or less of a plate (eq. 2 and 10 of the paper)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sensor_node.constants import EPSILON_0
+from sensor_node.physics.parameters import draw_noise, draw_part
+from sensor_node.physics.signals import Signals, raised_sine
+
+if TYPE_CHECKING:
+    from eskin.interval import Floats
+    from sensor_node.taxels import TouchSection
+
+_LEAST_AREA: Final = 1e-12
+"""In m²: noise never makes a plate's area vanish or negative for the oscillator."""
+
+
+class TouchWorld:
+    """Covered area, capacitance and stored energy ½CV²; noise falls on the area."""
+
+    def __init__(self, taxel: TouchSection, random: np.random.Generator) -> None:
+        self._least = draw_part(random, taxel.area_min_m2, taxel.area_tolerance)
+        self._most = draw_part(random, taxel.area_max_m2, taxel.area_tolerance)
+        self._distance = draw_part(random, taxel.plate_distance_m, taxel.plate_distance_tolerance)
+        self._supply = draw_part(random, taxel.supply, taxel.supply_tolerance)
+        self._permittivity = EPSILON_0 * taxel.relative_permittivity
+        self._stimulus = taxel.stimulus
+        self._noise = taxel.noise
+
+    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+        """True area in m², capacitance in F, energy in J; the chain senses a noisy capacitance."""
+        share = raised_sine(seconds, self._stimulus)
+        area = (1.0 - share) * self._least + share * self._most
+        noisy = np.maximum(area + draw_noise(random, self._noise, len(area)), _LEAST_AREA)
+        capacitance = self._capacitance(area)
+        energy = 0.5 * capacitance * self._supply**2
+        return Signals(
+            truth={"area": area, "capacitance": capacitance, "energy": energy},
+            sensed={"capacitance": self._capacitance(noisy)},
+        )
+
+    def _capacitance(self, area: Floats) -> Floats:
+        return np.asarray(self._permittivity * area / self._distance)

@@ -1,0 +1,36 @@
+"""Which world a taxel lives in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+from sensor_node.physics.capacitive import CapacitiveWorld
+from sensor_node.physics.hybrid import HybridWorld
+from sensor_node.physics.inductive import InductiveWorld
+from sensor_node.physics.touch import TouchWorld
+from sensor_node.taxels import CapacitiveSection, InductiveSection, TouchSection
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from eskin.interval import Floats
+    from sensor_node.physics.signals import Signals
+    from sensor_node.taxels import AnyTaxel
+
+
+class World(Protocol):
+    """True parts and true signals of one taxel."""
+
+    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+        """True signals at instants since the start (a burst: since its trigger)."""
+
+
+def build_world(taxel: AnyTaxel, random: np.random.Generator) -> World:
+    """Draw the true parts of a taxel's world."""
+    if isinstance(taxel, CapacitiveSection):
+        return CapacitiveWorld(taxel, random)
+    if isinstance(taxel, TouchSection):
+        return TouchWorld(taxel, random)
+    if isinstance(taxel, InductiveSection):
+        return InductiveWorld(taxel, random)
+    return HybridWorld(taxel, random)

@@ -1,0 +1,96 @@
+"""A node as a process: samples in the main thread, publishes in another."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+import time
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sensor_node.clock import Clock
+from sensor_node.flash import Flash
+from sensor_node.node import Node
+from sensor_node.publisher import Publisher
+from sensor_node.truth import Truth
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+    from sensor_node.settings import NodeSettings
+
+log = logging.getLogger(__name__)
+
+_SHORTEST_TICK_S: Final = 0.05
+"""A fast emulation takes several frames in one commit."""
+
+
+def run(settings: NodeSettings) -> None:
+    """Run until SIGTERM or SIGINT.
+
+    Raises:
+        FlashError: Flash or truth cannot be opened.
+        IdentityError: A key or certificate cannot be used.
+    """
+    stop = threading.Event()
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        log.info("ending: signal=%s", signal.Signals(number).name)
+        stop.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, end)
+    truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
+    flash = Flash(settings.flash.path, capacity=settings.flash.capacity_bytes)
+    try:
+        _serve(settings, flash, truth, stop)
+    finally:
+        flash.close()
+        truth.close()
+
+
+def build_node(
+    settings: NodeSettings, *, flash: Flash, truth: Truth, start: int | None = None
+) -> tuple[Node, Clock]:
+    """Put a node together.
+
+    Args:
+        settings: Its settings.
+        flash: Its outbox.
+        truth: What the emulator keeps.
+        start: True UTC in ns at which emulated time begins; ``None``: now.
+    """
+    seed = truth.seed(settings.node.seed)
+    clock = Clock(
+        start=time.time_ns() if start is None else start,
+        monotonic=time.monotonic_ns,
+        speed=settings.node.speed,
+        rtc_error=round(settings.clock.rtc_error_ms * 1e6),
+        random=np.random.default_rng((seed, flash.boot)),
+    )
+    return Node(settings, clock=clock, flash=flash, truth=truth, seed=seed), clock
+
+
+def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.Event) -> None:
+    node, clock = build_node(settings, flash=flash, truth=truth)
+    publisher = Publisher(
+        flash,
+        record_status=node.record_status,
+        broker=settings.broker,
+        identity=settings.identity,
+    )
+    publisher.start()
+    own = settings.node
+    log.info("running: node=%s boot=%d speed=%g", own.name, flash.boot, own.speed)
+    while not stop.is_set():
+        wait = max(clock.seconds_until(node.next_due), _SHORTEST_TICK_S)
+        if stop.wait(wait):
+            break
+        node.advance(clock.ticks())
+        publisher.notify()
+    node.finish()
+    publisher.notify()
+    publisher.stop()
+    log.info("ended: node=%s waiting=%d", own.name, flash.usage().messages)

@@ -1,0 +1,96 @@
+"""Nodes and taxels for tests: packaged designs with some settings changed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import TypeAdapter
+
+from sensor_node.clock import Clock
+from sensor_node.flash import Flash
+from sensor_node.node import Node
+from sensor_node.profile import Profile
+from sensor_node.settings import NodeSettings
+from sensor_node.taxels import Taxel
+from sensor_node.truth import Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from sensor_node.taxels import AnyTaxel
+
+START = 1_790_000_000_000_000_000
+SECOND = 1_000_000_000
+
+KINDS = {
+    "capacitive": ("fingertip", 0),
+    "touch": ("palm", 0),
+    "inductive": ("forearm", 0),
+    "hybrid": ("forearm", 1),
+}
+
+
+def table(kind: str, /, **changes: Any) -> dict[str, Any]:
+    """The ``[[taxel]]`` table of a packaged taxel, changed."""
+    profile, number = KINDS[kind]
+    return {**Profile.read(profile).taxels[number], **changes}
+
+
+def taxel(kind: str, /, **changes: Any) -> AnyTaxel:
+    """A packaged taxel, changed."""
+    found: AnyTaxel = TypeAdapter(Taxel).validate_python(table(kind, **changes))
+    return found
+
+
+def settings(folder: Path, profile: str = "fingertip", **sections: Any) -> NodeSettings:
+    """Settings of a node that lives in a folder."""
+    given: dict[str, Any] = {
+        "identity": {"directory": folder, "site": folder / "site.pem"},
+        "flash": {"path": folder / "flash.sqlite"},
+        "truth": {"path": folder / "truth.sqlite"},
+        **sections,
+    }
+    given["node"] = {"name": profile, "profile": profile, "seed": 7} | sections.get("node", {})
+    return NodeSettings(**given)
+
+
+def clock_at(ticks: Callable[[], int], *, rtc_error: int = 2_000_000, seed: int = 3) -> Clock:
+    """A clock of which the test turns the hands."""
+    return Clock(
+        start=START,
+        monotonic=ticks,
+        speed=1.0,
+        rtc_error=rtc_error,
+        random=np.random.default_rng(seed),
+    )
+
+
+class Bench:
+    """A node without a network, whose time the test turns."""
+
+    def __init__(self, folder: Path, profile: str = "fingertip", **sections: Any) -> None:
+        self.settings = settings(folder, profile, **sections)
+        self.truth = Truth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
+        self.flash = Flash(self.settings.flash.path, capacity=self.settings.flash.capacity_bytes)
+        self.ticks = 0
+        self.clock = clock_at(lambda: self.ticks)
+        self.node = Node(
+            self.settings, clock=self.clock, flash=self.flash, truth=self.truth, seed=7
+        )
+
+    def run_to(self, seconds: float) -> None:
+        """Let time pass in tenths of a second, without an overrun."""
+        end = round(seconds * SECOND)
+        while self.ticks < end:
+            self.ticks = min(self.ticks + SECOND // 10, end)
+            self.node.advance(self.ticks)
+
+    def bodies(self) -> Iterator[bytes]:
+        """All waiting messages."""
+        return (stored.body for stored in self.flash.pending(None, 1_000_000))
+
+    def close(self) -> None:
+        self.flash.close()
+        self.truth.close()

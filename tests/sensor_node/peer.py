@@ -1,0 +1,108 @@
+"""The other end: a tiny gateway that opens what a node says, and acknowledges it when told to."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import Counter
+from typing import TYPE_CHECKING, Any, Self
+
+import paho.mqtt.client as mqtt
+from paho.mqtt.enums import CallbackAPIVersion
+
+from eskin.envelope import Opener, Sealer, introduction
+from eskin.errors import UnknownSenderError
+from eskin.identity import Trust, client_context, thumbprint
+from eskin.identity.kinds import IdentityKind
+from eskin.messages import Acknowledgement, decode_message
+from eskin.topics import Stream, node_topic
+
+if TYPE_CHECKING:
+    from cryptography import x509
+
+    from eskin.messages import Message, Position
+    from tests.identities import Identities
+
+
+class Peer:
+    """A gateway without a spool.
+
+    Attributes:
+        acknowledging: Whether it answers.
+        messages: What it has opened, by position.
+        copies: How often each came.
+        order: Positions in order of their first arrival.
+        held: The last that the node said it still holds.
+        retained: Retained messages that waited for it, by topic.
+        strangers: Messages that came before their sender's introduction.
+    """
+
+    def __init__(self, identities: Identities, port: int, *, acknowledging: bool = True) -> None:
+        self.acknowledging = acknowledging
+        self.messages: dict[Position, Message] = {}
+        self.copies: Counter[Position] = Counter()
+        self.order: list[Position] = []
+        self.held: Position | None = None
+        self.retained: Counter[str] = Counter()
+        self.strangers = 0
+        self._identities = identities
+        self._trust = Trust(identities.authority.root)
+        self._known: dict[bytes, x509.Certificate] = {}
+        self._opener = Opener([identities.site], sender=self._known.get)
+        self._sealers: dict[str, Sealer] = {}
+        self._subscribed = threading.Event()
+        own = identities.gateway
+        self.client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=own.name)
+        self.client.tls_set_context(client_context(own.directory / "root.pem", own))
+        self.client.on_connect = self._on_connect
+        self.client.on_subscribe = lambda *_: self._subscribed.set()
+        self.client.on_message = self._on_message
+        self._port = port
+
+    def __enter__(self) -> Self:
+        self.client.connect("127.0.0.1", self._port)
+        self.client.loop_start()
+        assert self._subscribed.wait(10)
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.client.disconnect()
+        self.client.loop_stop()
+
+    def acknowledge(self, node: str, positions: list[Position], *, topic: str = "") -> None:
+        """Say that messages are durable."""
+        spans = tuple((p.boot, p.sequence, p.sequence) for p in positions)
+        topic = topic or node_topic(node, Stream.ACKS)
+        sealed = self._sealers[node].seal(
+            Acknowledgement(time.time_ns(), spans).encode(), topic=topic
+        )
+        self.client.publish(node_topic(node, Stream.ACKS), sealed, qos=1)
+
+    def _on_connect(self, client: mqtt.Client, *_: Any) -> None:
+        streams = (Stream.BLOCKS, Stream.EVENTS, Stream.STATUS)
+        client.subscribe([(node_topic("+", stream), 1) for stream in streams])
+
+    def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
+        envelope = bytes(message.payload)
+        if message.retain:
+            self.retained[message.topic] += 1
+        chain = introduction(envelope)
+        if chain is not None:
+            leaf = self._trust.verify(chain, IdentityKind.NODE)
+            self._known[thumbprint(leaf)] = leaf
+        try:
+            opened = self._opener.open(envelope, topic=message.topic)
+        except UnknownSenderError:
+            self.strangers += 1
+            return
+        if opened.sender not in self._sealers:
+            node = next(c for c in self._known.values() if opened.sender in str(c.subject))
+            self._sealers[opened.sender] = Sealer(self._identities.site, node)
+        said = decode_message(opened.plaintext)
+        self.held = opened.held
+        if said.position not in self.messages:
+            self.order.append(said.position)
+        self.messages[said.position] = said
+        self.copies[said.position] += 1
+        if self.acknowledging:
+            self.acknowledge(opened.sender, [said.position])

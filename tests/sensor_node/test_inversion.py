@@ -1,0 +1,200 @@
+"""Every interval that the firmware says encloses the truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scipy.stats import binom
+
+from sensor_node.converter import Converter
+from sensor_node.firmware import build_inversion
+from sensor_node.frontend import build_frontend
+from sensor_node.physics import build_world
+from tests.sensor_node.designs import KINDS, taxel
+
+if TYPE_CHECKING:
+    from eskin.interval import Floats, Interval
+    from sensor_node.taxels import AnyTaxel
+
+SAMPLES = 2000
+RUNS = 60  # of 2000 samples: more than 1e5 a kind
+
+NOISES = {
+    "capacitive": st.sampled_from([0.0, 1e-8, 1e-6, 2e-5]),
+    "touch": st.sampled_from([0.0, 1e-8, 1e-6, 5e-6]),
+    "inductive": st.sampled_from([0.0, 1e-6, 1e-4, 1e-3]),
+    "hybrid": st.sampled_from([0.0, 1e-5, 1e-3, 0.05]),
+}
+TOLERANCES = {
+    "capacitive": ("resistance", "reference", "transconductance", "capacitance"),
+    "touch": ("resistance", "reference", "transconductance", "plate_distance", "supply", "area"),
+    "inductive": ("inductance", "inductance_change", "damping", "capacitance", "reference"),
+    "hybrid": ("current_gain", "voltage_gain", "part"),
+}
+
+
+@st.composite
+def designs(draw: st.DrawFn, kind: str) -> AnyTaxel:
+    """A taxel with any tolerances, ADC resolution and bounded noise."""
+    changes: dict[str, Any] = {
+        f"{name}_tolerance": draw(st.floats(0.0, 0.05)) for name in TOLERANCES[kind]
+    }
+    changes["adc_bits"] = draw(st.integers(4, 16))
+    changes["noise"] = {"kind": "uniform", "bound": draw(NOISES[kind])}
+    return taxel(kind, **changes)
+
+
+def measure(
+    design: AnyTaxel, seed: int, n: int, span: float = 3.0
+) -> tuple[dict[str, Floats], dict[str, Interval]]:
+    """The truth and what the firmware says, at random instants."""
+    random = np.random.default_rng(seed)
+    world, frontend = build_world(design, random), build_frontend(design, random)
+    seconds = np.sort(random.uniform(0.0, span, n))
+    signals = world.signals(seconds, random)
+    digitised = frontend.digitise(signals.sensed, random)
+    return signals.truth | digitised.truth, build_inversion(design).measure(digitised.codes)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_intervals_hold_the_truth_under_bounded_noise(kind: str) -> None:
+    seen: Counter[str] = Counter()
+
+    @settings(
+        max_examples=RUNS,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow],
+        database=None,
+    )
+    @given(designs(kind), st.integers(0, 2**32))
+    def check(design: AnyTaxel, seed: int) -> None:
+        truth, measured = measure(design, seed, SAMPLES)
+        for quantity in design.units:
+            holds = measured[quantity].contains(truth[quantity])
+            assert np.all(holds), (quantity, int((~holds).sum()))
+            seen[quantity] += SAMPLES
+
+    check()
+    assert all(count >= 100_000 for count in seen.values()), seen
+
+
+@pytest.mark.parametrize(
+    ("kind", "part"), [(kind, part) for kind, parts in TOLERANCES.items() for part in parts]
+)
+def test_each_part_s_tolerance_is_taken_in(kind: str, part: str) -> None:
+    # One part alone is uncertain, so that no other width can hide its own.
+    changes: dict[str, Any] = {f"{name}_tolerance": 0.0 for name in TOLERANCES[kind]}
+    changes[f"{part}_tolerance"] = 0.05
+    design = taxel(kind, **changes, adc_bits=16, noise={"kind": "uniform", "bound": 0.0})
+    for seed in range(5):
+        truth, measured = measure(design, seed, 500)
+        for quantity in design.units:
+            assert np.all(measured[quantity].contains(truth[quantity])), quantity
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("k", [1.0, 2.0, 3.0, 6.0])
+def test_misses_under_gaussian_noise_stay_within_the_coverage(kind: str, k: float) -> None:
+    # Much noise and thin tolerances, so that a miss is not hidden by other width.
+    sigma = {"capacitive": 5e-6, "touch": 4e-7, "inductive": 2e-4, "hybrid": 5e-3}[kind]
+    changes = {f"{name}_tolerance": 1e-6 for name in TOLERANCES[kind]}
+    design = taxel(kind, **changes, adc_bits=16, noise={"kind": "gaussian", "sigma": sigma, "k": k})
+    n = 100_000
+    most = binom.ppf(1 - 1e-6, n, 1.0 - design.noise.coverage)
+    truth, measured = measure(design, 11, n)
+    for quantity in design.units:
+        misses = int((~measured[quantity].contains(truth[quantity])).sum())
+        assert misses <= most, quantity
+        if k == 1.0:
+            # The check can fail: the noise is really there.
+            assert misses > 0.1 * most, quantity
+
+
+def test_codes_at_their_edges_are_included() -> None:
+    converter = Converter(0.1, 0.9, 12)
+    codes = np.arange(1, converter.last)
+    edges = np.concatenate([converter.lo + codes * converter.step])
+    for nearby in (np.nextafter(edges, 0.0), edges, np.nextafter(edges, 1.0)):
+        assert np.all(converter.enclose(converter.convert(nearby)).contains(nearby))
+
+
+def test_saturated_codes_are_unbounded_on_their_side() -> None:
+    converter = Converter(-1.0, 1.0, 8)
+    measured = converter.enclose(converter.convert(np.array([-9.0, 0.0, 9.0])))
+    assert np.isneginf(measured.inf).tolist() == [True, False, False]
+    assert np.isposinf(measured.sup).tolist() == [False, False, True]
+
+
+SATURATIONS = [
+    # kind, too low a top end, quantity to the side that opens at the highest code
+    ("capacitive", {"adc_max_A": 2e-4}, {"capacitance": "lo", "current": "hi"}),
+    ("touch", {"adc_max_A": 2e-4}, {"area": "lo", "capacitance": "lo", "energy": "lo"}),
+    (
+        "inductive",
+        {"adc_max_V": 0.82},
+        {"frequency": "hi", "inductance": "lo", "distance": "lo"},
+    ),
+]
+
+
+@pytest.mark.parametrize(("kind", "changes", "open_sides"), SATURATIONS)
+def test_saturation_opens_the_side_that_is_not_measured(
+    kind: str, changes: dict[str, Any], open_sides: dict[str, str]
+) -> None:
+    design = taxel(kind, **changes)
+    inversion = build_inversion(design)
+    last = 2**12 - 1
+    name = "voltage" if kind == "inductive" else "current"
+    measured = inversion.measure({name: np.array([0, 1000, last])})
+    for quantity, side in open_sides.items():
+        values = measured[quantity]
+        opened = {"lo": np.isinf(values.inf), "hi": np.isinf(values.sup)}
+        other = "lo" if side == "hi" else "hi"
+        assert opened[side].tolist() == [False, False, True], quantity
+        assert opened[other].tolist() == [True, False, False], quantity
+    truth, seen = measure(design, 5, 5000)
+    assert any(np.isinf(seen[q].inf).any() or np.isinf(seen[q].sup).any() for q in open_sides)
+    for quantity in open_sides:
+        assert np.all(seen[quantity].contains(truth[quantity])), quantity
+
+
+def test_hybrid_saturation_opens_both_ways() -> None:
+    truth, measured = measure(taxel("hybrid", adc_max_V=0.3), 5, 5000, span=0.04)
+    for quantity in ("current", "voltage"):
+        assert np.isneginf(measured[quantity].inf).any()
+        assert np.isposinf(measured[quantity].sup).any()
+        assert np.all(measured[quantity].contains(truth[quantity]))
+
+
+def test_distance_is_unknown_where_the_frequency_fits_no_distance() -> None:
+    # Far below the empty coil's frequency no distance explains the code.
+    design = taxel("inductive", adc_min_V=0.1, adc_max_V=0.9)
+    measured = build_inversion(design).measure({"voltage": np.array([500, 3700])})
+    assert measured["distance"].inf[0] == -np.inf
+    assert measured["distance"].sup[0] == np.inf
+    assert np.isfinite(measured["distance"].sup[1])
+
+
+WIDTHS = {
+    "capacitive": {"capacitance": 0.01, "current": 0.005},
+    "touch": {"area": 0.12, "capacitance": 0.12, "energy": 0.12},
+    "inductive": {"frequency": 3e-4, "inductance": 3e-3, "distance": 0.1},
+    "hybrid": {"current": 0.01, "voltage": 0.01},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_packaged_designs_measure_sensibly(kind: str) -> None:
+    span = 0.04 if kind == "hybrid" else 3.0
+    truth, measured = measure(taxel(kind), 5, 20_000, span=span)
+    for quantity, most in WIDTHS[kind].items():
+        width = measured[quantity].wid
+        size = np.abs(truth[quantity])
+        # Signals that cross zero are judged by their typical size.
+        relative = width / (np.sqrt(np.mean(size**2)) if kind == "hybrid" else size)
+        assert np.mean(relative) < most, (quantity, float(np.mean(relative)))

@@ -1,0 +1,230 @@
+"""A node's publisher against a real broker and a tiny gateway."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from eskin.envelope import Sealer
+from eskin.errors import FlashError
+from eskin.messages import Acknowledgement, Block, Peak, Position, Status
+from eskin.topics import Stream, node_topic
+from sensor_node.publisher import Publisher
+from sensor_node.settings import BrokerSection, IdentitySection
+from tests.processes import wait_until
+from tests.sensor_node.designs import Bench
+from tests.sensor_node.peer import Peer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tests.brokers import Mosquitto
+    from tests.identities import Identities
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path / "node")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def publishing(
+    bench: Bench, broker: Mosquitto, identities: Identities, site_file: Path
+) -> Callable[..., Any]:
+    @contextmanager
+    def start(**changes: Any) -> Iterator[Publisher]:
+        given = {
+            "port": broker.node_port,
+            "resend_s": 0.5,
+            "drain_s": 0.0,
+            "keepalive_s": 5,
+        } | changes
+        publisher = Publisher(
+            bench.flash,
+            record_status=bench.node.record_status,
+            broker=BrokerSection(**given),
+            identity=IdentitySection(directory=identities.node.directory, site=site_file),
+        )
+        publisher.start()
+        try:
+            yield publisher
+        finally:
+            publisher.stop()
+
+    return start
+
+
+def empty(bench: Bench) -> bool:
+    return bench.flash.usage().messages == 0
+
+
+def test_messages_are_forgotten_after_the_gateway_s_acknowledgement(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    bench.run_to(3.0)
+    before = {stored.position: stored.body for stored in bench.flash.pending(None, 1000)}
+    with Peer(identities, broker.gateway_port) as peer, publishing():
+        wait_until(lambda: empty(bench), "flash is empty")
+        assert {p: m.encode() for p, m in peer.messages.items() if p in before} == before
+        kinds = {type(message) for message in peer.messages.values()}
+        assert kinds == {Block, Peak, Status}
+        # It introduces itself before anything else, so nothing came from a stranger.
+        assert isinstance(peer.messages[peer.order[0]], Status)
+        assert peer.strangers == 0
+        # Apart from the status, the oldest came first.
+        others = [position for position in peer.order if position in before]
+        blocks = [p for p in others if isinstance(peer.messages[p], Block)]
+        assert blocks == sorted(blocks)
+
+
+def test_broker_s_word_alone_forgets_nothing(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    bench.run_to(1.0)
+    count = bench.flash.usage().messages
+    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
+        wait_until(lambda: len(peer.messages) > count, "all arrived")
+        # Sent again, as nobody acknowledged.
+        wait_until(lambda: min(peer.copies.values()) >= 2, "all came twice")
+        assert bench.flash.usage().messages == len(peer.messages)
+        assert peer.held == Position(1, 0)
+        peer.acknowledging = True
+        wait_until(lambda: empty(bench), "flash is empty")
+
+
+def test_held_follows_what_is_acknowledged(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    bench.run_to(1.0)
+    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
+        wait_until(lambda: len(peer.messages) > 24, "all arrived")
+        peer.acknowledge("fingertip", [Position(1, n) for n in range(10)])
+        wait_until(lambda: peer.held == Position(1, 10), "held is told")
+
+
+def test_window_bounds_what_is_in_flight(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    bench.run_to(4.0)
+    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing(window=10):
+        wait_until(lambda: min(peer.copies.values(), default=0) >= 3, "sent three times")
+        # The status goes first and takes its place in the window, too.
+        assert isinstance(peer.messages[peer.order[0]], Status)
+        assert set(peer.order[1:]) == {Position(1, n) for n in range(9)}
+        peer.acknowledging = True
+        wait_until(lambda: empty(bench), "flash is empty")
+        assert len(peer.messages) > 96
+
+
+def test_forged_acknowledgement_forgets_nothing(
+    bench: Bench,
+    broker: Mosquitto,
+    identities: Identities,
+    publishing: Callable[..., Any],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    bench.run_to(1.0)
+    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
+        wait_until(lambda: len(peer.messages) > 24, "all arrived")
+        acks = node_topic("fingertip", Stream.ACKS)
+        everything = Acknowledgement(0, ((1, 0, 1000),)).encode()
+        forger = Sealer(identities.gateway, identities.node.certificate)
+        mutant = bytearray(
+            Sealer(identities.site, identities.node.certificate).seal(everything, topic=acks)
+        )
+        mutant[-1] ^= 1
+        forged = [everything, forger.seal(everything, topic=acks), bytes(mutant)]
+        for envelope in forged:
+            peer.client.publish(acks, envelope, qos=1)
+        peer.acknowledge("fingertip", [Position(1, 0)], topic="eskin/v1/nodes/palm/acks")
+
+        def rejected() -> int:
+            return sum("acknowledgement rejected" in r.message for r in caplog.records)
+
+        wait_until(lambda: rejected() == 4, "all four are rejected")
+        assert bench.flash.usage().messages >= 25
+        assert bench.flash.held() == Position(1, 0)
+
+
+def test_newest_status_is_retained_and_repeated(
+    broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    with Peer(identities, broker.gateway_port) as peer, publishing(status_s=0.2):
+        wait_until(lambda: len(peer.messages) >= 4, "status comes again and again")
+        newest = max(peer.messages)
+    with Peer(identities, broker.gateway_port) as late:
+        wait_until(lambda: len(late.messages) == 1, "a status waits for latecomers")
+        assert late.retained == {node_topic("fingertip", Stream.STATUS): 1}
+        assert next(iter(late.messages)) >= newest
+
+
+def test_no_status_piles_up_while_no_gateway_answers(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    with (
+        Peer(identities, broker.gateway_port, acknowledging=False) as peer,
+        publishing(status_s=0.1, resend_s=0.2),
+    ):
+        wait_until(lambda: max(peer.copies.values(), default=0) >= 4, "sent again and again")
+        assert bench.flash.usage().messages == 1
+        peer.acknowledging = True
+        wait_until(lambda: len(peer.messages) >= 3, "statuses come again")
+
+
+def test_broker_that_dies_and_comes_back_loses_nothing(
+    bench: Bench,
+    broker: Mosquitto,
+    identities: Identities,
+    publishing: Callable[..., Any],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    bench.run_to(1.0)
+    with publishing():
+        with Peer(identities, broker.gateway_port) as peer:
+            wait_until(lambda: empty(bench), "flash is empty")
+            first = set(peer.messages)
+        broker.kill()
+        bench.run_to(3.0)
+        assert not empty(bench)
+        wait_until(
+            lambda: any("connection lost" in r.message for r in caplog.records), "it is noticed"
+        )
+        broker.begin()
+        with Peer(identities, broker.gateway_port) as again:
+            wait_until(lambda: empty(bench), "flash is empty again")
+            sequences = {p.sequence for p in first | set(again.messages)}
+    assert sequences == set(range(len(sequences)))
+
+
+def test_full_disk_does_not_keep_waiting_messages_from_going_out(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    bench.run_to(2.0)
+    said = bench.flash.usage().messages
+
+    def fail() -> Position:
+        raise FlashError("the disk is full")
+
+    bench.node.record_status = fail  # type: ignore[method-assign]  # a fault is injected
+    with Peer(identities, broker.gateway_port) as peer, publishing():
+        # Nobody introduced the node, but its messages arrive.
+        wait_until(lambda: peer.strangers >= said, "all arrived")
+
+
+def test_stop_waits_for_acknowledgements_in_the_pipe(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    with Peer(identities, broker.gateway_port) as peer:
+        with publishing(drain_s=10.0) as publisher:
+            wait_until(lambda: bool(peer.messages), "connected")
+            bench.run_to(5.0)
+            publisher.notify()
+        assert empty(bench)
+        assert len(peer.messages) > 120

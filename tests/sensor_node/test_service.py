@@ -1,0 +1,158 @@
+"""The node as a process: ``eskin node``."""
+
+from __future__ import annotations
+
+import re
+import signal
+import sqlite3
+import time
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+from eskin.messages import Block, Gap, Position, decode_message
+from sensor_node.node import OVERRUN
+from sensor_node.truth import Truth
+from tests.processes import ESKIN, Running, free_port, wait_until
+from tests.sensor_node.peer import Peer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.brokers import Mosquitto
+    from tests.identities import Identities
+
+CONFIG = """\
+[node]
+name = "fingertip"
+profile = "fingertip"
+speed = {speed}
+[broker]
+port = {port}
+[identity]
+directory = "{identity}"
+site = "{site}"
+[flash]
+path = "{folder}/flash.sqlite"
+[truth]
+path = "{folder}/truth.sqlite"
+"""
+
+
+class Service(Running):
+    """A node's process and its files."""
+
+    def __init__(
+        self, folder: Path, identities: Identities, site: Path, *, port: int, speed: float = 1.0
+    ) -> None:
+        self.folder = folder
+        config = folder / "node.toml"
+        config.write_text(
+            CONFIG.format(
+                speed=speed,
+                port=port,
+                identity=identities.node.directory,
+                site=site,
+                folder=folder,
+            )
+        )
+        super().__init__([ESKIN, "node", "--config", str(config)], log=folder / "node.log")
+
+    def stored(self) -> dict[Position, bytes]:
+        """What flash holds, as another process sees it."""
+        path = (self.folder / "flash.sqlite").absolute()
+        if not path.exists():
+            return {}
+        with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as db:
+            try:
+                rows = db.execute("SELECT boot, sequence, body FROM message").fetchall()
+            except sqlite3.OperationalError:
+                return {}
+        return {Position(boot, sequence): body for boot, sequence, body in rows}
+
+
+def test_killed_node_keeps_what_it_committed_and_never_reuses_a_position(
+    tmp_path: Path, identities: Identities, site_file: Path
+) -> None:
+    # No broker: everything must stay.
+    service = Service(tmp_path, identities, site_file, port=free_port(), speed=10.0)
+    everything: dict[Position, bytes] = {}
+    for boot in (1, 2, 3):
+        with service:
+            service.wait_for(
+                lambda boot=boot: sum(p.boot == boot for p in service.stored()) > 100,  # type: ignore[misc]  # mypy infers no lambda defaults
+                "a hundred messages",
+            )
+            seen = service.stored()
+            service.kill()
+        kept = service.stored()
+        assert seen.items() <= kept.items()
+        assert everything.items() <= kept.items()
+        everything = kept
+    assert {position.boot for position in everything} == {1, 2, 3}
+    for position, body in everything.items():
+        assert decode_message(body).position == position
+    blocks = [p for p, body in everything.items() if isinstance(decode_message(body), Block)]
+    assert len(Truth.read(tmp_path / "truth.sqlite", blocks)) == len(blocks)
+
+
+def test_node_runs_through_the_broker_and_ends_on_sigterm(
+    tmp_path: Path, identities: Identities, site_file: Path, broker: Mosquitto
+) -> None:
+    with (
+        Peer(identities, broker.gateway_port) as peer,
+        Service(tmp_path, identities, site_file, port=broker.node_port, speed=5.0) as service,
+    ):
+        service.wait_for(lambda: len(peer.messages) > 200, "200 messages")
+        assert service.stop() == 0
+        wait_until(lambda: service.stored() == {}, "everything was acknowledged")
+        sequences = {position.sequence for position in peer.messages}
+        assert sequences == set(range(len(sequences)))
+        output = service.output()
+        assert len(re.findall(r"running: node=fingertip boot=1 speed=5", output)) == 1
+        assert "ended: node=fingertip waiting=0" in output
+
+
+def test_stopped_process_leaves_a_gap_that_counts_what_is_missing(
+    tmp_path: Path, identities: Identities, site_file: Path, broker: Mosquitto
+) -> None:
+    with (
+        Peer(identities, broker.gateway_port) as peer,
+        Service(tmp_path, identities, site_file, port=broker.node_port) as service,
+    ):
+        service.wait_for(lambda: len(peer.messages) > 10, "it runs")
+        service.signal(signal.SIGSTOP)
+        stopped = time.monotonic()
+        wait_until(lambda: time.monotonic() > stopped + 2.5, "a stop that is long enough")
+        service.signal(signal.SIGCONT)
+
+        def gaps() -> list[Gap]:
+            return [m for m in list(peer.messages.values()) if isinstance(m, Gap)]
+
+        service.wait_for(lambda: bool(gaps()), "a gap")
+        gap = gaps()[0]
+
+        def after() -> bool:
+            blocks = [m for m in list(peer.messages.values()) if isinstance(m, Block)]
+            return any(block.tube.time[0] >= gap.time[0] for block in blocks)
+
+        service.wait_for(after, "blocks come again")
+    assert gap.reason == OVERRUN
+    own = sorted(
+        (m.ticks, len(m.tube))
+        for m in peer.messages.values()
+        if isinstance(m, Block) and m.channel == "t01.current"
+    )
+    missing = own[-1][0] // 1_000_000 + 250 - sum(n for _, n in own)
+    assert missing > 2000
+    assert sum(each.samples for each in gaps()) == 6 * missing
+
+
+def test_missing_identity_is_one_clear_line_and_status_2(
+    tmp_path: Path, identities: Identities, site_file: Path
+) -> None:
+    service = Service(tmp_path, identities, tmp_path / "nowhere.pem", port=1)
+    assert site_file.exists()
+    service.start()
+    assert service.process is not None
+    assert service.process.wait(20) == 2
+    assert "nowhere.pem" in service.output()

@@ -1,0 +1,63 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from eskin.errors import FlashError
+from eskin.messages import Position
+from sensor_node.truth import TrueBlock, Truth
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def block(sequence: int, n: int = 250) -> TrueBlock:
+    values = np.linspace(0.0, 1.0, n) * sequence
+    return TrueBlock(Position(1, sequence), "t01.area", 10**18 + sequence, 1_000_000, values)
+
+
+def test_truth_is_read_back_as_it_was_while_open_for_writing(tmp_path: Path) -> None:
+    path = tmp_path / "truth.sqlite"
+    truth = Truth(path, limit=1 << 20)
+    assert Truth.oldest(path) is None
+    truth.store([block(3), block(5)])
+    found = Truth.read(path, [Position(1, 3), Position(1, 4), Position(1, 5)])
+    assert sorted(found) == [Position(1, 3), Position(1, 5)]
+    kept, made = found[Position(1, 5)], block(5)
+    assert (kept.channel, kept.time, kept.dt) == (made.channel, made.time, made.dt)
+    assert np.array_equal(kept.values, made.values)
+    truth.close()
+
+
+def test_oldest_truth_gives_way_beyond_the_limit(tmp_path: Path) -> None:
+    path = tmp_path / "truth.sqlite"
+    truth = Truth(path, limit=1 << 18)
+    for sequence in range(400):
+        truth.store([block(sequence)])
+    found = Truth.read(path, [Position(1, sequence) for sequence in range(400)])
+    assert max(found) == Position(1, 399)
+    assert 40 < len(found) < 140
+    assert min(found).sequence == 400 - len(found)
+    assert Truth.oldest(path) == min(found)
+    truth.close()
+
+
+def test_seed_is_kept_when_none_is_wanted(tmp_path: Path) -> None:
+    first = Truth(tmp_path / "truth.sqlite", limit=1 << 20)
+    drawn = first.seed(None)
+    first.close()
+    again = Truth(tmp_path / "truth.sqlite", limit=1 << 20)
+    assert again.seed(None) == drawn
+    assert again.seed(41) == 41
+    assert again.seed(None) == 41
+    again.close()
+    other = Truth(tmp_path / "other.sqlite", limit=1 << 20)
+    assert other.seed(None) != drawn
+    other.close()
+
+
+def test_missing_truth_is_a_clear_error(tmp_path: Path) -> None:
+    with pytest.raises(FlashError, match="cannot be read"):
+        Truth.read(tmp_path / "none.sqlite", [Position(1, 1)])
