@@ -1,0 +1,1 @@
+"""The gateway: authenticate, spool, acknowledge, republish, forward."""

@@ -1,0 +1,102 @@
+"""What the gateway says once a batch is durable: to nodes, to the broker, to the public."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from eskin.errors import UntrustedCertificateError
+from eskin.messages import Block, Status
+from gateway import public
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from gateway.acknowledger import Acknowledger
+    from gateway.arrival import Arrival
+    from gateway.broker import Broker
+    from gateway.counters import Counters
+    from gateway.intake import Outcome
+    from gateway.presence import Presence
+    from gateway.senders import Senders
+
+
+class Answers:
+    """Acknowledges and publishes. Only for one thread.
+
+    Args:
+        broker: Takes it all.
+        acknowledger: Seals the word to nodes.
+        senders: Knows their certificates.
+        presence: Knows who is there.
+        counters: What is counted.
+        clock: Monotonic seconds.
+        now: UTC ns.
+    """
+
+    def __init__(
+        self,
+        *,
+        broker: Broker,
+        acknowledger: Acknowledger,
+        senders: Senders,
+        presence: Presence,
+        counters: Counters,
+        clock: Callable[[], float] = time.monotonic,
+        now: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._broker = broker
+        self._acknowledger = acknowledger
+        self._senders = senders
+        self._presence = presence
+        self._counters = counters
+        self._clock = clock
+        self._now = now
+        self._heard_all = False
+
+    def give(self, outcome: Outcome, arrivals: Sequence[Arrival]) -> None:
+        """Answer for a batch that is durable."""
+        self._broker.publish(self._acknowledgements(outcome))
+        self._broker.acknowledge(arrivals)
+        self._broker.publish(list(self._publications(outcome)))
+
+    def release(self, arrivals: Sequence[Arrival]) -> None:
+        """Let the broker forget messages that are not acknowledged to their nodes."""
+        self._broker.acknowledge(arrivals)
+
+    def idle(self) -> None:
+        """Nothing waits: time to notice who is silent."""
+        now = self._clock()
+        if not self._broker.connected:
+            self._heard_all = False
+            return
+        if not self._heard_all:
+            self._heard_all = True
+            self._presence.excuse(now)
+        self._broker.publish(list(self._presence.silent(now)))
+
+    def _acknowledgements(self, outcome: Outcome) -> Iterator[tuple[str, bytes, bool]]:
+        now = self._now()
+        for node, positions in outcome.positions.items():
+            named = outcome.batch.nodes[node].thumbprint
+            try:
+                certificate = None if named is None else self._senders.find(named)
+            except UntrustedCertificateError:
+                continue  # revoked this very moment: no answer is owed
+            if named is None or certificate is None:
+                continue
+            topic, sealed = self._acknowledger.seal(
+                node, positions, to=certificate, named=named, time=now
+            )
+            self._counters.acknowledged.inc(len(positions))
+            yield topic, sealed, False
+
+    def _publications(self, outcome: Outcome) -> Iterator[tuple[str, bytes, bool]]:
+        now = self._clock()
+        for node, message, live in outcome.messages:
+            if isinstance(message, Block):
+                yield *public.live(node, message), False
+            elif not isinstance(message, Status):
+                yield *public.event(node, message), False
+            status = message if isinstance(message, Status) else None
+            yield from self._presence.heard(node, status, live=live, now=now)

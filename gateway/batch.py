@@ -1,0 +1,57 @@
+"""What one commit of the spool holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from gateway.record import NodeRecord
+
+
+class Entry(NamedTuple):
+    """One accepted message: the node's name, when it came (UTC ns), and the plaintext."""
+
+    node: str
+    received: int
+    body: bytes
+
+
+class DeadLetter(NamedTuple):
+    """A message that can go no further, when (UTC ns), and why."""
+
+    at: int
+    node: str
+    reason: str
+    body: bytes
+
+
+class Sender(NamedTuple):
+    """A verified sender's certificates (DER), by thumbprint; ``expires`` in s since 1970."""
+
+    thumbprint: bytes
+    expires: int
+    leaf: bytes
+    issuer: bytes
+
+
+@dataclass(slots=True)
+class Batch:
+    """All that becomes durable together, or not at all.
+
+    Attributes:
+        entries: Accepted messages, in order.
+        dead: Authentic messages that nobody can read.
+        nodes: What is remembered of each node that the batch touched.
+        senders: Certificates seen for the first time.
+    """
+
+    entries: list[Entry] = field(default_factory=list)
+    dead: list[DeadLetter] = field(default_factory=list)
+    nodes: dict[str, NodeRecord] = field(default_factory=dict)
+    senders: list[Sender] = field(default_factory=list)
+
+    @property
+    def size(self) -> int:
+        """Bytes of messages and dead letters."""
+        return sum(len(e.body) for e in self.entries) + sum(len(d.body) for d in self.dead)

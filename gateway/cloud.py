@@ -1,0 +1,161 @@
+"""The seam to the cloud, and the cloud over HTTPS."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from base64 import b64encode
+from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
+from time import time
+from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
+
+import cbor2
+import httpx
+import jwt
+import orjson
+
+from eskin.errors import CloudError
+from eskin.identity import der
+
+if TYPE_CHECKING:
+    import ssl
+    from collections.abc import Callable, Sequence
+
+    from eskin.identity import Identity
+
+AUDIENCE: Final = "eskin-cloud"
+TOKEN_S: Final = 60
+_MOST_ANSWER: Final = 4_194_304
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What the cloud did with one message.
+
+    Attributes:
+        result: Both ``stored`` and ``duplicate`` mean that it is durable there.
+        reason: Why it was rejected.
+    """
+
+    result: Literal["stored", "duplicate", "rejected"]
+    reason: str | None
+
+
+class Cloud(Protocol):
+    """What the gateway needs of the cloud."""
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        """Send messages (node, plaintext) in order.
+
+        Returns:
+            One answer for each message, in the same order.
+
+        Raises:
+            CloudError: The cloud did not answer as agreed; nothing is known of any message.
+        """
+
+
+class HttpsCloud:
+    """The cloud's ingest over HTTPS.
+
+    Args:
+        url: The ingest.
+        identity: The gateway's, which signs each request.
+        context: Leads to our root.
+        timeout_s: Seconds to wait.
+        clock: Seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        identity: Identity,
+        context: ssl.SSLContext,
+        timeout_s: float,
+        clock: Callable[[], float] = time,
+    ) -> None:
+        self._url = url
+        self._identity = identity
+        self._clock = clock
+        self._chain = [b64encode(der(part)).decode() for part in identity.chain]
+        # The environment's proxies are no part of the way from a gateway to its cloud.
+        self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        """See `Cloud.send`."""
+        body = cbor2.dumps([list(message) for message in messages])
+        headers = {
+            "Content-Type": "application/cbor",
+            "Authorization": f"Bearer {self._token(body)}",
+        }
+        try:
+            with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
+                if answer.status_code != httpx.codes.OK:
+                    raise self._refusal(answer)
+                return _answers(_read(answer), len(messages))
+        except httpx.HTTPError as error:
+            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
+
+    def _token(self, body: bytes) -> str:
+        now = int(self._clock())
+        claims = {
+            "iss": self._identity.name,
+            "aud": AUDIENCE,
+            "iat": now,
+            "exp": now + TOKEN_S,
+            "jti": str(uuid.uuid4()),
+            "sha256": hashlib.sha256(body).hexdigest(),
+        }
+        headers = {"x5c": self._chain}
+        return jwt.encode(claims, self._identity.key, algorithm="ES256", headers=headers)
+
+    def _refusal(self, answer: httpx.Response) -> CloudError:
+        return CloudError(
+            f"{self._url} answered {answer.status_code} {answer.reason_phrase}",
+            status=answer.status_code,
+            retry_after=self._patience(answer.headers.get("Retry-After")),
+        )
+
+    def _patience(self, value: str | None) -> float | None:
+        """Seconds of a Retry-After: a number, or a date (RFC 9110, section 10.2.3)."""
+        if value is None:
+            return None
+        if value.isascii() and value.isdigit():
+            return float(value[:9])
+        try:
+            return max(0.0, parsedate_to_datetime(value).timestamp() - self._clock())
+        except (ValueError, OverflowError):
+            return None
+
+
+def _read(answer: httpx.Response) -> bytes:
+    body = bytearray()
+    for part in answer.iter_bytes():
+        body += part
+        if len(body) > _MOST_ANSWER:
+            raise CloudError(f"the cloud's answer is longer than {_MOST_ANSWER} bytes")
+    return bytes(body)
+
+
+def _answers(body: bytes, expected: int) -> list[Answer]:
+    try:
+        items = orjson.loads(body)["items"]
+        answers = [_answer(item) for item in items]
+    except (orjson.JSONDecodeError, KeyError, TypeError) as error:
+        raise CloudError(f"the cloud's answer is not as agreed: {body[:100]!r}") from error
+    if len(answers) != expected:
+        raise CloudError(f"the cloud answered for {len(answers)} of {expected} messages")
+    return answers
+
+
+def _answer(item: dict[str, Any]) -> Answer:
+    result, reason = item["result"], item.get("reason")
+    if result not in {"stored", "duplicate", "rejected"} or not isinstance(reason, str | None):
+        raise TypeError(f"no result: {item!r}")
+    return Answer(result, reason)

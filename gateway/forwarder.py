@@ -1,0 +1,162 @@
+"""The thread between spool and cloud: send in order, forget only what the cloud answered for."""
+
+from __future__ import annotations
+
+import logging
+import time
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final
+
+import httpx
+
+from eskin.errors import CloudError, SpoolError
+from gateway.batch import DeadLetter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from gateway.backoff import Backoff
+    from gateway.cloud import Answer, Cloud
+    from gateway.counters import Counters
+    from gateway.settings import CloudSection
+    from gateway.spool import Spool, Stored
+
+log = logging.getLogger(__name__)
+
+_TICK_S: Final = 0.25
+_DRAIN_S: Final = 5.0
+
+
+class Forwarder:
+    """Sends the spool's messages until it is stopped; then for a short while what is left.
+
+    Args:
+        settings: Sizes of a request.
+        spool: Where messages wait.
+        cloud: Where they go.
+        backoff: Between failures.
+        counters: What is counted.
+        now: UTC ns.
+    """
+
+    def __init__(
+        self,
+        settings: CloudSection,
+        *,
+        spool: Spool,
+        cloud: Cloud,
+        backoff: Backoff,
+        counters: Counters,
+        now: Callable[[], int] = time.time_ns,
+    ) -> None:
+        self._settings = settings
+        self._spool = spool
+        self._cloud = cloud
+        self._backoff = backoff
+        self._counters = counters
+        self._now = now
+        self._most = settings.batch_messages
+        self._stopping = Event()
+        self.reachable: bool | None = None
+        self.fault: str | None = None
+        self._thread = Thread(target=self._run, name="forwarder", daemon=True)
+
+    def start(self) -> None:
+        """Work in a thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Send what is left if the cloud takes it at once, and end the thread."""
+        self._stopping.set()
+        self._spool.filled.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        deadline = float("inf")
+        while True:
+            if self._stopping.is_set():
+                deadline = min(deadline, time.monotonic() + _DRAIN_S)
+            try:
+                sent = self.forward()
+                failed = False
+            except (CloudError, SpoolError) as error:
+                sent, failed = 0, True
+                self._stopping.wait(self._note_failure(error))
+            except Exception:  # the thread's outermost loop: what broke is told and counted
+                sent, failed = 0, True
+                log.exception("forwarding failed unexpectedly; trying again")
+                self._counters.cloud_failures.inc()
+                self._stopping.wait(self._backoff.failed())
+            if self._stopping.is_set() and (failed or not sent or time.monotonic() > deadline):
+                return
+            if not sent and not failed:
+                self._spool.filled.wait(_TICK_S)
+
+    def forward(self) -> int:
+        """Send the oldest messages once; gives how many were settled.
+
+        Raises:
+            CloudError: The cloud did not answer as agreed.
+            SpoolError: The spool cannot be read or written.
+        """
+        stored = self._spool.take(self._most, self._settings.batch_bytes)
+        if not stored:
+            return 0
+        self._counters.forwarded.inc(len(stored))
+        try:
+            answers = self._cloud.send([(message.node, message.body) for message in stored])
+        except CloudError as error:
+            if error.status != httpx.codes.REQUEST_ENTITY_TOO_LARGE:
+                raise
+            return self._shrink(stored, error)
+        self._note_success()
+        self._settle(stored, answers)
+        self._most = min(self._most * 2, self._settings.batch_messages)
+        return len(stored)
+
+    def _shrink(self, stored: list[Stored], error: CloudError) -> int:
+        """The cloud finds the request too large: send less, or give up one message alone."""
+        if len(stored) > 1:
+            self._most = len(stored) // 2
+            raise error
+        self._bury(stored, [str(error)])
+        self._counters.cloud_rejected.inc()
+        return 1
+
+    def _settle(self, stored: list[Stored], answers: list[Answer]) -> None:
+        pairs = list(zip(stored, answers, strict=True))
+        rejected = [(m, a.reason or "no reason given") for m, a in pairs if a.result == "rejected"]
+        letters = [self._letter(message, reason) for message, reason in rejected]
+        self._spool.settle(stored, letters)
+        for message, reason in rejected[:3]:
+            log.warning("cloud rejected a message: node=%s reason=%r", message.node, reason[:200])
+        count = [answer.result for answer in answers].count
+        self._counters.stored.inc(count("stored"))
+        self._counters.cloud_duplicate.inc(count("duplicate"))
+        self._counters.cloud_rejected.inc(len(rejected))
+        self._counters.latency.observe(max(0.0, (self._now() - stored[0].received) / 1e9))
+
+    def _bury(self, stored: list[Stored], reasons: list[str]) -> None:
+        pairs = zip(stored, reasons, strict=True)
+        self._spool.settle(stored, [self._letter(message, reason) for message, reason in pairs])
+
+    def _letter(self, message: Stored, reason: str) -> DeadLetter:
+        return DeadLetter(self._now(), message.node, f"cloud: {reason[:500]}", message.body)
+
+    def _note_success(self) -> None:
+        self._backoff.succeeded()
+        if not self.reachable:
+            log.info("cloud reached: %s", self._settings.url)
+        self.reachable = True
+        self.fault = None
+
+    def _note_failure(self, error: CloudError | SpoolError) -> float:
+        """Tell once per change; gives the seconds to wait."""
+        self._counters.cloud_failures.inc()
+        patience = None
+        if isinstance(error, CloudError):
+            self.reachable, patience = False, error.retry_after
+        if self.fault is None:
+            log.warning("forwarding: %s; messages wait in the spool", error)
+        self.fault = str(error)
+        return self._backoff.failed(at_least=patience)

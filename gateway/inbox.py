@@ -1,0 +1,100 @@
+"""The bounded queue between the broker's thread and the spool's."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from dataclasses import dataclass
+from threading import Condition
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from gateway.arrival import Arrival
+
+BATCH_BYTES: Final = 1_048_576
+"""Most bytes of one batch (one message more may start below it)."""
+
+
+@dataclass(frozen=True, slots=True)
+class InboxStatistics:
+    """How the inbox fares.
+
+    Attributes:
+        depth: Messages waiting.
+        capacity: Most that may wait.
+        most: Most that ever waited.
+        refused: Messages that found it full, and were dropped without acknowledgement.
+    """
+
+    depth: int
+    capacity: int
+    most: int
+    refused: int
+
+
+class Inbox:
+    """Holds arrivals in order; one thread puts, one takes."""
+
+    def __init__(self, capacity: int) -> None:
+        self._capacity = capacity
+        self._waiting: deque[Arrival] = deque()
+        self._changed = Condition()
+        self._wanted = 1
+        self._most = 0
+        self._refused = 0
+
+    def put(self, arrival: Arrival) -> bool:
+        """Add one; ``False`` where there is no room, which is counted."""
+        with self._changed:
+            depth = len(self._waiting) + 1
+            if depth > self._capacity:
+                self._refused += 1
+                return False
+            self._waiting.append(arrival)
+            self._most = max(self._most, depth)
+            # The taker says how many are worth waking it for: a wake-up costs more than a message.
+            if depth >= self._wanted:
+                self._changed.notify()
+            return True
+
+    @property
+    def full(self) -> bool:
+        """Whether the next message would find no room."""
+        return len(self._waiting) >= self._capacity
+
+    def take(self, most: int, *, linger_s: float, wait_s: float) -> list[Arrival]:
+        """Take a batch.
+
+        Args:
+            most: Most messages in it.
+            linger_s: How long to wait for more, once there is one.
+            wait_s: How long to wait for the first.
+
+        Returns:
+            The oldest messages in order; empty where none came.
+        """
+        with self._changed:
+            self._await(1, wait_s)
+            if self._waiting:
+                self._await(most, linger_s)
+            batch: list[Arrival] = []
+            size = 0
+            while self._waiting and len(batch) < most and size < BATCH_BYTES:
+                arrival = self._waiting.popleft()
+                size += len(arrival.payload)
+                batch.append(arrival)
+            return batch
+
+    def _await(self, wanted: int, seconds: float) -> None:
+        deadline = time.monotonic() + seconds
+        self._wanted = min(wanted, self._capacity)
+        while len(self._waiting) < self._wanted:
+            left = deadline - time.monotonic()
+            if left <= 0 or not self._changed.wait(left):
+                return
+
+    @property
+    def statistics(self) -> InboxStatistics:
+        """How it fares now."""
+        with self._changed:
+            return InboxStatistics(len(self._waiting), self._capacity, self._most, self._refused)

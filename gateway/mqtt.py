@@ -1,0 +1,299 @@
+"""The broker over MQTT: paho's client, driven by a thread of ours.
+
+paho's own thread wakes for each packet that another thread hands it. Ours takes a whole batch of
+PUBACKs and publications at once, and outlives whatever a broken broker sends.
+"""
+
+from __future__ import annotations
+
+import logging
+import select
+import socket
+import threading
+import time
+from collections import deque
+from typing import TYPE_CHECKING, Any, Final
+
+import paho.mqtt.client as paho
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.packettypes import PacketTypes
+from paho.mqtt.properties import Properties
+from paho.mqtt.subscribeoptions import SubscribeOptions
+
+from eskin.topics import Stream, node_topic
+from gateway.arrival import Arrival
+
+if TYPE_CHECKING:
+    import ssl
+    from collections.abc import Iterable, Sequence
+
+    from paho.mqtt.reasoncodes import ReasonCode
+
+    from gateway.backoff import Backoff
+    from gateway.inbox import Inbox
+    from gateway.settings import BrokerSection
+
+log = logging.getLogger(__name__)
+
+_PROTOCOLS: Final = {"3.1.1": MQTTProtocolVersion.MQTTv311, "5": MQTTProtocolVersion.MQTTv5}
+_TICK_S: Final = 0.5
+_MOST_OUTGOING: Final = 20_000
+_READS: Final = 64
+_FULL_TICK_S: Final = 0.005
+
+
+class MqttBroker:
+    """A connection that comes back by itself.
+
+    Args:
+        settings: Where, and how.
+        name: The gateway's name, also its client id.
+        context: Shows the gateway's certificate, and checks the broker's.
+        inbox: Takes what arrives.
+        backoff: Between attempts to connect.
+    """
+
+    def __init__(
+        self,
+        settings: BrokerSection,
+        *,
+        name: str,
+        context: ssl.SSLContext,
+        inbox: Inbox,
+        backoff: Backoff,
+    ) -> None:
+        self._settings = settings
+        self._inbox = inbox
+        self._backoff = backoff
+        self._stopping = threading.Event()
+        self._accepting = True
+        self._outgoing: deque[tuple[str, bytes, bool] | Arrival] = deque()
+        self._wake_in, self._wake_out = socket.socketpair()
+        for end in (self._wake_in, self._wake_out):
+            end.settimeout(0.0)
+        self._connection = 0
+        self._subscribed = False
+        self._full_seen = self._full_since = float("-inf")
+        self.dropped = 0
+        self.fault: str | None = "not connected yet"
+        self._client = self._make_client(name, context)
+        self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
+
+    def start(self) -> None:
+        """Connect, and keep connected, in a thread."""
+        self._thread.start()
+
+    def refuse(self) -> None:
+        """Take no further messages; answers still go out."""
+        self._accepting = False
+
+    def stop(self) -> None:
+        """Send what waits, say goodbye, and end the thread."""
+        self._stopping.set()
+        self._wake()
+        self._thread.join()
+        self._wake_in.close()
+        self._wake_out.close()
+
+    @property
+    def connected(self) -> bool:
+        """Whether the broker has granted all subscriptions."""
+        return self._subscribed
+
+    def acknowledge(self, arrivals: Sequence[Arrival]) -> None:
+        """Send PUBACKs."""
+        self._outgoing.extend(arrivals)
+        self._wake()
+
+    def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
+        """Publish at QoS 0; dropped and counted where there is no broker, or it does not read."""
+        for publication in publications:
+            if not self._subscribed or len(self._outgoing) >= _MOST_OUTGOING:
+                self.dropped += 1
+            else:
+                self._outgoing.append(publication)
+        self._wake()
+
+    def _make_client(self, name: str, context: ssl.SSLContext) -> paho.Client:
+        five = self._settings.protocol == "5"
+        client = paho.Client(
+            CallbackAPIVersion.VERSION2,
+            client_id=name,
+            clean_session=None if five else True,
+            protocol=_PROTOCOLS[self._settings.protocol],
+            manual_ack=True,
+        )
+        client.tls_set_context(context)
+        client.on_connect = self._on_connect
+        client.on_subscribe = self._on_subscribe
+        client.on_disconnect = self._on_disconnect
+        client.on_message = self._on_message
+        # Tells paho that a loop of ours writes; otherwise it would write in the caller's thread.
+        client.on_socket_register_write = _ignore
+        properties = None
+        if five:
+            properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho's
+            properties.ReceiveMaximum = self._settings.inbox_messages
+        client.connect_async(
+            self._settings.host,
+            self._settings.port,
+            keepalive=self._settings.keepalive_s,
+            clean_start=True if five else paho.MQTT_CLEAN_START_FIRST_ONLY,
+            properties=properties,
+        )
+        return client
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            try:
+                self._client.reconnect()
+                self._serve()
+            except OSError as error:
+                self._lost(f"cannot connect: {error}")
+            except Exception:  # the thread's outermost loop: a broken broker must not end it
+                log.exception("broker: unexpected failure; connecting again")
+                self._lost("unexpected failure")
+            self._stopping.wait(0 if self._stopping.is_set() else self._backoff.failed())
+        self._farewell()
+
+    def _serve(self) -> None:
+        """Read and write until the connection ends or the thread shall."""
+        while (own := self._client.socket()) is not None and not self._stopping.is_set():
+            patient = self._inbox.full and not self._out_of_patience()
+            if patient or not _pending(own):
+                self._wait(own, read=not patient)
+            if not patient and self._read(own):
+                return
+            self._hand_over()
+            if self._client.want_write() and self._client.loop_write():
+                return
+            if self._client.loop_misc():
+                return
+
+    def _out_of_patience(self) -> bool:
+        """Whether the inbox has been full for so long that pings would be missed."""
+        now = time.monotonic()
+        if now > self._full_seen + _FULL_TICK_S * 20:
+            self._full_since = now
+        self._full_seen = now
+        return now > self._full_since + self._settings.keepalive_s / 2
+
+    def _wait(self, own: Any, *, read: bool) -> None:
+        """Wait for something to do; with a full inbox, reading is not: TCP holds the broker."""
+        waiting = [own] if self._client.want_write() else []
+        reading = [own, self._wake_out] if read else [self._wake_out]
+        readable, _, _ = select.select(reading, waiting, [], _TICK_S if read else _FULL_TICK_S)
+        if self._wake_out in readable:
+            self._wake_out.recv(4096)
+
+    def _read(self, own: Any) -> bool:
+        """Read what is there, up to a batch; tells whether the connection ended."""
+        for _ in range(_READS):
+            # The socket does not block: where nothing is there, this returns at once.
+            if self._client.loop_read():
+                return True
+            if not _pending(own) or self._inbox.full:
+                return False
+        return False
+
+    def _hand_over(self) -> None:
+        """Give paho what other threads left for it."""
+        while self._outgoing:
+            item = self._outgoing.popleft()
+            if isinstance(item, Arrival):
+                # On another connection this identifier may name another message.
+                if item.qos and item.connection == self._connection:
+                    self._client.ack(item.mid, item.qos)
+            else:
+                topic, payload, retain = item
+                self._client.publish(topic, payload, qos=0, retain=retain)
+
+    def _farewell(self) -> None:
+        self._hand_over()
+        if self._client.is_connected():
+            self._client.disconnect()
+            while self._client.want_write() and (own := self._client.socket()) is not None:
+                _, writable, _ = select.select([], [own], [], 1.0)
+                if not writable or self._client.loop_write():
+                    break
+
+    def _wake(self) -> None:
+        try:
+            self._wake_in.send(b"\0")
+        except BlockingIOError:
+            return  # enough wake-ups are under way
+
+    def _on_connect(
+        self, client: paho.Client, userdata: Any, flags: Any, code: ReasonCode, properties: Any
+    ) -> None:
+        del userdata, flags, properties
+        if code.is_failure:
+            self._lost(f"broker refuses: {code}")
+            return
+        self._connection += 1
+        shared = f"$share/{self._settings.group}/" if self._settings.group else ""
+        # Every gateway needs every status: it carries the certificate, and is kept by the broker,
+        # which gives no kept message to a shared subscription.
+        wanted = [
+            shared + node_topic("+", Stream.BLOCKS),
+            shared + node_topic("+", Stream.EVENTS),
+            node_topic("+", Stream.STATUS),
+        ]
+        if self._settings.protocol == "5":
+            options = SubscribeOptions(qos=1)
+            client.subscribe([(topic, options) for topic in wanted])
+        else:
+            client.subscribe([(topic, 1) for topic in wanted])
+
+    def _on_subscribe(
+        self, client: paho.Client, userdata: Any, mid: int, codes: list[ReasonCode], properties: Any
+    ) -> None:
+        del client, userdata, mid, properties
+        if any(code.is_failure for code in codes):
+            self._lost("broker refuses the subscriptions; check its ACL for this gateway")
+            return
+        self._subscribed = True
+        self.fault = None
+        self._backoff.succeeded()
+        log.info("broker connected: %s:%d", self._settings.host, self._settings.port)
+
+    def _on_disconnect(
+        self, client: paho.Client, userdata: Any, flags: Any, code: ReasonCode, properties: Any
+    ) -> None:
+        del client, userdata, flags, properties
+        if not self._stopping.is_set():
+            self._lost(f"connection lost: {code}")
+
+    def _on_message(self, client: paho.Client, userdata: Any, message: paho.MQTTMessage) -> None:
+        del client, userdata
+        if not self._accepting:
+            return
+        arrival = Arrival(
+            message.topic,
+            bytes(message.payload),
+            message.mid,
+            message.qos,
+            message.retain,
+            self._connection,
+        )
+        if not self._inbox.put(arrival):
+            # The node sends it again; kept, it would clog the broker's window.
+            self._outgoing.append(arrival)
+
+    def _lost(self, fault: str) -> None:
+        self._subscribed = False
+        if fault != self.fault:
+            self.fault = fault
+            log.warning(
+                "broker: %s; trying again: %s:%d", fault, self._settings.host, self._settings.port
+            )
+
+
+def _pending(own: Any) -> bool:
+    """Whether TLS holds decrypted bytes that select cannot see."""
+    pending = getattr(own, "pending", None)
+    return pending is not None and pending() > 0
+
+
+def _ignore(client: paho.Client, userdata: Any, sock: Any) -> None:
+    del client, userdata, sock

@@ -1,0 +1,112 @@
+"""The public face: plain JSON for any MQTT client, every number exact, every interval whole."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import orjson
+
+from eskin.messages import Block, Gap, Peak, Status
+from eskin.moment import format_moment
+from eskin.topics import live_topic
+
+
+def live(node: str, block: Block) -> tuple[str, bytes]:
+    """Topic and JSON of a block's hull.
+
+    ``t0`` is the earliest moment of the first sample, ``t1`` the latest of the last. An unbounded
+    side is null.
+    """
+    tube = block.tube
+    n = len(tube)
+    lo, hi = block.bounds
+    body = orjson.dumps(
+        {
+            "t0": format_moment(tube.time[0]),
+            "t1": format_moment(tube.time[1] + (n - 1) * tube.dt),
+            "lo": lo,  # orjson writes infinities as null
+            "hi": hi,
+            "unit": tube.unit,
+            "coverage": union_bound(tube.coverage, n),
+            "n": n,
+        }
+    )
+    return live_topic(node, block.channel), body
+
+
+def union_bound(coverage: float, n: int) -> float:
+    """Coverage of n samples together: ``1 - n·(1 - coverage)``, rounded down, at least zero."""
+    if coverage == 1.0:
+        return 1.0
+    miss = math.nextafter(n * math.nextafter(1.0 - coverage, math.inf), math.inf)
+    return max(0.0, math.nextafter(1.0 - miss, -math.inf))
+
+
+def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
+    """Topic and JSON of a peak or gap, as REST's ``/events`` lists it."""
+    position = message.position
+    item: dict[str, Any] = {
+        "id": f"{node}/{position.boot}/{position.sequence}",
+        "node": node,
+        "channel": None,
+        "kind": "gap",
+        "verdict": None,
+        "time": {"lo": format_moment(message.time[0]), "hi": format_moment(message.time[1])},
+        "height": None,
+        "prominence": None,
+        "count": None,
+        "unit": None,
+        "coverage": None,
+        "boot": position.boot,
+        "sequence": position.sequence,
+        "detail": None,
+    }
+    item |= _peak(message) if isinstance(message, Peak) else {"detail": _detail(message)}
+    return live_topic(node, "events"), orjson.dumps(item)
+
+
+def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
+    """Topic and JSON of a node's status."""
+    item = {
+        "node": node,
+        "online": online,
+        "time": {"lo": format_moment(message.time[0]), "hi": format_moment(message.time[1])},
+        "boot": message.position.boot,
+        "sequence": message.position.sequence,
+        "profile": message.profile,
+        "description": message.description,
+        "uptime_ns": message.uptime,
+        "outbox": {
+            "messages": message.messages,
+            "bytes": message.used,
+            "capacity_bytes": message.capacity,
+        },
+        "gaps": message.gaps,
+        "channels": [
+            {"id": c.channel, "unit": c.unit, "dt": c.dt, "coverage": c.coverage}
+            for c in message.channels
+        ],
+    }
+    return live_topic(node, "status"), orjson.dumps(item)
+
+
+def _peak(peak: Peak) -> dict[str, Any]:
+    return {
+        "channel": peak.channel,
+        "kind": "peak",
+        "verdict": peak.verdict.name.lower(),
+        "height": _interval(peak.height),
+        "prominence": _interval(peak.prominence),
+        "count": _interval(peak.count),
+        "unit": peak.unit,
+        "coverage": peak.coverage,
+    }
+
+
+def _interval(bounds: tuple[float, float]) -> dict[str, float]:
+    return {"lo": bounds[0], "hi": bounds[1]}
+
+
+def _detail(gap: Gap) -> str:
+    return f"{gap.reason}: {gap.messages} messages given up, {gap.samples} samples lost"

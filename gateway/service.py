@@ -1,0 +1,197 @@
+"""The gateway as a process."""
+
+from __future__ import annotations
+
+import logging
+import signal
+from random import SystemRandom
+from threading import Event
+from time import monotonic
+from typing import TYPE_CHECKING
+
+from eskin.envelope import Opener
+from eskin.errors import SettingsError
+from eskin.identity import Identity, IdentityKind, Trust, client_context
+from eskin.identity.identity import ROOT_FILE
+from gateway.acknowledger import Acknowledger
+from gateway.answers import Answers
+from gateway.backoff import Backoff
+from gateway.cloud import HttpsCloud
+from gateway.complaints import Complaints
+from gateway.counters import Counters
+from gateway.forwarder import Forwarder
+from gateway.health import Health
+from gateway.inbox import Inbox
+from gateway.intake import Intake
+from gateway.monitor import Monitor
+from gateway.mqtt import MqttBroker
+from gateway.presence import Presence
+from gateway.records import Records
+from gateway.revocations import Revocations
+from gateway.senders import Senders
+from gateway.spool import Spool
+from gateway.worker import Worker
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import FrameType
+
+    from gateway.settings import GatewaySettings
+
+log = logging.getLogger(__name__)
+
+
+def run(settings: GatewaySettings) -> None:
+    """Run until SIGTERM or SIGINT, then drain and close.
+
+    Raises:
+        EskinError: It cannot start: identity, spool or address cannot be used.
+    """
+    stop = Event()
+
+    def end(number: int, frame: FrameType | None) -> None:
+        del frame
+        log.info("ending: signal=%s", signal.Signals(number).name)
+        stop.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, end)
+    gateway = Gateway(settings)
+    gateway.start()
+    log.info(
+        "ready: gateway=%s broker=%s:%d cloud=%s health=http://%s:%d/healthz",
+        gateway.name,
+        settings.broker.host,
+        settings.broker.port,
+        settings.cloud.url,
+        settings.http.host,
+        gateway.monitor.port,
+    )
+    stop.wait()
+    gateway.stop()
+    log.info("ended: %d messages wait in the spool for the next start", gateway.left)
+
+
+class Gateway:
+    """All parts of one gateway, put together.
+
+    Raises:
+        EskinError: A part cannot be made.
+    """
+
+    def __init__(self, settings: GatewaySettings) -> None:
+        identity = _identity(
+            "identity.directory", settings.identity.directory, IdentityKind.GATEWAY
+        )
+        site = _identity("identity.site", settings.identity.site, IdentityKind.SITE)
+        root = settings.identity.directory / ROOT_FILE
+        random = SystemRandom()
+        self.name = identity.name
+        self.left = 0
+        self.counters = Counters()
+        self.inbox = Inbox(settings.broker.inbox_messages)
+        self.spool = Spool(
+            settings.spool.path,
+            capacity=settings.spool.capacity_bytes,
+            letters=settings.spool.dead_letters,
+        )
+        self.broker = MqttBroker(
+            settings.broker,
+            name=identity.name,
+            context=client_context(root, identity),
+            inbox=self.inbox,
+            backoff=Backoff(0.2, 10.0, random=random),
+        )
+        revocations = Revocations(Trust(identity.root), settings.identity.revocations)
+        presence = Presence(settings.nodes.silence_s)
+        presence.restore(self.spool, monotonic())
+        self.worker = _worker(
+            settings,
+            site,
+            self.inbox,
+            self.spool,
+            self.broker,
+            self.counters,
+            revocations,
+            presence,
+        )
+        cloud_settings = settings.cloud
+        self.cloud = HttpsCloud(
+            cloud_settings.url,
+            identity=identity,
+            context=client_context(root),
+            timeout_s=cloud_settings.timeout_s,
+        )
+        self.forwarder = Forwarder(
+            cloud_settings,
+            spool=self.spool,
+            cloud=self.cloud,
+            backoff=Backoff(cloud_settings.retry_s, cloud_settings.retry_most_s, random=random),
+            counters=self.counters,
+        )
+        health = Health(
+            broker=self.broker,
+            inbox=self.inbox,
+            worker=self.worker,
+            spool=self.spool,
+            forwarder=self.forwarder,
+            presence=presence,
+            revocations=revocations,
+        )
+        health.export(self.counters)
+        self.monitor = Monitor(settings.http, health=health, counters=self.counters)
+
+    def start(self) -> None:
+        """Start all threads."""
+        self.monitor.start()
+        self.forwarder.start()
+        self.worker.start()
+        self.broker.start()
+
+    def stop(self) -> None:
+        """Take nothing more, commit and answer what came, forward what the cloud takes, close."""
+        self.broker.refuse()
+        self.worker.stop()
+        self.broker.stop()
+        self.forwarder.stop()
+        self.monitor.stop()
+        self.cloud.close()
+        self.left = self.spool.statistics.messages
+        self.spool.close()
+
+
+def _worker(
+    settings: GatewaySettings,
+    site: Identity,
+    inbox: Inbox,
+    spool: Spool,
+    broker: MqttBroker,
+    counters: Counters,
+    revocations: Revocations,
+    presence: Presence,
+) -> Worker:
+    senders = Senders(spool, revocations)
+    records = Records(spool)
+    complaints = Complaints()
+    opener = Opener([site], sender=senders.find)
+    return Worker(
+        settings.spool,
+        inbox=inbox,
+        intake=Intake(opener=opener, senders=senders, records=records, complaints=complaints),
+        spool=spool,
+        answers=Answers(
+            broker=broker,
+            acknowledger=Acknowledger(site),
+            senders=senders,
+            presence=presence,
+            counters=counters,
+        ),
+        counters=counters,
+    )
+
+
+def _identity(setting: str, directory: Path, kind: IdentityKind) -> Identity:
+    identity = Identity.load(directory)
+    if identity.kind is not kind:
+        raise SettingsError(setting, f"{directory} holds a {identity.kind}; a {kind} is needed")
+    return identity

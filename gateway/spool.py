@@ -1,0 +1,255 @@
+"""The durable spool: one SQLite file (WAL).
+
+What the nodes said is committed with ``synchronous=FULL``: it survives a power cut before anybody
+acknowledges it. What the cloud answered is committed with ``synchronous=NORMAL``: losing that word
+costs only sending again, which is always safe.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import sqlite3
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Event, Lock
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from eskin.errors import SpoolError
+from eskin.messages import Position
+from gateway.batch import DeadLetter, Sender
+from gateway.record import NodeRecord
+from gateway.schema import migrate
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from gateway.batch import Batch
+
+
+_CHECKPOINT_PAGES: Final = 4000
+_ADD_MESSAGE: Final = "INSERT INTO messages (node, received, body) VALUES (?, ?, ?)"
+_FORGET: Final = "DELETE FROM messages WHERE id = ?"
+_KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?)"
+_KEEP_SENDER: Final = "INSERT OR REPLACE INTO senders VALUES (?, ?, ?, ?)"
+_ADD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters (at, node, reason, body, digest)
+    VALUES (?, ?, ?, ?, ?)"""
+_DROP_LETTERS: Final = """DELETE FROM dead_letters WHERE id IN
+    (SELECT id FROM dead_letters ORDER BY id LIMIT ?)"""
+
+
+class Stored(NamedTuple):
+    """One message in the spool; ``received`` in UTC ns."""
+
+    id: int
+    node: str
+    received: int
+    body: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class SpoolStatistics:
+    """How the spool fares.
+
+    Attributes:
+        messages: Messages waiting for the cloud.
+        used: Their bytes.
+        capacity: Most bytes.
+        dead_letters: Dead letters kept.
+        dropped_letters: Dead letters that gave way to newer ones since the start.
+    """
+
+    messages: int
+    used: int
+    capacity: int
+    dead_letters: int
+    dropped_letters: int
+
+
+class Spool:
+    """A durable queue to the cloud, with all that must become durable with it.
+
+    Args:
+        path: SQLite file, made where there is none.
+        capacity: Most bytes of messages.
+        letters: Most dead letters.
+
+    Raises:
+        SpoolError: The file cannot be opened.
+    """
+
+    def __init__(self, path: Path, *, capacity: int, letters: int) -> None:
+        self._path = path
+        self._capacity = capacity
+        self._letters_most = letters
+        self._lock = Lock()
+        self._dropped = 0
+        self.filled = Event()
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._intake = _connect(path, "FULL")
+            migrate(self._intake)
+            self._outlet = _connect(path, "NORMAL")
+            self._messages, self._used = self._intake.execute(
+                "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
+            ).fetchone()
+            self._letters = self._intake.execute("SELECT count(*) FROM dead_letters").fetchone()[0]
+        except (OSError, sqlite3.Error) as error:
+            raise SpoolError(f"spool {path} cannot be opened: {error}") from error
+
+    def close(self) -> None:
+        """Close the file; what was committed stays."""
+        with self._lock:
+            self._intake.close()
+            self._outlet.close()
+
+    def commit(self, batch: Batch) -> None:
+        """Make a batch durable, all of it or nothing.
+
+        Raises:
+            SpoolError: There is no room, or the file cannot be written.
+        """
+        size = sum(len(entry.body) for entry in batch.entries)
+        if self._used + size > self._capacity:
+            raise SpoolError(
+                f"spool is full: {self._used} of {self._capacity} bytes; {size} more do not fit "
+                "until the cloud takes some, or spool.capacity_bytes grows"
+            )
+        with self._lock:
+            with self._transaction(self._intake) as connection:
+                connection.executemany(_ADD_MESSAGE, batch.entries)
+                connection.executemany(_KEEP_NODE, [_row(*node) for node in batch.nodes.items()])
+                connection.executemany(_KEEP_SENDER, batch.senders)
+                buried = self._bury(connection, batch.dead)
+            self._messages += len(batch.entries)
+            self._used += size
+            self._count_letters(*buried)
+        if batch.entries:
+            self.filled.set()
+
+    def take(self, most: int, most_bytes: int) -> list[Stored]:
+        """The oldest messages, in order; they stay until they are settled.
+
+        Args:
+            most: Most messages.
+            most_bytes: Most bytes; one message is given in any case.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
+        self.filled.clear()
+        taken: list[Stored] = []
+        size = 0
+        try:
+            cursor = self._outlet.execute(
+                "SELECT id, node, received, body FROM messages ORDER BY id LIMIT ?", (most,)
+            )
+            for row in cursor:
+                size += len(row[3])
+                if taken and size > most_bytes:
+                    break
+                taken.append(Stored(*row))
+            cursor.close()
+        except sqlite3.Error as error:
+            raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
+        return taken
+
+    def settle(self, stored: Sequence[Stored], dead: Sequence[DeadLetter] = ()) -> None:
+        """Forget messages that the cloud answered for; what it rejected stays as dead letters.
+
+        Raises:
+            SpoolError: The file cannot be written; nothing is forgotten.
+        """
+        with self._lock:
+            with self._transaction(self._outlet) as connection:
+                connection.executemany(_FORGET, [(message.id,) for message in stored])
+                buried = self._bury(connection, dead)
+            self._messages -= len(stored)
+            self._used -= sum(len(message.body) for message in stored)
+            self._count_letters(*buried)
+
+    def node(self, name: str) -> NodeRecord | None:
+        """What is remembered of a node."""
+        rows = self._rows("SELECT * FROM nodes WHERE node = ?", name)
+        if not rows:
+            return None
+        _, boot, sequence, ranges, status, thumbprint = rows[0]
+        return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
+
+    def nodes(self) -> list[str]:
+        """Names of all nodes ever accepted."""
+        return [row[0] for row in self._rows("SELECT node FROM nodes ORDER BY node")]
+
+    def sender(self, thumbprint: bytes) -> Sender | None:
+        """A sender's certificates."""
+        rows = self._rows("SELECT * FROM senders WHERE thumbprint = ?", thumbprint)
+        return Sender(*rows[0]) if rows else None
+
+    def dead_letters(self) -> list[DeadLetter]:
+        """All dead letters, the oldest first."""
+        rows = self._rows("SELECT at, node, reason, body FROM dead_letters ORDER BY id")
+        return [DeadLetter(*row) for row in rows]
+
+    def oldest(self) -> int | None:
+        """When the oldest message came, UTC ns."""
+        rows = self._rows("SELECT received FROM messages ORDER BY id LIMIT 1")
+        return rows[0][0] if rows else None
+
+    @property
+    def statistics(self) -> SpoolStatistics:
+        """How it fares now."""
+        with self._lock:
+            return SpoolStatistics(
+                self._messages, self._used, self._capacity, self._letters, self._dropped
+            )
+
+    def _rows(self, query: str, *values: object) -> list[tuple[Any, ...]]:
+        try:
+            with self._lock:
+                return self._intake.execute(query, values).fetchall()
+        except sqlite3.Error as error:
+            raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
+
+    @contextmanager
+    def _transaction(self, connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            yield connection
+            connection.execute("COMMIT")
+        except sqlite3.Error as error:
+            # A full disk may have ended the transaction already.
+            if connection.in_transaction:
+                connection.execute("ROLLBACK")
+            raise SpoolError(f"spool {self._path} cannot be written: {error}") from error
+
+    def _bury(self, connection: sqlite3.Connection, dead: Sequence[DeadLetter]) -> tuple[int, int]:
+        """Keep dead letters, each content once; gives how many came and how many gave way."""
+        if not dead:
+            return 0, 0
+        rows = [(*letter, hashlib.sha256(letter.body).digest()) for letter in dead]
+        added = connection.executemany(_ADD_LETTER, rows).rowcount
+        surplus = self._letters + added - self._letters_most
+        if surplus <= 0:
+            return added, 0
+        return added, connection.execute(_DROP_LETTERS, (surplus,)).rowcount
+
+    def _count_letters(self, added: int, dropped: int) -> None:
+        self._letters += added - dropped
+        self._dropped += dropped
+
+
+def _connect(path: Path, synchronous: str) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute(f"PRAGMA synchronous = {synchronous}")
+    # Debian's SQLite overwrites what is deleted: twice the writing, for what the cloud has anyway.
+    connection.execute("PRAGMA secure_delete = OFF")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
+    connection.execute("PRAGMA busy_timeout = 5000")
+    return connection
+
+
+def _row(name: str, record: NodeRecord) -> tuple[object, ...]:
+    held = record.held
+    ranges = record.encode_ranges()
+    return name, held.boot, held.sequence, ranges, record.status, record.thumbprint

@@ -1,0 +1,128 @@
+"""The thread between inbox and spool: judge, commit, and only then answer."""
+
+from __future__ import annotations
+
+import logging
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import SpoolError
+from gateway.reason import Reason
+
+if TYPE_CHECKING:
+    from gateway.answers import Answers
+    from gateway.arrival import Arrival
+    from gateway.batch import Batch
+    from gateway.counters import Counters
+    from gateway.inbox import Inbox
+    from gateway.intake import Intake, Outcome
+    from gateway.settings import SpoolSection
+    from gateway.spool import Spool
+
+log = logging.getLogger(__name__)
+
+_TICK_S: Final = 0.25
+_RETRY_S: Final = 0.25
+
+
+class Worker:
+    """Takes batches from the inbox until it is stopped, and then until the inbox is empty.
+
+    Args:
+        settings: Sizes of a batch.
+        inbox: Where arrivals wait.
+        intake: Judges them.
+        spool: Makes them durable.
+        answers: Given only then.
+        counters: What is counted.
+    """
+
+    def __init__(
+        self,
+        settings: SpoolSection,
+        *,
+        inbox: Inbox,
+        intake: Intake,
+        spool: Spool,
+        answers: Answers,
+        counters: Counters,
+    ) -> None:
+        self._settings = settings
+        self._inbox = inbox
+        self._intake = intake
+        self._spool = spool
+        self._answers = answers
+        self._counters = counters
+        self._stopping = Event()
+        self.fault: str | None = None
+        self._thread = Thread(target=self._run, name="worker", daemon=True)
+
+    def start(self) -> None:
+        """Work in a thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Finish what is in the inbox, and end the thread."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        ended = False
+        while not ended:
+            arrivals = self._inbox.take(
+                self._settings.batch_messages,
+                linger_s=self._settings.batch_ms / 1000.0,
+                wait_s=_TICK_S,
+            )
+            ended = not arrivals and self._stopping.is_set()
+            try:
+                if arrivals:
+                    self.process(arrivals)
+                else:
+                    self._intake.idle()
+                    self._answers.idle()
+            except Exception:  # the thread's outermost loop: what broke is told and counted
+                log.exception("batch dropped without acknowledgement: messages=%d", len(arrivals))
+                self._counters.rejected(Reason.FAULT, len(arrivals))
+                self._intake.forget()
+                self._answers.release(arrivals)
+
+    def process(self, arrivals: list[Arrival]) -> None:
+        """Judge a batch, make it durable, and answer."""
+        outcome = self._intake.sort(arrivals)
+        self._counters.received.inc(len(arrivals))
+        batch = outcome.batch
+        if (batch.nodes or batch.senders) and not self._commit(batch):
+            return
+        self._intake.committed(batch)
+        self._answers.give(outcome, arrivals)
+        self._count(outcome)
+
+    def _commit(self, batch: Batch) -> bool:
+        """Commit; while there is no room, hold the batch: unanswered, so that nodes keep it."""
+        while True:
+            try:
+                self._spool.commit(batch)
+            except SpoolError as error:
+                self._refuse(error)
+                if self._stopping.wait(_RETRY_S):
+                    return False
+                continue
+            if self.fault is not None:
+                log.info("accepting again: the spool has room")
+                self.fault = None
+            self._counters.batches.inc()
+            return True
+
+    def _refuse(self, error: SpoolError) -> None:
+        self._counters.refusals.inc()
+        if self.fault is None:
+            log.error("accepting nothing: %s", error)
+        self.fault = str(error)
+
+    def _count(self, outcome: Outcome) -> None:
+        self._counters.accepted.inc(len(outcome.batch.entries))
+        self._counters.published.inc(len(outcome.messages))
+        self._counters.duplicate.inc(outcome.duplicates)
+        for reason, count in outcome.rejected.items():
+            self._counters.rejected(reason, count)

@@ -1,0 +1,228 @@
+"""The forwarder forgets nothing that the cloud did not answer for; both clouds pass."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import pytest
+
+from eskin.errors import CloudError
+from eskin.identity import IdentityKind, client_context
+from eskin.identity.identity import ROOT_FILE
+from gateway.batch import Batch, Entry
+from gateway.cloud import Answer, HttpsCloud
+from gateway.counters import Counters
+from gateway.forwarder import Forwarder
+from gateway.settings import CloudSection
+from gateway.spool import Spool
+from tests.gateway.stub_cloud import StubCloud
+from tests.gateway.twins import quick
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from gateway.cloud import Cloud
+    from tests.identities import Identities
+
+MESSAGES = [("n", bytes([number])) for number in range(10)]
+
+
+class MemoryCloud:
+    """The in-memory twin: stores, or fails as told."""
+
+    def __init__(self) -> None:
+        self.mode = "ok"
+        self.stored: list[tuple[str, bytes]] = []
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        if self.mode in {"error", "busy", "nonsense", "short"}:
+            raise CloudError("told to fail", status=500)
+        if self.mode == "large" and len(messages) > 2:
+            raise CloudError("too large", status=413)
+        return [self._store(message) for message in messages]
+
+    def _store(self, message: tuple[str, bytes]) -> Answer:
+        result: Literal["stored", "duplicate"] = "duplicate" if message in self.stored else "stored"
+        if self.mode == "reject":
+            return Answer("rejected", "not wanted")
+        if result == "stored":
+            self.stored.append(message)
+        return Answer(result, None)
+
+
+class Setup:
+    """A forwarder between a spool with ten messages and a cloud."""
+
+    def __init__(self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud) -> None:
+        self.told = told
+        self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
+        self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
+        self.counters = Counters()
+        self.forwarder = Forwarder(
+            CloudSection(batch_messages=4),
+            spool=self.spool,
+            cloud=cloud,
+            backoff=quick(),
+            counters=self.counters,
+        )
+
+
+def https(stub: StubCloud, identities: Identities, *, timeout_s: float = 5.0) -> HttpsCloud:
+    context = client_context(identities.gateway.directory / ROOT_FILE)
+    return HttpsCloud(stub.url, identity=identities.gateway, context=context, timeout_s=timeout_s)
+
+
+@pytest.fixture(params=["memory", "https"])
+def setup(
+    request: pytest.FixtureRequest, tmp_path: Path, identities: Identities
+) -> Iterator[Setup]:
+    if request.param == "memory":
+        twin = MemoryCloud()
+        made = Setup(tmp_path, twin, twin)
+        yield made
+        made.spool.close()
+        return
+    with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as stub:
+        client = https(stub, identities)
+        made = Setup(tmp_path, client, stub)
+        yield made
+        client.close()
+        made.spool.close()
+    assert stub.faults == []
+
+
+def test_all_messages_arrive_once_in_order(setup: Setup) -> None:
+    setup.forwarder.start()
+    wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
+    setup.forwarder.stop()
+    assert setup.told.stored == MESSAGES
+    assert setup.counters.value("messages_stored_total") == 10
+    assert setup.forwarder.reachable is True
+
+
+@pytest.mark.parametrize("mode", ["error", "busy", "nonsense", "short"])
+def test_failing_cloud_costs_nothing_but_time(setup: Setup, mode: str) -> None:
+    setup.told.mode = mode
+    setup.told.__dict__["retry_after"] = "0"
+    setup.forwarder.start()
+    wait_until(lambda: setup.counters.value("cloud_failures_total") >= 3, "it tries again")
+    assert setup.spool.statistics.messages == 10
+    assert setup.forwarder.reachable is False
+    assert setup.forwarder.fault is not None
+    setup.told.mode = "ok"
+    wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
+    setup.forwarder.stop()
+    assert setup.told.stored == MESSAGES
+    assert setup.forwarder.fault is None
+
+
+def test_rejected_messages_become_dead_letters_with_reason(setup: Setup) -> None:
+    setup.told.mode = "reject"
+    assert setup.forwarder.forward() == 4
+    assert setup.spool.statistics.messages == 6
+    assert [(d.node, d.reason, d.body) for d in setup.spool.dead_letters()] == [
+        (node, "cloud: not wanted", body) for node, body in MESSAGES[:4]
+    ]
+    assert setup.counters.value("cloud_rejected_total") == 4
+
+
+def test_messages_that_the_cloud_has_already_are_settled(setup: Setup) -> None:
+    setup.told.stored = MESSAGES[:3]
+    assert setup.forwarder.forward() == 4
+    assert setup.counters.value("cloud_duplicate_total") == 3
+    assert setup.counters.value("messages_stored_total") == 1
+
+
+def test_request_that_is_too_large_is_sent_in_parts(setup: Setup) -> None:
+    setup.told.mode = "large"
+    setup.forwarder.start()
+    wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
+    setup.forwarder.stop()
+    assert setup.told.stored == MESSAGES
+    assert setup.spool.dead_letters() == []
+
+
+def test_word_of_the_cloud_that_cannot_be_kept_is_asked_for_again(
+    setup: Setup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(setup.spool, "_outlet", setup.spool._intake)
+    setup.spool._intake.execute("PRAGMA query_only = ON")
+    setup.forwarder.start()
+    wait_until(lambda: "cannot be written" in str(setup.forwarder.fault), "it tells")
+    assert setup.spool.statistics.messages == 10
+    setup.spool._intake.execute("PRAGMA query_only = OFF")
+    wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
+    setup.forwarder.stop()
+    assert setup.told.stored == MESSAGES
+    assert setup.counters.value("cloud_duplicate_total") >= 4
+
+
+@pytest.fixture
+def stub(identities: Identities) -> Iterator[StubCloud]:
+    with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as running:
+        yield running
+    assert running.faults == []
+
+
+def test_cloud_away_is_waited_for(stub: StubCloud, tmp_path: Path, identities: Identities) -> None:
+    stub.end()
+    client = https(stub, identities)
+    made = Setup(tmp_path, client, stub)
+    made.forwarder.start()
+    wait_until(lambda: made.counters.value("cloud_failures_total") >= 2, "it tries")
+    stub.begin()
+    wait_until(lambda: made.spool.statistics.messages == 0, "the spool is empty")
+    made.forwarder.stop()
+    client.close()
+    made.spool.close()
+    assert stub.stored == MESSAGES
+
+
+def test_slow_cloud_is_given_up_and_asked_again(
+    stub: StubCloud, tmp_path: Path, identities: Identities
+) -> None:
+    stub.mode = "slow"
+    client = https(stub, identities, timeout_s=0.2)
+    made = Setup(tmp_path, client, stub)
+    with pytest.raises(CloudError, match="Timeout"):
+        made.forwarder.forward()
+    stub.release.set()
+    stub.mode = "ok"
+    while made.forwarder.forward():
+        assert made.counters.value("messages_forwarded_total") < 100
+    assert sorted(stub.stored) == MESSAGES
+    client.close()
+    made.spool.close()
+
+
+@pytest.mark.parametrize(
+    ("value", "least", "most"),
+    [
+        ("7", 7, 7),
+        ("Wed, 21 Oct 2065 07:28:00 GMT", 10**6, 10**12),
+        ("Wed, 21 Oct 2015 07:28:00 GMT", 0, 0),
+    ],
+)
+def test_retry_after_is_read_as_number_or_date(
+    stub: StubCloud, identities: Identities, value: str, least: float, most: float
+) -> None:
+    stub.mode, stub.retry_after = "busy", value
+    client = https(stub, identities)
+    with pytest.raises(CloudError) as caught:
+        client.send(MESSAGES)
+    client.close()
+    assert caught.value.status == 503
+    assert caught.value.retry_after is not None
+    assert least <= caught.value.retry_after <= most
+
+
+def test_cloud_of_other_ca_gets_nothing(tmp_path: Path, identities: Identities) -> None:
+    strangers = type(identities)(tmp_path / "strangers")
+    with StubCloud(strangers.make(IdentityKind.SERVER, "server.cloud")) as stranger:
+        client = https(stranger, identities)
+        with pytest.raises(CloudError, match="CERTIFICATE_VERIFY_FAILED"):
+            client.send(MESSAGES)
+        client.close()
+    assert stranger.requests == 0

@@ -1,0 +1,95 @@
+"""Public JSON encloses what the node said, in exact numbers."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+import orjson
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eskin.interval import Interval
+from eskin.messages import Block, Encoding, Position
+from eskin.moment import parse_moment
+from eskin.tube import Tube
+from gateway import public
+from gateway.presence import Presence
+from tests.gateway.messages import EPOCH, gap, peak, status
+
+if TYPE_CHECKING:
+    from eskin.messages import Gap, Peak
+
+_EVENT = {
+    "id", "node", "channel", "kind", "verdict", "time", "height", "prominence", "count", "unit",
+    "coverage", "boot", "sequence", "detail",
+}  # fmt: skip
+
+
+@given(
+    lo=st.floats(-1e300, 1e300),
+    width=st.floats(0, 1e300),
+    early=st.integers(0, 10**6),
+    n=st.integers(1, 50),
+)
+def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n: int) -> None:
+    values = Interval(np.full(n, lo), np.full(n, lo + width))
+    tube = Tube((EPOCH, EPOCH + early), 1_000_003, values, "F", 1.0)
+    packed = Block.pack(Position(1, 2), "t01.capacitance", 0, tube, Encoding.F64)
+    topic, body = public.live("fingertip", packed)
+    said = orjson.loads(body)
+    assert topic == "eskin/v1/live/fingertip/t01.capacitance"
+    assert (said["lo"], said["hi"]) == packed.bounds
+    assert parse_moment(said["t0"]) == EPOCH
+    assert parse_moment(said["t1"]) == EPOCH + early + (n - 1) * 1_000_003
+    assert (said["unit"], said["n"], said["coverage"]) == ("F", n, 1.0)
+
+
+def test_unbounded_side_is_null() -> None:
+    values = Interval([1.0, 2.0], [3.0, np.inf])
+    tube = Tube((EPOCH, EPOCH), 1, values, "F", 1.0)
+    packed = Block.pack(Position(1, 2), "t01.capacitance", 0, tube, Encoding.F64)
+    said = orjson.loads(public.live("n", packed)[1])
+    assert (said["lo"], said["hi"]) == (1.0, None)
+
+
+@given(coverage=st.floats(0, 1), n=st.integers(1, 1000))
+def test_union_bound_is_never_above_the_exact_one(coverage: float, n: int) -> None:
+    exact = max(Fraction(0), 1 - n * (1 - Fraction(coverage)))
+    bound = public.union_bound(coverage, n)
+    assert 0.0 <= bound <= exact
+    assert bound >= float(exact) - 1e-12
+
+
+@pytest.mark.parametrize("message", [peak(4), gap(4)])
+def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
+    topic, body = public.event("fingertip", message)
+    said = orjson.loads(body)
+    assert topic == "eskin/v1/live/fingertip/events"
+    assert set(said) == _EVENT
+    assert said["id"] == "fingertip/1/4"
+
+
+def test_gap_says_what_was_lost() -> None:
+    said = orjson.loads(public.event("n", gap(4))[1])
+    assert said["detail"] == "flash full: 2 messages given up, 200 samples lost"
+
+
+def test_presence_publishes_changes_and_every_status_and_nothing_else() -> None:
+    presence = Presence(10.0)
+
+    def said(*messages: tuple[str, bytes, bool]) -> list[bool]:
+        assert all(kept for _, _, kept in messages)
+        return [orjson.loads(body)["online"] for _, body, _ in messages]
+
+    assert said(*presence.heard("n", None, live=True, now=0.0)) == []
+    assert said(*presence.heard("n", status(1), live=True, now=1.0)) == [True]
+    assert said(*presence.heard("n", None, live=True, now=2.0)) == []
+    assert said(*presence.silent(11.9)) == []
+    assert presence.online == 1
+    assert said(*presence.silent(12.0)) == [False]
+    assert said(*presence.silent(13.0)) == []
+    assert said(*presence.heard("n", status(2), live=False, now=14.0)) == [False]
+    assert said(*presence.heard("n", None, live=True, now=15.0)) == [True]

@@ -1,0 +1,158 @@
+"""The gateway as a process: ready, healthy, told when not, and ended cleanly."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from eskin.topics import Stream
+from tests.gateway.messages import block, status
+from tests.gateway.wire_node import WireNode
+from tests.processes import Running, free_port, wait_until
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from gateway.service import Gateway
+    from gateway.settings import GatewaySettings
+    from tests.brokers import Mosquitto
+    from tests.gateway.stub_cloud import StubCloud
+    from tests.identities import Identities
+
+_PROGRAM = """
+import logging, sys
+from pathlib import Path
+from gateway.service import run
+from gateway.settings import GatewaySettings
+logging.basicConfig(level="INFO")
+run(GatewaySettings.load(Path(sys.argv[1])))
+"""
+
+
+def healthz(gateway: Gateway) -> httpx.Response:
+    return httpx.get(f"http://127.0.0.1:{gateway.monitor.port}/healthz", trust_env=False)
+
+
+def test_healthy_gateway_says_so(gateway: Gateway, node: WireNode) -> None:
+    node.say(Stream.STATUS, status(0))
+    node.wait_for((1, 0))
+    wait_until(lambda: gateway.spool.statistics.messages == 0, "the spool is empty")
+    answer = healthz(gateway)
+    report = answer.json()
+    assert answer.status_code == 200
+    assert (report["status"], report["reasons"]) == ("ok", [])
+    assert report["broker"] == {"connected": True}
+    assert report["cloud"] == {"reachable": True}
+    assert report["spool"]["messages"] == 0
+
+
+def test_gateway_without_broker_or_cloud_says_why(
+    gateway: Gateway, node: WireNode, broker: Mosquitto, cloud: StubCloud
+) -> None:
+    cloud.end()
+    node.say(Stream.STATUS, status(0))
+    node.wait_for((1, 0))
+    wait_until(lambda: gateway.forwarder.reachable is False, "it noticed the cloud")
+    broker.stop()
+    wait_until(lambda: not gateway.broker.connected, "it noticed the broker")
+    answer = healthz(gateway)
+    report = answer.json()
+    assert answer.status_code == 503
+    assert [reason.partition(":")[0] for reason in report["reasons"]] == ["broker", "cloud"]
+    assert report["spool"]["messages"] == 1
+    assert report["spool"]["oldest_age_s"] >= 0.0
+
+
+def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:
+    node.say(Stream.STATUS, status(0))
+    node.say(Stream.BLOCKS, block(1))
+    node.publish(Stream.BLOCKS, b"rubbish")
+    node.wait_for((1, 0), (1, 1))
+    wait_until(lambda: gateway.counters.value("messages_stored_total") == 2, "stored")
+    wait_until(lambda: gateway.counters.value("messages_received_total") == 3, "received")
+    text = httpx.get(f"http://127.0.0.1:{gateway.monitor.port}/metrics", trust_env=False).text
+    for line in (
+        "eskin_gateway_messages_accepted_total 2.0",
+        "eskin_gateway_messages_acknowledged_total 2.0",
+        'eskin_gateway_messages_rejected_total{reason="malformed"} 1.0',
+        "eskin_gateway_spool_messages 0.0",
+        "eskin_gateway_broker_connected 1.0",
+        "eskin_gateway_forward_latency_seconds_count",
+    ):
+        assert line in text
+    assert "eskin_gateway_healthy 1.0" in text
+
+
+def test_unknown_page_is_not_found(gateway: Gateway) -> None:
+    url = f"http://127.0.0.1:{gateway.monitor.port}/secrets"
+    assert httpx.get(url, trust_env=False).status_code == 404
+
+
+@pytest.fixture
+def config(settings: GatewaySettings, tmp_path: Path) -> Path:
+    file = tmp_path / "gateway.toml"
+    file.write_text(f"""
+[broker]
+host = "127.0.0.1"
+port = {settings.broker.port}
+[identity]
+directory = "{settings.identity.directory}"
+site = "{settings.identity.site}"
+[cloud]
+url = "{settings.cloud.url}"
+retry_s = 0.05
+[spool]
+path = "{settings.spool.path}"
+[http]
+port = {free_port()}
+""")
+    return file
+
+
+def test_process_ends_cleanly_on_sigterm(
+    config: Path, tmp_path: Path, cloud: StubCloud, node: WireNode
+) -> None:
+    log = tmp_path / "log"
+    with Running([sys.executable, "-c", _PROGRAM, str(config)], log=log) as process:
+        process.wait_for(lambda: "broker connected" in process.output(), "connected")
+        node.say(Stream.STATUS, status(0))
+        node.wait_for((1, 0))
+        assert process.stop() == 0
+    lines = log.read_text()
+    assert lines.count("ready: gateway=gateway.g1") == 1
+    assert "ended: 0 messages wait" in lines
+    assert "Traceback" not in lines
+    assert len(cloud.stored) == 1
+
+
+def test_killed_process_loses_nothing_it_acknowledged(
+    config: Path,
+    tmp_path: Path,
+    cloud: StubCloud,
+    identities: Identities,
+    broker: Mosquitto,
+) -> None:
+    cloud.end()
+    process = Running([sys.executable, "-c", _PROGRAM, str(config)], log=tmp_path / "log")
+    sent = {number: block(number).encode() for number in range(1, 200)}
+    with process, WireNode(identities.node, identities.site, broker.node_port) as node:
+        process.wait_for(lambda: "broker connected" in process.output(), "connected")
+        node.say(Stream.STATUS, status(0))
+        node.wait_for((1, 0))
+        for number in sent:
+            node.say(Stream.BLOCKS, block(number))
+        process.wait_for(lambda: len(node.acknowledged) > 20, "some are acknowledged")
+        process.kill()
+        vouched = {sequence for _, sequence in node.acknowledged if sequence}
+        cloud.begin()
+        process.start()
+        process.wait_for(lambda: process.output().count("broker connected") == 2, "connected again")
+        for number in sent:  # the node sends again what it must, and more
+            node.say(Stream.BLOCKS, block(number))
+        wait_until(lambda: len(cloud.stored) == 200, "the cloud has all", seconds=30)
+    stored = [body for _, body in cloud.stored]
+    assert len(stored) == len(set(stored))
+    assert set(stored) >= {sent[number] for number in vouched}

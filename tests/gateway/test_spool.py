@@ -1,0 +1,246 @@
+"""The spool holds what it committed, in order, whatever happens."""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule, run_state_machine_as_test
+
+from eskin.errors import SpoolError
+from eskin.messages import Position
+from gateway.batch import Batch, DeadLetter, Entry, Sender
+from gateway.record import NodeRecord
+from gateway.schema import MIGRATIONS
+from gateway.spool import Spool
+from tests.processes import Running
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+_CAPACITY = 2000
+
+
+def opened(folder: Path, *, capacity: int = 10_000_000) -> Spool:
+    return Spool(folder / "spool.db", capacity=capacity, letters=3)
+
+
+@pytest.fixture
+def spool(tmp_path: Path) -> Iterator[Spool]:
+    made = opened(tmp_path)
+    yield made
+    made.close()
+
+
+class SpoolMachine(RuleBasedStateMachine):
+    """Random commits, settlements and reopenings against a list."""
+
+    folder: Path
+
+    def __init__(self) -> None:
+        super().__init__()
+        for file in self.folder.glob("spool.db*"):
+            file.unlink()
+        self.spool = opened(self.folder, capacity=_CAPACITY)
+        self.model: list[tuple[str, bytes]] = []
+        self.accepted: set[int] = set()
+        self.held = 0
+
+    @rule(
+        bodies=st.lists(st.binary(max_size=200), max_size=5),
+        positions=st.lists(st.integers(0, 60), max_size=5),
+        held=st.integers(0, 60),
+    )
+    def commit(self, bodies: list[bytes], positions: list[int], held: int) -> None:
+        record = self.spool.node("n") or NodeRecord()
+        for number in positions:
+            record.add(Position(1, number))
+        record.release(Position(1, held))
+        batch = Batch([Entry("n", 5, body) for body in bodies], nodes={"n": record})
+        used = sum(len(body) for _, body in self.model)
+        if used + batch.size > _CAPACITY:
+            with pytest.raises(SpoolError, match="spool is full"):
+                self.spool.commit(batch)
+            return
+        self.spool.commit(batch)
+        self.model += [("n", body) for body in bodies]
+        self.accepted.update(positions)
+        self.held = max(self.held, held)
+
+    @rule(count=st.integers(0, 5))
+    def settle(self, count: int) -> None:
+        self.spool.settle(self.spool.take(count, 10**6) if count else [])
+        del self.model[:count]
+
+    @rule()
+    def reopen(self) -> None:
+        self.spool.close()
+        self.spool = opened(self.folder, capacity=_CAPACITY)
+
+    @invariant()
+    def holds_what_the_list_holds(self) -> None:
+        taken = self.spool.take(1000, 10**6)
+        assert [(message.node, message.body) for message in taken] == self.model
+        statistics = self.spool.statistics
+        assert statistics.messages == len(self.model)
+        assert statistics.used == sum(len(body) for _, body in self.model)
+
+    @invariant()
+    def knows_every_accepted_position(self) -> None:
+        record = self.spool.node("n") or NodeRecord()
+        for number in range(61):
+            expected = number in self.accepted or number < self.held
+            assert record.seen(Position(1, number)) == expected
+
+    def teardown(self) -> None:
+        self.spool.close()
+
+
+def test_spool_agrees_with_a_list_under_random_operations(tmp_path: Path) -> None:
+    class Machine(SpoolMachine):
+        folder = tmp_path
+
+    settings = hypothesis_settings(max_examples=40, stateful_step_count=20, deadline=None)
+    run_state_machine_as_test(Machine, settings=settings)
+
+
+def test_take_respects_count_and_bytes_but_gives_one_at_least(spool: Spool) -> None:
+    spool.commit(Batch([Entry("n", 1, bytes(100)) for _ in range(5)]))
+    assert len(spool.take(3, 10**6)) == 3
+    assert len(spool.take(5, 250)) == 2
+    assert len(spool.take(5, 1)) == 1
+
+
+def test_settled_messages_are_gone_and_rejected_ones_are_dead_letters(spool: Spool) -> None:
+    spool.commit(Batch([Entry("n", 1, b"good"), Entry("n", 2, b"bad")]))
+    taken = spool.take(2, 10**6)
+    letter = DeadLetter(3, "n", "cloud: not wanted", b"bad")
+    spool.settle(taken, [letter])
+    assert spool.take(10, 10**6) == []
+    assert spool.dead_letters() == [letter]
+    assert spool.statistics.used == 0
+
+
+def test_dead_letters_are_bounded_and_what_gives_way_is_counted(spool: Spool) -> None:
+    for number in range(5):
+        spool.commit(Batch(dead=[DeadLetter(number, "n", "poison", bytes([number]))] * 2))
+    assert [letter.at for letter in spool.dead_letters()] == [2, 3, 4]
+    assert (spool.statistics.dead_letters, spool.statistics.dropped_letters) == (3, 2)
+
+
+def test_sender_and_status_survive_reopening(tmp_path: Path) -> None:
+    sender = Sender(bytes(32), 99, b"leaf", b"issuer")
+    record = NodeRecord(status=b"status", thumbprint=bytes(32))
+    first = opened(tmp_path)
+    first.commit(Batch(nodes={"n": record}, senders=[sender]))
+    first.close()
+    second = opened(tmp_path)
+    assert second.sender(bytes(32)) == sender
+    assert second.sender(bytes(31)) is None
+    assert second.node("n") == record
+    assert second.nodes() == ["n"]
+    second.close()
+
+
+def test_ranges_do_not_outlive_what_the_node_holds(spool: Spool) -> None:
+    record = NodeRecord()
+    for boot in (1, 2, 3):
+        for number in range(0, 100, 2):
+            record.add(Position(boot, number))
+    record.release(Position(3, 90))
+    record.release(Position(2, 5))
+    spool.commit(Batch(nodes={"n": record}))
+    kept = spool.node("n")
+    assert kept is not None
+    assert {boot: list(ranges) for boot, ranges in kept.ranges.items()} == {
+        3: [(90, 90), (92, 92), (94, 94), (96, 96), (98, 98)]
+    }
+    assert kept.seen(Position(1, 1))
+    assert not kept.seen(Position(3, 91))
+
+
+def fill(spool: Spool) -> None:
+    batch = Batch([Entry("n", 1, bytes(2000)), Entry("m", 2, bytes(2000))])
+    for _ in range(1000):
+        spool.commit(batch)
+
+
+_WRITER = """
+import sys
+from pathlib import Path
+from eskin.messages import Position
+from gateway.batch import Batch, Entry
+from gateway.record import NodeRecord
+from gateway.spool import Spool
+spool = Spool(Path(sys.argv[1]), capacity=10**9, letters=3)
+record = NodeRecord()
+for number in range(10**9):
+    record.add(Position(1, number))
+    spool.commit(Batch([Entry("n", number, number.to_bytes(8) * 100)], nodes={"n": record}))
+    if number % 7 == 6:
+        spool.settle(spool.take(3, 10**6))
+    print(number, flush=True)
+"""
+
+
+def test_killed_writer_leaves_everything_it_vouched_for(tmp_path: Path) -> None:
+    log = tmp_path / "log"
+    writer = Running([sys.executable, "-c", _WRITER, str(tmp_path / "spool.db")], log=log)
+    for _ in range(3):
+        for file in (log, *tmp_path.glob("spool.db*")):
+            file.unlink(missing_ok=True)
+        with writer:
+            writer.wait_for(lambda: log.exists() and writer.output().count("\n") > 100, "writes")
+            writer.signal(signal.SIGKILL)
+            assert writer.process is not None
+            writer.process.wait()
+        vouched = int(writer.output().rpartition("\n")[0].rpartition("\n")[2])
+        spool = opened(tmp_path)
+        left = [int.from_bytes(message.body[:8]) for message in spool.take(10**6, 10**9)]
+        assert left == list(range(left[0], left[-1] + 1))
+        assert left[-1] >= vouched
+        record = spool.node("n")
+        assert record is not None
+        assert list(record.ranges[1]) == [(0, left[-1])]
+        spool.close()
+
+
+def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Path) -> None:
+    spool = opened(tmp_path)
+    pages = spool._intake.execute("PRAGMA page_count").fetchone()[0]
+    for connection in (spool._intake, spool._outlet):
+        connection.execute(f"PRAGMA max_page_count = {pages + 40}")
+    with pytest.raises(SpoolError, match="full"):
+        fill(spool)
+    stored = spool.statistics.messages // 2
+    assert stored > 5
+    assert spool.statistics.messages == 2 * stored
+    assert len(spool.take(10_000, 10**9)) == 2 * stored
+    spool.settle(spool.take(4, 10**9))
+    spool.commit(Batch([Entry("n", 1, bytes(2000))]))
+    assert spool.statistics.messages == 2 * stored - 3
+    spool.close()
+    again = opened(tmp_path)
+    assert len(again.take(10_000, 10**9)) == 2 * stored - 3
+    again.close()
+
+
+def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(SpoolError, match="cannot be opened"):
+        Spool(tmp_path / "file" / "spool.db", capacity=10**7, letters=3)
+
+
+def test_spool_of_newer_gateway_is_refused(tmp_path: Path) -> None:
+    opened(tmp_path).close()
+    connection = sqlite3.connect(tmp_path / "spool.db")
+    connection.execute(f"PRAGMA user_version = {len(MIGRATIONS) + 1}")
+    connection.close()
+    with pytest.raises(SpoolError, match="newer gateway"):
+        opened(tmp_path)

@@ -1,0 +1,129 @@
+"""Nothing is answered before it is durable."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from eskin.topics import Stream, live_topic, node_topic
+from tests.gateway.messages import CHANNEL, block, status
+from tests.gateway.twins import Inside
+from tests.gateway.wire_node import Seal
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from gateway.batch import Batch
+    from tests.identities import Identities
+
+ACKS = node_topic("fingertip", Stream.ACKS)
+
+
+@pytest.fixture
+def inside(tmp_path: Path, identities: Identities) -> Iterator[Inside]:
+    made = Inside(tmp_path, identities)
+    yield made
+    made.spool.close()
+
+
+@pytest.fixture
+def seal(identities: Identities) -> Seal:
+    return Seal(identities.node, identities.site)
+
+
+def introduce(inside: Inside, seal: Seal) -> None:
+    envelope = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
+    inside.arrive(Stream.STATUS, envelope)
+    inside.broker.published.clear()
+    inside.broker.released.clear()
+
+
+def test_nothing_is_said_before_the_commit(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    said_at_commit: list[int] = []
+    commit = inside.spool.commit
+
+    def watched(batch: Batch) -> None:
+        said_at_commit.append(len(inside.broker.published) + len(inside.broker.released))
+        commit(batch)
+
+    monkeypatch.setattr(inside.spool, "commit", watched)
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    assert said_at_commit == [0]
+    assert len(inside.broker.on(ACKS)) == 1
+    assert len(inside.broker.on(live_topic("fingertip", CHANNEL))) == 1
+    assert len(inside.broker.released) == 1
+
+
+def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    inside.spool.failures = 10**6
+    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.worker.start()
+    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    assert "disk is full" in str(inside.worker.fault)
+    assert inside.broker.published == []
+    assert inside.broker.released == []
+    inside.spool.failures = 0
+    wait_until(lambda: len(inside.broker.released) == 1, "it goes on")
+    wait_until(lambda: inside.worker.fault is None, "it is healthy again")
+    inside.worker.stop()
+    assert inside.stored() == [status(0).encode(), BODY]
+    assert inside.counters.value("spool_refusals_total") >= 1
+
+
+def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    inside.spool.failures = 10**6
+    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.worker.start()
+    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    inside.worker.stop()
+    assert inside.broker.published == []
+    assert inside.stored() == [status(0).encode()]
+
+
+def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    commit = inside.spool.commit
+
+    def broken(batch: Batch) -> None:
+        monkeypatch.setattr(inside.spool, "commit", commit)
+        raise ZeroDivisionError(f"a bug with {len(batch.entries)} messages")
+
+    monkeypatch.setattr(inside.spool, "commit", broken)
+    envelope = seal("fingertip", Stream.BLOCKS, BODY)
+    inside.inbox.put(inside.arrival(Stream.BLOCKS, envelope))
+    inside.worker.start()
+    wait_until(lambda: len(inside.broker.released) == 1, "the broker may forget it")
+    assert inside.rejected() == {"fault": 1}
+    assert inside.broker.on(ACKS) == []
+    inside.inbox.put(inside.arrival(Stream.BLOCKS, envelope))
+    wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
+    inside.worker.stop()
+    assert inside.stored() == [status(0).encode(), BODY]
+
+
+def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    answers = inside.worker._answers
+    answers.idle()
+    inside.broker.connected = False
+    inside.clock.seconds += 100.0
+    answers.idle()
+    inside.broker.connected = True
+    answers.idle()
+    assert inside.broker.published == []
+    inside.clock.seconds += 16.0
+    answers.idle()
+    assert len(inside.broker.on(live_topic("fingertip", "status"))) == 1
+
+
+BODY = block(1).encode()
