@@ -58,10 +58,11 @@ class Interval:
     def __init__(self, lo: ArrayLike, hi: ArrayLike | None = None) -> None:
         inf = _real(lo, "lo")
         sup = inf if hi is None else _real(hi, "hi")
-        try:
-            inf, sup = np.broadcast_arrays(inf, sup)
-        except ValueError as error:
-            raise IntervalError(f"lo and hi do not fit each other: {error}") from error
+        if inf.shape != sup.shape:
+            try:
+                inf, sup = np.broadcast_arrays(inf, sup)
+            except ValueError as error:
+                raise IntervalError(f"lo and hi do not fit each other: {error}") from error
         _require_order(inf, sup)
         self.inf: Floats = inf
         self.sup: Floats = sup
@@ -266,9 +267,9 @@ def _real(value: ArrayLike, name: str) -> Floats:
 
 
 def _require_order(inf: Floats, sup: Floats) -> None:
-    bad = ~(inf <= sup)
-    if np.any(bad):
-        where = tuple(int(axis) for axis in np.argwhere(bad)[0])
+    good = inf <= sup
+    if not np.all(good):
+        where = tuple(int(axis) for axis in np.argwhere(~good)[0])
         lo, hi = float(inf[where]), float(sup[where])
         fault = "a bound is NaN" if lo != lo or hi != hi else "lo > hi"  # noqa: PLR0124 - NaN test
         raise IntervalError(f"{fault} at index {where}: lo={lo!r}, hi={hi!r}")

@@ -59,7 +59,7 @@ class Opener:
         self._keys = {key.thumbprint: key for key in keys}
         self._find = sender
         self._capacity = capacity
-        self._ciphers: OrderedDict[tuple[bytes, bytes, bytes], AESGCM] = OrderedDict()
+        self._senders: OrderedDict[tuple[bytes, bytes, bytes], _Sender] = OrderedDict()
 
     def open(self, envelope: bytes, *, topic: str) -> Opened:
         """Open a message.
@@ -83,27 +83,32 @@ class Opener:
         if certificate is None:
             raise UnknownSenderError(header.sender)
         key = (header.sender, header.recipient, header.salt)
-        cipher = self._ciphers.get(key)
-        known = cipher is not None
-        if cipher is None:
+        sender = self._senders.get(key)
+        if sender is None:
             shared = agree_key(own.key, certificate, certificate, own.certificate, header.salt)
-            cipher = AESGCM(shared)
+            sender = _Sender(AESGCM(shared), common_name(certificate))
         try:
-            plaintext = cipher.decrypt(
+            plaintext = sender.cipher.decrypt(
                 read_iv(unprotected), sealed, associated_data(protected, topic)
             )
         except InvalidTag as error:
             raise ForgedEnvelopeError(
-                f"authentication failed for sender {common_name(certificate)!r} on {topic!r}"
+                f"authentication failed for sender {sender.name!r} on {topic!r}"
             ) from error
         # Remembered only now, so that forged salts cannot push genuine senders out.
-        self._remember(key, cipher, known=known)
-        return Opened(plaintext, common_name(certificate), header.held, header.sender)
+        self._remember(key, sender)
+        return Opened(plaintext, sender.name, header.held, header.sender)
 
-    def _remember(self, key: tuple[bytes, bytes, bytes], cipher: AESGCM, *, known: bool) -> None:
-        if known:
-            self._ciphers.move_to_end(key)
-            return
-        self._ciphers[key] = cipher
-        if len(self._ciphers) > self._capacity:
-            self._ciphers.popitem(last=False)
+    def _remember(self, key: tuple[bytes, bytes, bytes], sender: _Sender) -> None:
+        self._senders[key] = sender
+        self._senders.move_to_end(key)
+        if len(self._senders) > self._capacity:
+            self._senders.popitem(last=False)
+
+
+@dataclass(frozen=True, slots=True)
+class _Sender:
+    """One sender under one salt: its key, and its common name."""
+
+    cipher: AESGCM
+    name: str

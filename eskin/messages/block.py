@@ -49,6 +49,7 @@ class Block:
         tube: The samples as they were written (after outward rounding).
         encoding: How they are written.
         widening: How much the encoding moved a bound outward at most, in the channel's unit.
+        bounds: Hull of all samples.
     """
 
     position: Position
@@ -57,6 +58,7 @@ class Block:
     tube: Tube
     encoding: Encoding
     widening: float
+    bounds: tuple[float, float]
     _bytes: bytes
 
     @classmethod
@@ -84,9 +86,10 @@ class Block:
         widening = _widening(tube.values, written)
         fields |= {4: channel, 5: tube.unit, 6: ticks, 7: list(tube.time), 8: tube.dt, 9: n}
         fields |= {10: tube.coverage, 11: int(encoding), 12: lo, 13: hi}
-        fields |= {14: [float(written.inf.min()), float(written.sup.max())], 17: widening}
+        bounds = _hull(written)
+        fields |= {14: list(bounds), 17: widening}
         kept = Tube(tube.time, tube.dt, written, tube.unit, tube.coverage)
-        return cls(position, channel, ticks, kept, encoding, widening, dump(fields))
+        return cls(position, channel, ticks, kept, encoding, widening, bounds, dump(fields))
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -109,7 +112,8 @@ class Block:
             values = decode_q16(lo, hi, n, scale)
         else:
             values = decode_floats(lo, hi, n, encoding)
-        if fields.interval(14) != (float(values.inf.min()), float(values.sup.max())):
+        bounds = fields.interval(14)
+        if bounds != _hull(values):
             raise MessageError("field 14 is not the hull of the samples")
         tube = Tube(
             time=fields.moments(7),
@@ -125,6 +129,7 @@ class Block:
             tube=tube,
             encoding=encoding,
             widening=fields.real(17, 0.0),
+            bounds=bounds,
             _bytes=data,
         )
 
@@ -132,10 +137,9 @@ class Block:
         """The bytes, always the same."""
         return self._bytes
 
-    @property
-    def bounds(self) -> tuple[float, float]:
-        """Hull of all samples."""
-        return float(self.tube.values.inf.min()), float(self.tube.values.sup.max())
+
+def _hull(values: Interval) -> tuple[float, float]:
+    return float(values.inf.min()), float(values.sup.max())
 
 
 def _widening(exact: Interval, written: Interval) -> float:

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import math
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import cbor2
 import numpy as np
 
-from eskin.errors import MessageError
+from eskin.errors import IntervalError, MessageError
 from eskin.interval import Interval
 
 if TYPE_CHECKING:
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _UNBOUNDED: Final = 65_535
 _MOST_CODE: Final = 65_534
+_SAFE_EXPONENT: Final = 960
 _TAGS: Final = {"<f8": 86, "<f4": 85, "<u2": 69}
 
 
@@ -86,12 +87,17 @@ class Scale:
         return np.where(np.isfinite(values), codes, _UNBOUNDED).astype(np.uint16)
 
     def _values(self, codes: NDArray[np.int64]) -> Floats:
+        steps = (codes + self.offset).astype(np.float64)
+        if abs(self.exponent) <= _SAFE_EXPONENT:
+            return steps * 2.0**self.exponent  # exact: neither overflows nor becomes subnormal
         with np.errstate(over="ignore"):
-            return np.ldexp((codes + self.offset).astype(np.float64), self.exponent)
+            return np.ldexp(steps, self.exponent)
 
     def values(self, codes: NDArray[np.uint16], unbounded: float) -> Floats:
         """Decode; ``unbounded`` stands where the code says so."""
-        return np.where(codes == _UNBOUNDED, unbounded, self._values(codes.astype(np.int64)))
+        values = self._values(codes.astype(np.int64))
+        values[codes == _UNBOUNDED] = unbounded
+        return values
 
 
 def encode_floats(values: Interval, encoding: Encoding) -> tuple[cbor2.CBORTag, cbor2.CBORTag]:
@@ -130,23 +136,23 @@ def decode_q16(lo: object, hi: object, n: int, scale: Scale) -> Interval:
         MessageError: Wrong tag or length, or lo > hi.
     """
     return _ordered(
-        scale.values(_untyped(lo, "<u2", n, "lo").astype(np.uint16), -np.inf),
-        scale.values(_untyped(hi, "<u2", n, "hi").astype(np.uint16), np.inf),
+        scale.values(_untyped(lo, "<u2", n, "lo"), -np.inf),
+        scale.values(_untyped(hi, "<u2", n, "hi"), np.inf),
     )
 
 
 def _ordered(lo: Floats, hi: Floats) -> Interval:
-    if not np.all(lo <= hi):
-        at = int(np.argmin(lo <= hi))
-        raise MessageError(f"sample {at} is no interval: lo={lo[at]!r}, hi={hi[at]!r}")
-    return Interval(lo, hi)
+    try:
+        return Interval(lo, hi)
+    except IntervalError as error:
+        raise MessageError(f"samples are no intervals: {error}") from error
 
 
 def _typed(array: NDArray[np.generic], dtype: str) -> cbor2.CBORTag:
     return cbor2.CBORTag(_TAGS[dtype], array.astype(dtype).tobytes())
 
 
-def _untyped(value: object, dtype: str, n: int, what: str) -> NDArray[np.generic]:
+def _untyped(value: object, dtype: str, n: int, what: str) -> NDArray[Any]:
     if not isinstance(value, cbor2.CBORTag) or value.tag != _TAGS[dtype]:
         raise MessageError(f"{what} is no typed array with tag {_TAGS[dtype]}")
     size = n * np.dtype(dtype).itemsize

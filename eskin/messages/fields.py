@@ -42,7 +42,7 @@ def load(data: bytes) -> Fields:
     if not isinstance(value, dict) or not all(_is_key(key) for key in value):
         raise MessageError("message is no CBOR map with small integer keys")
     try:
-        again = dump(value)
+        again = dump(value) if list(value) != sorted(value) else cbor2.dumps(value)
     except cbor2.CBORError as error:
         raise MessageError(f"message holds what CBOR cannot say twice: {error}") from error
     if again != data:

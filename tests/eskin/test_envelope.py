@@ -127,7 +127,7 @@ def test_forged_salts_push_no_sender_out(identities: Identities, sealer: Sealer)
         forged = Sealer(identities.node, identities.site.certificate).seal(b"x", topic="other")
         with pytest.raises(ForgedEnvelopeError):
             opener.open(forged, topic=TOPIC)
-    assert len(opener._ciphers) == 1
+    assert len(opener._senders) == 1
 
 
 def test_independent_cose_library_decrypts(identities: Identities, sealer: Sealer) -> None:
