@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
     from cryptography.hazmat.primitives.asymmetric import ec
 
+    from eskin.identity import IdentityKind
+
 _TIMEOUT_S = 10.0
 
 
@@ -59,6 +61,16 @@ def fetch(url: str, directory: Path, name: str, out: Path) -> None:
         NotReadyError: It was not issued yet, or the service is away.
     """
     answer = _ask("GET", url, directory, f"/certificates/{name}", None)
+    write_whole(out, answer.content)
+
+
+def fetch_anchor(url: str, directory: Path, kind: IdentityKind, out: Path) -> None:
+    """Fetch the anchor of a kind, with which a TLS server takes that kind and no other.
+
+    Raises:
+        NotReadyError: The service is away.
+    """
+    answer = _ask("GET", url, directory, f"/anchors/{kind}", None)
     write_whole(out, answer.content)
 
 

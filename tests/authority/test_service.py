@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 
-from authority.enrolment import NotReadyError, enrol, fetch
+from authority.enrolment import NotReadyError, enrol, fetch, fetch_anchor
 from authority.tokens import Tokens
 from eskin.errors import IdentityError
 from eskin.identity import Authority, IdentityKind, Trust, client_context, der, load_certificates
@@ -79,6 +79,13 @@ def test_certificate_can_be_fetched_once_it_is_issued(service: Service, tmp_path
     site = enrol(service.url, service.tokens, "site.a", tmp_path / "site")
     fetch(service.url, service.tokens, "site.a", tmp_path / "site.pem")
     assert load_certificates(tmp_path / "site.pem")[0] == site.certificate
+
+
+def test_anchor_of_a_kind_is_its_own_issuer(service: Service, tmp_path: Path) -> None:
+    fetch_anchor(service.url, service.tokens, IdentityKind.NODE, tmp_path / "node.pem")
+    (anchor,) = load_certificates(tmp_path / "node.pem")
+    assert anchor.subject == anchor.issuer
+    assert IdentityKind.NODE.issuer in anchor.subject.rfc4514_string()
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,1 @@
+"""The cloud: takes in what gateways bring, keeps it, answers questions, and shows it live."""

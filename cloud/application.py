@@ -1,0 +1,49 @@
+"""The applications: one for people, one for gateways, over the same state."""
+
+from typing import Any, Final
+
+from fastapi import FastAPI
+from starlette.responses import Response
+
+from cloud.dependencies import Reader
+from cloud.headers import HeadersMiddleware
+from cloud.problems import answer_problems
+from cloud.routes import dashboard, events, health, ingest, live, login, nodes, series
+from cloud.routes.answers import as_json
+from cloud.state import Cloud
+
+API: Final = "/api/v1"
+_VERSION: Final = "1"
+
+
+def people_application(cloud: Cloud) -> FastAPI:
+    """REST, live stream and dashboard; all but health and login needs a token or a session."""
+    app = _application(cloud, "eskin cloud", secure=cloud.secure)
+    for resource in (nodes, series, events, live):
+        app.include_router(resource.router, prefix=API)
+    app.include_router(health.router)
+    app.include_router(login.router)
+
+    @app.get("/openapi.json", include_in_schema=False)
+    def get_description(_: Reader) -> Response:
+        return as_json(app.openapi())
+
+    app.include_router(dashboard.router)
+    return app
+
+
+def gateway_application(cloud: Cloud) -> FastAPI:
+    """Ingest; gateways prove who they are with each request."""
+    app = _application(cloud, "eskin cloud, ingest", secure=True)
+    app.include_router(ingest.router, prefix=API)
+    app.include_router(health.router)
+    return app
+
+
+def _application(cloud: Cloud, title: str, *, secure: bool) -> FastAPI:
+    options: dict[str, Any] = {"openapi_url": None, "docs_url": None, "redoc_url": None}
+    app = FastAPI(title=title, version=_VERSION, redirect_slashes=False, **options)
+    app.state.cloud = cloud
+    app.add_middleware(HeadersMiddleware, secure=secure, requests=cloud.metrics.requests)
+    answer_problems(app)
+    return app

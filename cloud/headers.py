@@ -1,0 +1,57 @@
+"""Headers that every answer carries, and the count of answers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from starlette.datastructures import MutableHeaders
+
+if TYPE_CHECKING:
+    from prometheus_client import Counter
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+_ALWAYS: Final = {
+    "Content-Security-Policy": "default-src 'self'; base-uri 'none'; form-action 'self'; "
+    "frame-ancestors 'none'; object-src 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+}
+_HSTS: Final = "max-age=31536000"
+_METHODS: Final = frozenset({"GET", "POST", "HEAD", "OPTIONS", "PUT", "DELETE", "PATCH"})
+
+
+class HeadersMiddleware:
+    """Adds the headers that keep browsers from harm.
+
+    Args:
+        app: The application inside.
+        secure: Whether it is served by HTTPS.
+        requests: Counts answers by method and status.
+    """
+
+    def __init__(self, app: ASGIApp, *, secure: bool, requests: Counter) -> None:
+        self._app = app
+        self._headers = _ALWAYS | ({"Strict-Transport-Security": _HSTS} if secure else {})
+        self._requests = requests
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+
+        async def sending(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                for name, value in self._headers.items():
+                    headers[name] = value
+                headers.setdefault("Cache-Control", "no-store")
+                method = scope["method"] if scope["method"] in _METHODS else "other"
+                self._requests.labels(method, str(message["status"])).inc()
+            await send(message)
+
+        await self._app(scope, receive, sending)

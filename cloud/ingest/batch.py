@@ -1,0 +1,49 @@
+"""A batch: CBOR array of ``[node, plaintext]``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import cbor2
+
+from cloud.ingest.errors import BatchError
+from cloud.store.intake import Item
+from eskin.errors import MessageError
+from eskin.messages.fields import MOST_BYTES, load_any
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+MOST_ITEMS: Final = 10_000
+
+
+def read_batch(body: bytes) -> Sequence[Item]:
+    """Read a batch; a poor item harms none but itself.
+
+    Raises:
+        BatchError: It is no array of at most 10000 items.
+    """
+    try:
+        listed = load_any(body, "body")
+    except MessageError as error:
+        raise BatchError(f"{error}; send a CBOR array of [node, plaintext]") from error
+    if not isinstance(listed, list):
+        raise BatchError("the body is no CBOR array of [node, plaintext]")
+    if len(listed) > MOST_ITEMS:
+        raise BatchError(f"the batch has {len(listed)} items; at most {MOST_ITEMS} are allowed")
+    return [_item(value) for value in listed]
+
+
+def _item(value: object) -> Item:
+    if isinstance(value, list) and len(value) == 2:
+        node, data = value
+        if isinstance(node, str) and isinstance(data, bytes):
+            if len(data) > MOST_BYTES:
+                reason = f"message of {len(data)} bytes; its first {MOST_BYTES} are kept"
+                return Item.refused(node, data[:MOST_BYTES], reason)
+            return Item.read(node, data)
+    try:
+        shown = cbor2.dumps(value)[:MOST_BYTES]
+    except (cbor2.CBORError, ValueError, TypeError, ArithmeticError, RecursionError):
+        shown = b""
+    return Item.refused("", shown, "the item is no array of a node's name and bytes")

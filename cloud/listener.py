@@ -1,0 +1,129 @@
+"""A listener: one uvicorn server on a socket of its own, with TLS where it has a certificate."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import ssl
+from typing import TYPE_CHECKING, Final
+
+import uvicorn
+
+from eskin.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from starlette.types import ASGIApp
+
+_GRACE_SECONDS: Final = 10
+
+
+class Certificate:
+    """A server's certificate and key; a renewed one is taken without a restart.
+
+    Args:
+        setting: Name of the setting that holds the folder.
+        folder: With ``chain.pem`` and ``key.pem``.
+
+    Attributes:
+        context: For TLS 1.2 and later.
+
+    Raises:
+        SettingsError: They cannot be used.
+    """
+
+    def __init__(self, setting: str, folder: Path) -> None:
+        self._chain, self._key = folder / "chain.pem", folder / "key.pem"
+        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        self.context.minimum_version = ssl.TLSVersion.TLSv1_2
+        try:
+            self._version = self._stat()
+            self.context.load_cert_chain(self._chain, self._key)
+        except (OSError, ssl.SSLError) as error:
+            raise SettingsError(
+                setting, f"{folder}: chain.pem and key.pem cannot be used: {error}"
+            ) from error
+
+    def refresh(self) -> bool:
+        """Take a renewed certificate; gives whether there was one.
+
+        Raises:
+            OSError: It cannot be used (ssl.SSLError is one, too).
+        """
+        version = self._stat()
+        if version == self._version:
+            return False
+        self._version = version
+        self.context.load_cert_chain(self._chain, self._key)
+        return True
+
+    def _stat(self) -> tuple[int, int]:
+        found = self._chain.stat()
+        return found.st_mtime_ns, found.st_ino
+
+
+class Listener(uvicorn.Server):
+    """A server whose signals and whose state are somebody else's.
+
+    Attributes:
+        ready: Set once it accepts.
+    """
+
+    def __init__(
+        self, app: ASGIApp, bound: socket.socket, *, context: ssl.SSLContext | None
+    ) -> None:
+        config = uvicorn.Config(
+            app,
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            timeout_graceful_shutdown=_GRACE_SECONDS,
+        )
+        config.load()
+        config.ssl = context
+        super().__init__(config)
+        self._bound = bound
+        self._context = context
+        self.ready = asyncio.Event()
+
+    @property
+    def url(self) -> str:
+        """Where it is reached."""
+        host, port = self._bound.getsockname()[:2]
+        scheme = "http" if self._context is None else "https"
+        return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
+
+    async def run_until_told(self) -> None:
+        """Serve until ``should_exit``."""
+        await self.serve(sockets=[self._bound])
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Accept, and say so."""
+        await super().startup(sockets)
+        self.ready.set()
+
+    @contextlib.contextmanager
+    def capture_signals(self) -> Iterator[None]:
+        """Leave signals to the process."""
+        yield
+
+
+def bind(section: str, host: str, port: int) -> socket.socket:
+    """Take an address.
+
+    Raises:
+        SettingsError: It cannot be had.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family, backlog=2048)
+    except OSError as error:
+        name = f"{section}.host" if isinstance(error, socket.gaierror) else f"{section}.port"
+        raise SettingsError(
+            name, f"{host}:{port} cannot be listened on: {error.strerror}"
+        ) from error

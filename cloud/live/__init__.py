@@ -1,0 +1,7 @@
+"""The live feed: what was stored, told as it comes, without holes."""
+
+from __future__ import annotations
+
+from cloud.live.feed import Feed
+
+__all__ = ["Feed"]

@@ -1,0 +1,128 @@
+"""The feed: every stream reads it at its own pace by cursor, so none holds a queue of its own.
+
+The latest entries are kept in memory for all streams together; a stream that is further behind
+reads the store, and one that is too far behind is told what it misses.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from sqlalchemy import select
+
+from cloud.store.entry import Entry
+from cloud.store.schema import blocks, events, feed
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from concurrent.futures import Future
+
+    from sqlalchemy import Connection
+
+    from cloud.store import Store
+    from cloud.store.intake import Outcome
+
+
+class Feed:
+    """What was stored, in order of its cursor.
+
+    Args:
+        store: Holds what memory does not.
+        recent: How many entries are kept in memory.
+
+    Attributes:
+        closed: Whether streams should end.
+        subscribers: How many streams there are.
+    """
+
+    def __init__(self, store: Store, *, recent: int) -> None:
+        self._store = store
+        self._most = recent
+        with store.read() as connection:
+            self._last = self._floor = last_cursor(connection)
+        self._recent: deque[Entry] = deque()
+        self._news = asyncio.Event()
+        self.closed = False
+        self.subscribers = 0
+
+    @property
+    def last(self) -> int:
+        """The latest cursor."""
+        return self._last
+
+    @property
+    def floor(self) -> int:
+        """Entries after this cursor are in memory."""
+        return self._floor
+
+    def follow(self, future: Future[Outcome], loop: asyncio.AbstractEventLoop) -> None:
+        """Take over a write's entries once it is durable; in the order of commits."""
+
+        def committed(done: Future[Outcome]) -> None:
+            if not done.cancelled() and done.exception() is None and not loop.is_closed():
+                loop.call_soon_threadsafe(self.append, done.result().entries)
+
+        future.add_done_callback(committed)
+
+    def append(self, entries: Sequence[Entry]) -> None:
+        """Add entries and wake all streams; on the event loop only."""
+        if not entries:
+            return
+        self._recent.extend(entries)
+        self._last = entries[-1].cursor
+        while len(self._recent) > self._most:
+            self._floor = self._recent.popleft().cursor
+        self._wake()
+
+    def close(self) -> None:
+        """Have all streams end."""
+        self.closed = True
+        self._wake()
+
+    def _wake(self) -> None:
+        self._news.set()
+        self._news = asyncio.Event()
+
+    async def wait(self, cursor: int, seconds: float) -> bool:
+        """Wait for something after a cursor; gives whether there is."""
+        news = self._news
+        if self._last > cursor or self.closed:
+            return True
+        try:
+            await asyncio.wait_for(news.wait(), seconds)
+        except TimeoutError:
+            return False
+        return True
+
+    async def after(self, cursor: int, most: int) -> tuple[Sequence[Entry], int]:
+        """Entries after a cursor, and the cursor up to which these are all."""
+        if cursor >= self._floor:
+            newer = takewhile(lambda entry: entry.cursor > cursor, reversed(self._recent))
+            found = list(newer)[: -most - 1 : -1]
+            return found, found[-1].cursor if found else self._last
+        end = min(cursor + most, self._floor)
+        return await asyncio.to_thread(self._read, cursor, end), end
+
+    def _read(self, cursor: int, end: int) -> Sequence[Entry]:
+        with self._store.read() as connection:
+            return read_entries(connection, cursor, end)
+
+
+def last_cursor(connection: Connection) -> int:
+    """The latest place in the feed."""
+    return int(connection.execute(select(feed.c.cursor)).scalar_one())
+
+
+def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry]:
+    """Entries with ``after < cursor <= end``."""
+    b = blocks.c
+    query = select(b.cursor, b.node, b.channel, b.data)
+    rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
+    found = [Entry(*row, None) for row in rows]
+    e = events.c
+    told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
+    found += [Entry(row["cursor"], row["node"], row["channel"], None, dict(row)) for row in told]
+    return sorted(found, key=lambda entry: entry.cursor)

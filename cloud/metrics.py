@@ -1,0 +1,64 @@
+"""Figures for Prometheus, in a registry of their own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from cloud.live import Feed
+    from cloud.store import Store
+
+
+class Metrics:
+    """What a cloud counts.
+
+    Attributes:
+        items: Messages that gateways brought, by result.
+        ingest_seconds: From a batch's last byte to its commit.
+        buried: Dead letters that had to make room.
+        requests: Answered requests, by method and status.
+    """
+
+    def __init__(self, store: Store, feed: Feed) -> None:
+        self._registry = CollectorRegistry()
+        self.items = Counter(
+            "eskin_cloud_items",
+            "Messages that gateways brought.",
+            ["result"],
+            registry=self._registry,
+        )
+        self.ingest_seconds = Histogram(
+            "eskin_cloud_ingest_seconds",
+            "From a batch's last byte to its commit.",
+            registry=self._registry,
+        )
+        self.buried = Counter(
+            "eskin_cloud_dead_letters_dropped",
+            "Dead letters that had to make room.",
+            registry=self._registry,
+        )
+        self.requests = Counter(
+            "eskin_cloud_requests",
+            "Answered requests.",
+            ["method", "status"],
+            registry=self._registry,
+        )
+        self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
+        self._gauge("feed_cursor", "Latest place in the feed.", lambda: feed.last)
+        self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
+        self._gauge("commits", "Commits since the start.", lambda: store.writer.commits)
+        self._gauge(
+            "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)
+        )
+
+    def write(self) -> bytes:
+        """All figures in Prometheus' text format."""
+        return generate_latest(self._registry)
+
+    def _gauge(self, name: str, text: str, read: Callable[[], float]) -> None:
+        gauge = Gauge(f"eskin_cloud_{name}", text, registry=self._registry)
+        gauge.set_function(read)

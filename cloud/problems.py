@@ -1,0 +1,155 @@
+"""Refusals as problem details (RFC 9457): what happened, and what to do; never a traceback."""
+
+from __future__ import annotations
+
+import logging
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any, Final
+
+import orjson
+from fastapi.exceptions import RequestValidationError
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from cloud.ingest.errors import (
+    BatchError,
+    BatchTooLargeError,
+    BatchTypeError,
+    IngestError,
+    UnauthenticatedError,
+)
+from cloud.query.errors import UnknownPlaceError
+from eskin.errors import EskinError, QueryError, StoreError
+
+if TYPE_CHECKING:
+    from fastapi import FastAPI
+    from starlette.requests import Request
+
+log = logging.getLogger(__name__)
+
+MEDIA_TYPE: Final = "application/problem+json"
+RETRY_SECONDS: Final = 5
+
+_STATUSES: Final[tuple[tuple[type[EskinError], int], ...]] = (
+    (UnknownPlaceError, 404),
+    (QueryError, 422),
+    (StoreError, 503),
+    (UnauthenticatedError, 401),
+    (BatchTooLargeError, 413),
+    (BatchTypeError, 415),
+    (BatchError, 422),
+)
+_TITLES: Final = {413: "Content Too Large", 422: "Unprocessable Content"}
+_SCHEMA: Final = {
+    "type": "object",
+    "required": ["type", "title", "status", "detail", "instance"],
+    "properties": {
+        "type": {"type": "string"},
+        "title": {"type": "string"},
+        "status": {"type": "integer"},
+        "detail": {"type": "string"},
+        "instance": {"type": "string"},
+    },
+}
+
+
+class ProblemError(EskinError):
+    """A request that is refused.
+
+    Attributes:
+        status: HTTP status.
+        headers: What the answer's header says besides.
+    """
+
+    def __init__(self, status: int, detail: str, *, headers: dict[str, str] | None = None) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.headers = headers or {}
+
+
+def documented(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """Refusals of a route, for its OpenAPI description."""
+    content = {MEDIA_TYPE: {"schema": _SCHEMA}}
+    return {status: {"description": _title(status), "content": content} for status in statuses}
+
+
+def problem(
+    request: Request, status: int, detail: str, *, headers: dict[str, str] | None = None
+) -> Response:
+    """An answer with problem details."""
+    body = {
+        "type": "about:blank",
+        "title": _title(status),
+        "status": status,
+        "detail": detail,
+        "instance": request.url.path,
+    }
+    extra = dict(headers or {})
+    if status == HTTPStatus.UNAUTHORIZED:
+        extra.setdefault("WWW-Authenticate", "Bearer")
+    if status == HTTPStatus.SERVICE_UNAVAILABLE:
+        extra.setdefault("Retry-After", str(RETRY_SECONDS))
+    return Response(orjson.dumps(body), status, extra, MEDIA_TYPE)
+
+
+def answer_problems(app: FastAPI) -> None:
+    """Have an application answer every refusal with problem details."""
+    app.add_exception_handler(ProblemError, _on_problem)
+    app.add_exception_handler(EskinError, _on_eskin)
+    app.add_exception_handler(RequestValidationError, _on_validation)
+    app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(Exception, _on_fault)
+
+
+def _on_problem(request: Request, error: Exception) -> Response:
+    assert isinstance(error, ProblemError)  # noqa: S101 - what it is registered for
+    return problem(request, error.status, str(error), headers=error.headers)
+
+
+def _on_eskin(request: Request, error: Exception) -> Response:
+    status = next((status for kind, status in _STATUSES if isinstance(error, kind)), 500)
+    if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+        log.error("request failed: path=%s reason=%s", request.url.path, error)
+    elif isinstance(error, IngestError):
+        log.warning("batch refused: status=%d reason=%s", status, error)
+    if status == HTTPStatus.INTERNAL_SERVER_ERROR:
+        return problem(request, status, "this is our fault; the cloud's log tells more")
+    return problem(request, status, str(error))
+
+
+def _on_validation(request: Request, error: Exception) -> Response:
+    assert isinstance(error, RequestValidationError)  # noqa: S101 - what it is registered for
+    return problem(request, 422, "; ".join(_said(fault) for fault in error.errors()))
+
+
+def _said(fault: dict[str, Any]) -> str:
+    name = ".".join(str(part) for part in fault["loc"][1:]) or "request"
+    if fault["type"] == "extra_forbidden":
+        return f"{name}: no such parameter; check its spelling"
+    if fault["type"] == "missing":
+        return f"{name}: is missing"
+    shown = repr(fault.get("input"))
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    return f"{name}: {shown} is not allowed: {fault['msg']}"
+
+
+def _on_http(request: Request, error: Exception) -> Response:
+    assert isinstance(error, HTTPException)  # noqa: S101 - what it is registered for
+    details = {
+        404: f"there is nothing at {request.url.path}; /openapi.json lists what there is",
+        405: f"{request.method} is not possible here; see the Allow header",
+    }
+    detail = details.get(error.status_code, str(error.detail))
+    headers = dict(error.headers or {})
+    return problem(request, error.status_code, detail, headers=headers)
+
+
+def _on_fault(request: Request, error: Exception) -> Response:
+    log.error(
+        "request failed: path=%s reason=%s: %s", request.url.path, type(error).__name__, error
+    )
+    return problem(request, 500, "this is our fault; the cloud's log tells more")
+
+
+def _title(status: int) -> str:
+    return _TITLES.get(status) or HTTPStatus(status).phrase

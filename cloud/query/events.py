@@ -1,0 +1,82 @@
+"""Events: peaks, gaps, and what changed in a node's status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from sqlalchemy import select, tuple_
+
+from cloud.query.cursors import read_numbers, write_cursor
+from cloud.store.schema import events
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection, RowMapping, Select
+
+
+@dataclass(frozen=True, slots=True)
+class EventQuestion:
+    """Which events, and in which order.
+
+    Attributes:
+        node: Of this node only.
+        channel: Of this channel only.
+        kind: Of this kind only.
+        verdict: With this verdict only.
+        start: Not over before, UTC ns.
+        end: Begun before, UTC ns.
+        limit: How many at once.
+        cursor: Where to go on.
+        order: By time; ``desc`` gives the latest first.
+    """
+
+    node: str | None
+    channel: str | None
+    kind: str | None
+    verdict: str | None
+    start: int | None
+    end: int | None
+    limit: int
+    cursor: str | None
+    order: Literal["asc", "desc"]
+
+
+def find_events(
+    connection: Connection, question: EventQuestion
+) -> tuple[list[RowMapping], str | None]:
+    """One page of events, and the cursor of the next.
+
+    Raises:
+        QueryError: The cursor is none.
+    """
+    found = connection.execute(_select(question)).mappings().all()
+    page = list(found[: question.limit])
+    if len(found) <= question.limit:
+        return page, None
+    return page, write_cursor(page[-1]["t_lo"], page[-1]["cursor"])
+
+
+def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
+    e = events.c
+    query: Select[tuple[object, ...]] = select(*(c for c in e if c.name != "data"))
+    for column, value in (
+        (e.node, question.node),
+        (e.channel, question.channel),
+        (e.kind, question.kind),
+        (e.verdict, question.verdict),
+    ):
+        if value is not None:
+            query = query.where(column == value)
+    if question.start is not None:
+        query = query.where(e.t_hi >= question.start)
+    if question.end is not None:
+        query = query.where(e.t_lo < question.end)
+    place = tuple_(e.t_lo, e.cursor)
+    if question.cursor is not None:
+        after = tuple_(*read_numbers(question.cursor, 2))
+        query = query.where(place > after if question.order == "asc" else place < after)
+    if question.order == "asc":
+        query = query.order_by(e.t_lo, e.cursor)
+    else:
+        query = query.order_by(e.t_lo.desc(), e.cursor.desc())
+    return query.limit(question.limit + 1)

@@ -1,0 +1,60 @@
+"""Lists of nodes and of a node's channels."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import func, select
+
+from cloud.query.cursors import read_texts, write_cursor
+from cloud.store.schema import channels, nodes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Column, ColumnElement, Connection, RowMapping
+
+_PAGE: Final = 1000
+
+
+def list_nodes(
+    connection: Connection, cursor: str | None
+) -> tuple[Sequence[RowMapping], str | None]:
+    """One page of nodes, by name, and the cursor of the next.
+
+    Raises:
+        QueryError: The cursor is none.
+    """
+    return _page(connection, nodes.c.node, cursor)
+
+
+def list_channels(
+    connection: Connection, node: str, cursor: str | None
+) -> tuple[Sequence[RowMapping], str | None]:
+    """One page of a node's channels, by name, and the cursor of the next.
+
+    Raises:
+        QueryError: The cursor is none.
+    """
+    return _page(connection, channels.c.channel, cursor, channels.c.node == node)
+
+
+def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, int]:
+    """How many channels each of these nodes has."""
+    query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
+    return {row[0]: row[1] for row in connection.execute(query.group_by(channels.c.node))}
+
+
+def _page(
+    connection: Connection,
+    name: Column[str],
+    cursor: str | None,
+    *where: ColumnElement[bool],
+) -> tuple[Sequence[RowMapping], str | None]:
+    query = select(name.table).where(*where).order_by(name).limit(_PAGE + 1)
+    if cursor is not None:
+        query = query.where(name > read_texts(cursor, 1)[0])
+    found = connection.execute(query).mappings().all()
+    if len(found) <= _PAGE:
+        return found, None
+    return found[:_PAGE], write_cursor(found[_PAGE - 1][name])

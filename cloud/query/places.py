@@ -1,0 +1,42 @@
+"""Finding a node's and a channel's row."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import RowMapping, select
+
+from cloud.query.errors import UnknownPlaceError
+from cloud.store.schema import channels, nodes
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+
+def find_node(connection: Connection, node: str) -> RowMapping:
+    """A node's row.
+
+    Raises:
+        UnknownPlaceError: It never said anything.
+    """
+    row = connection.execute(select(nodes).where(nodes.c.node == node)).mappings().one_or_none()
+    if row is None:
+        raise UnknownPlaceError("node", f"{node!r} is not known; GET /api/v1/nodes lists all")
+    return row
+
+
+def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
+    """A channel's row.
+
+    Raises:
+        UnknownPlaceError: The node or the channel never said anything.
+    """
+    find_node(connection, node)
+    where: Any = (channels.c.node == node) & (channels.c.channel == channel)
+    row = connection.execute(select(channels).where(where)).mappings().one_or_none()
+    if row is None:
+        raise UnknownPlaceError(
+            "channel",
+            f"{channel!r} of {node} is not known; GET /api/v1/nodes/{node}/channels lists all",
+        )
+    return row

@@ -1,0 +1,3 @@
+"""The REST interface: one router a resource."""
+
+from __future__ import annotations

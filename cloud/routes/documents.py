@@ -1,0 +1,144 @@
+"""The shapes of answers, for the OpenAPI description; answers themselves are written by shapes."""
+
+from typing import Annotated, Any, Final, Generic, Literal, TypeVar
+
+from pydantic import BaseModel, Field
+
+from cloud.problems import documented
+
+T = TypeVar("T")
+
+Moment = Annotated[
+    str,
+    Field(
+        pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{9}Z$",
+        examples=["2026-01-31T12:00:00.000000000Z"],
+    ),
+]
+
+REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 503)
+"""What every question may be answered with."""
+REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 404, 422, 503)
+"""What a question about a node or a channel may be answered with."""
+
+
+class IntervalDocument(BaseModel):
+    """An interval; a side that is null is unbounded."""
+
+    lo: float | None
+    hi: float | None
+
+
+class TimeDocument(BaseModel):
+    """An enclosure of a moment or a stretch of time."""
+
+    lo: Moment
+    hi: Moment
+
+
+class OutboxDocument(BaseModel):
+    """What waits in a node's flash."""
+
+    messages: int
+    bytes: int
+    capacity_bytes: int
+
+
+class NodeDocument(BaseModel):
+    """A node."""
+
+    id: str
+    health: Literal["online", "late", "offline"]
+    last_seen: Moment
+    boot: int
+    sequence: int
+    profile: str | None
+    description: str | None
+    uptime_ns: int | None
+    outbox: OutboxDocument | None
+    gaps: int
+    channels: int
+
+
+class ChannelDocument(BaseModel):
+    """A channel."""
+
+    id: str
+    taxel: str
+    quantity: str
+    unit: str
+    coverage: float
+    dt: int
+    blocks: int
+    samples: int
+    first: Moment | None
+    last: Moment | None
+    bounds: IntervalDocument | None
+
+
+class SeriesDocument(BaseModel):
+    """A series.
+
+    Where one of lo and hi is null, that side is unbounded; where both are, nothing is known. A
+    sample holds at its instant, a hull over ``[t, t + dt)``.
+    """
+
+    node: str
+    channel: str
+    unit: str
+    coverage: float
+    resolution: Literal["sample", "hull"]
+    t0: Moment
+    t: list[int]
+    lo: list[float | None]
+    hi: list[float | None]
+    dt: int
+    time_error: int
+
+
+class SegmentDocument(BaseModel):
+    """A run of samples, from the first to the last, with the same answer."""
+
+    id: str
+    start: Moment
+    end: Moment
+    verdict: Literal["certain", "possible"]
+
+
+class EventDocument(BaseModel):
+    """An event."""
+
+    id: str
+    node: str
+    channel: str | None
+    kind: Literal["peak", "gap", "status"]
+    verdict: Literal["certain", "possible"] | None
+    time: TimeDocument
+    height: IntervalDocument | None
+    prominence: IntervalDocument | None
+    count: IntervalDocument | None
+    unit: str | None
+    coverage: float | None
+    boot: int
+    sequence: int
+    detail: str | None
+
+
+class PageDocument(BaseModel, Generic[T]):
+    """A page of a list."""
+
+    items: list[T]
+    next: str | None
+
+
+class ResultDocument(BaseModel):
+    """What became of one message."""
+
+    result: Literal["stored", "duplicate", "rejected"]
+    reason: str | None
+
+
+class IngestDocument(BaseModel):
+    """What became of a batch, in its order."""
+
+    items: list[ResultDocument]

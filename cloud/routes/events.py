@@ -1,0 +1,55 @@
+"""Events: peaks, gaps, and what changed in a node's status."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response
+
+from cloud.dependencies import CloudState, Reader
+from cloud.query.events import EventQuestion, find_events
+from cloud.query.window import read_moment, require_order
+from cloud.routes.answers import as_json
+from cloud.routes.documents import REFUSALS, EventDocument, PageDocument
+from cloud.shapes import event_shape, page
+
+router = APIRouter(tags=["events"])
+
+_TIME = "RFC 3339, or integer nanoseconds since 1970"
+
+
+class EventsQuery(BaseModel):
+    """Parameters of the list of events."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    node: str | None = Field(default=None, max_length=100, description="of this node only")
+    channel: str | None = Field(default=None, max_length=100, description="of this channel only")
+    kind: Literal["peak", "gap", "status"] | None = Field(default=None, description="only these")
+    verdict: Literal["certain", "possible"] | None = Field(default=None, description="only these")
+    start: str | None = Field(default=None, max_length=100, description=f"not over before; {_TIME}")
+    end: str | None = Field(default=None, max_length=100, description=f"begun before; {_TIME}")
+    limit: int = Field(default=100, ge=1, le=1000, description="events at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    order: Literal["asc", "desc"] = Field(default="desc", description="by time; desc: latest first")
+
+
+@router.get("/events", response_model=PageDocument[EventDocument], responses=REFUSALS)
+def get_events(cloud: CloudState, _: Reader, query: Annotated[EventsQuery, Query()]) -> Response:
+    """Events that overlap ``[start, end)``."""
+    start, end = read_moment("start", query.start), read_moment("end", query.end)
+    require_order(start, end)
+    question = EventQuestion(
+        node=query.node,
+        channel=query.channel,
+        kind=query.kind,
+        verdict=query.verdict,
+        start=start,
+        end=end,
+        limit=query.limit,
+        cursor=query.cursor,
+        order=query.order,
+    )
+    with cloud.store.read() as connection:
+        rows, following = find_events(connection, question)
+    return as_json(page([event_shape(row) for row in rows], following))

@@ -1,0 +1,87 @@
+"""The live stream."""
+
+import re
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Header, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response, StreamingResponse
+
+from cloud.dependencies import CloudState, Reader
+from cloud.live.stream import Selection, stream
+from cloud.problems import ProblemError
+from cloud.routes.documents import REFUSALS
+from eskin.errors import QueryError
+
+router = APIRouter(tags=["live"])
+
+_MEDIA_TYPE: Final = "text/event-stream"
+
+
+class LiveQuery(BaseModel):
+    """Parameters of the live stream."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    node: list[str] = Field(default=[], max_length=1000, description="these only")
+    channel: list[str] = Field(
+        default=[], max_length=1000, description="these only, each NODE/CHANNEL"
+    )
+    points: int = Field(
+        default=50, ge=1, le=1000, description="entries that a block is reduced to at most"
+    )
+
+
+class EventStream(StreamingResponse):
+    """Server-sent events."""
+
+    media_type = _MEDIA_TYPE
+
+
+@router.get(
+    "/live",
+    response_class=EventStream,
+    responses={200: {"description": "server-sent events: block, peak, gap, status"}, **REFUSALS},
+)
+async def get_live(
+    cloud: CloudState,
+    reader: Reader,
+    query: Annotated[LiveQuery, Query()],
+    last_event_id: Annotated[
+        str | None, Header(max_length=100, description="where to go on: the last `id`")
+    ] = None,
+) -> Response:
+    """What is stored, as it comes; resumes after ``Last-Event-ID`` without holes."""
+    feed, live = cloud.feed, cloud.settings.live
+    cursor = _cursor(last_event_id, feed.last)
+    selection = Selection(
+        frozenset(query.node), frozenset(_place(text) for text in query.channel), query.points
+    )
+    if feed.subscribers >= live.subscribers:
+        raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
+    told = stream(
+        feed,
+        selection,
+        cursor=cursor,
+        backlog=live.backlog,
+        heartbeat=live.heartbeat_s,
+        allowed=reader.lasts,
+    )
+    return EventStream(told, headers={"X-Accel-Buffering": "no"})
+
+
+def _cursor(text: str | None, last: int) -> int:
+    if text is None or not text:
+        return last
+    if re.fullmatch(r"[0-9]{1,18}", text) is None:
+        raise QueryError("Last-Event-ID", f"{text!r} is no id of this stream; leave it out")
+    return min(int(text), last)
+
+
+def _place(text: str) -> tuple[str, str]:
+    node, slash, channel = text.partition("/")
+    if not slash or not node or not channel:
+        raise QueryError(
+            "channel", f"{text!r} is no NODE/CHANNEL such as fingertip/t01.capacitance"
+        )
+    return node, channel

@@ -1,0 +1,108 @@
+"""Signing in by one-time link or token, and out."""
+
+import asyncio
+from typing import Annotated, Final
+from urllib.parse import parse_qs
+
+from fastapi import APIRouter, Cookie, Query, Request
+from starlette.responses import RedirectResponse, Response
+
+from cloud.access import close_session, open_session, redeem_login_code
+from cloud.dependencies import COOKIE, CloudState
+from cloud.login import login_page, login_style
+from cloud.problems import ProblemError
+from cloud.state import Cloud
+from eskin.moment import SECOND
+
+router = APIRouter(include_in_schema=False)
+
+_FORM: Final = "application/x-www-form-urlencoded"
+_LONGEST_FORM: Final = 4096
+_LONGEST_SECRET: Final = 512
+
+
+@router.get("/login")
+async def get_login(
+    cloud: CloudState, code: Annotated[str | None, Query(max_length=_LONGEST_SECRET)] = None
+) -> Response:
+    """The form; with a one-time code, straight to the dashboard."""
+    if code is None:
+        return _page("", 200)
+    lifetime = _lifetime(cloud)
+    session = await asyncio.wrap_future(redeem_login_code(cloud.store, code, lifetime=lifetime))
+    if session is None:
+        return _page("This link was used already, or is too old. Ask for a new one.", 401)
+    return _signed_in(cloud, session)
+
+
+@router.post("/login")
+async def post_login(cloud: CloudState, request: Request) -> Response:
+    """Take the form's token."""
+    _require_same_site(request)
+    token = await _read_token(request)
+    opened = await asyncio.to_thread(open_session, cloud.store, token, lifetime=_lifetime(cloud))
+    if opened is None:
+        return _page("This token is none of ours, or no more good.", 401)
+    return _signed_in(cloud, await asyncio.wrap_future(opened))
+
+
+@router.post("/logout")
+async def post_logout(
+    cloud: CloudState,
+    request: Request,
+    session: Annotated[str | None, Cookie(alias=COOKIE)] = None,
+) -> Response:
+    """End the session."""
+    _require_same_site(request)
+    if session is not None:
+        await asyncio.wrap_future(close_session(cloud.store, session[:_LONGEST_SECRET]))
+    answer = RedirectResponse("/login", 303)
+    answer.delete_cookie(COOKIE, httponly=True, samesite="strict", secure=cloud.secure)
+    return answer
+
+
+@router.get("/login.css")
+async def get_style() -> Response:
+    """The page's style sheet."""
+    headers = {"Cache-Control": "no-cache"}
+    return Response(login_style(), media_type="text/css", headers=headers)
+
+
+async def _read_token(request: Request) -> str:
+    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    if kind != _FORM:
+        raise ProblemError(415, f"Content-Type is {kind!r}; send {_FORM}")
+    body = bytearray()
+    async for part in request.stream():
+        body += part
+        if len(body) > _LONGEST_FORM:
+            raise ProblemError(413, f"the form is longer than {_LONGEST_FORM} bytes")
+    fields = parse_qs(body.decode("latin-1"))
+    return fields.get("token", [""])[0].strip()[:_LONGEST_SECRET]
+
+
+def _require_same_site(request: Request) -> None:
+    """Refuse forms of other sites; browsers say where a request comes from."""
+    if request.headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
+        raise ProblemError(403, "this form was sent by another site; sign in on this page")
+
+
+def _signed_in(cloud: Cloud, session: str) -> Response:
+    answer = RedirectResponse("/", 303)
+    answer.set_cookie(
+        COOKIE,
+        session,
+        max_age=_lifetime(cloud) // SECOND,
+        httponly=True,
+        samesite="strict",
+        secure=cloud.secure,
+    )
+    return answer
+
+
+def _lifetime(cloud: Cloud) -> int:
+    return int(cloud.settings.access.session_hours * 3600 * SECOND)
+
+
+def _page(message: str, status: int) -> Response:
+    return Response(login_page(message), status, media_type="text/html")

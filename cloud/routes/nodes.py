@@ -1,0 +1,85 @@
+"""Nodes and their channels."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import RowMapping
+from starlette.responses import Response
+
+from cloud.dependencies import CloudState, Reader
+from cloud.query.listing import count_channels, list_channels, list_nodes
+from cloud.query.places import find_node
+from cloud.routes.answers import as_json
+from cloud.routes.documents import (
+    REFUSALS,
+    REFUSALS_OF_PLACE,
+    ChannelDocument,
+    NodeDocument,
+    PageDocument,
+)
+from cloud.shapes import channel_shape, node_shape, page
+from cloud.state import Cloud
+from eskin.moment import SECOND
+
+router = APIRouter(tags=["nodes"])
+
+
+class ListQuery(BaseModel):
+    """Parameters of a list."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+
+class NoQuery(BaseModel):
+    """No parameters."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+@router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
+def get_nodes(cloud: CloudState, _: Reader, query: Annotated[ListQuery, Query()]) -> Response:
+    """All nodes, by name."""
+    with cloud.store.read() as connection:
+        rows, following = list_nodes(connection, query.cursor)
+        counts = count_channels(connection, [row["node"] for row in rows])
+    items = [_node(cloud, row, counts.get(row["node"], 0)) for row in rows]
+    return as_json(page(items, following))
+
+
+@router.get("/nodes/{node}", response_model=NodeDocument, responses=REFUSALS_OF_PLACE)
+def get_node(
+    cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """One node."""
+    del query
+    with cloud.store.read() as connection:
+        row = find_node(connection, node)
+        counts = count_channels(connection, [node])
+    return as_json(_node(cloud, row, counts.get(node, 0)))
+
+
+@router.get(
+    "/nodes/{node}/channels",
+    response_model=PageDocument[ChannelDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_channels(
+    cloud: CloudState, _: Reader, node: str, query: Annotated[ListQuery, Query()]
+) -> Response:
+    """A node's channels, by name."""
+    with cloud.store.read() as connection:
+        find_node(connection, node)
+        rows, following = list_channels(connection, node, query.cursor)
+    return as_json(page([channel_shape(row) for row in rows], following))
+
+
+def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:
+    silence = (cloud.clock() - row["last_seen"]) / SECOND
+    judged = cloud.settings.nodes
+    health = "online" if silence < judged.late_s else "late"
+    if silence >= judged.silence_s:
+        health = "offline"
+    return node_shape(row, channels=channels, health=health)

@@ -1,0 +1,146 @@
+"""Series of a channel, as JSON, CSV, Arrow or Parquet, and questions for thresholds."""
+
+from itertools import islice
+from typing import Annotated, Final, Self
+
+from fastapi import APIRouter, Header, Query
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+from sqlalchemy import Connection, RowMapping
+from starlette.responses import Response
+
+from cloud.dependencies import CloudState, Reader
+from cloud.negotiation import choose
+from cloud.problems import ProblemError, documented
+from cloud.query.cursors import read_numbers, write_cursor
+from cloud.query.places import find_channel
+from cloud.query.series import read_series
+from cloud.query.threshold import Segment, Threshold, find_segments
+from cloud.query.window import Window, make_window, read_window
+from cloud.routes.answers import as_json
+from cloud.routes.documents import (
+    REFUSALS_OF_PLACE,
+    PageDocument,
+    SegmentDocument,
+    SeriesDocument,
+)
+from cloud.shapes import page, segment_shape
+from cloud.state import Cloud
+from cloud.tables import WRITERS
+
+router = APIRouter(tags=["series"])
+
+_TIME: Final = "RFC 3339, or integer nanoseconds since 1970"
+
+
+class WindowQuery(BaseModel):
+    """When; without both, the last minute of data."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    start: str | None = Field(default=None, max_length=100, description=f"included; {_TIME}")
+    end: str | None = Field(default=None, max_length=100, description=f"excluded; {_TIME}")
+
+
+class SeriesQuery(WindowQuery):
+    """Parameters of a series."""
+
+    points: int = Field(
+        default=1000,
+        ge=1,
+        le=20_000,
+        description="samples that are answered as they are; where there are more, buckets",
+    )
+
+
+class ThresholdQuery(WindowQuery):
+    """Parameters of a threshold."""
+
+    above: float | None = Field(default=None, allow_inf_nan=False, description="in the unit")
+    below: float | None = Field(default=None, allow_inf_nan=False, description="in the unit")
+    limit: int = Field(default=1000, ge=1, le=10_000, description="segments at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+    @model_validator(mode="after")
+    def _one_side(self) -> Self:
+        if (self.above is None) == (self.below is None):
+            raise ValueError("give either above or below")
+        return self
+
+    @property
+    def threshold(self) -> Threshold:
+        """The question."""
+        if self.above is not None:
+            return Threshold(self.above, above=True)
+        return Threshold(self.below or 0.0, above=False)
+
+
+@router.get(
+    "/series/{node}/{channel}",
+    response_model=SeriesDocument,
+    responses={
+        200: {"content": {media: {} for media in WRITERS if media != "application/json"}},
+        **REFUSALS_OF_PLACE,
+        **documented(406),
+    },
+)
+def get_series(
+    cloud: CloudState,
+    _: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[SeriesQuery, Query()],
+    accept: Annotated[str | None, Header(include_in_schema=False)] = None,
+) -> Response:
+    """A window of one channel: its samples, or the hull of each of ``points`` buckets."""
+    media = choose(accept, tuple(WRITERS))
+    if media is None:
+        raise ProblemError(406, f"{accept!r} is not offered; accept one of {', '.join(WRITERS)}")
+    with cloud.store.read() as connection:
+        row = find_channel(connection, node, channel)
+        window = _window(cloud, row, query)
+        series = read_series(connection, row, window, points=query.points)
+    return Response(WRITERS[media](series), media_type=media, headers={"Vary": "Accept"})
+
+
+@router.get(
+    "/series/{node}/{channel}/threshold",
+    response_model=PageDocument[SegmentDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_threshold(
+    cloud: CloudState,
+    _: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[ThresholdQuery, Query()],
+) -> Response:
+    """When the channel is certainly, or possibly, above or below a value."""
+    with cloud.store.read() as connection:
+        row = find_channel(connection, node, channel)
+        # A cursor holds the window, too: new data must not move a default one.
+        window = _window(cloud, row, query) if query.cursor is None else _resume(query.cursor)
+        found, following = _segments(connection, row, window, query)
+    return as_json(page([segment_shape(segment) for segment in found], following))
+
+
+def _window(cloud: Cloud, row: RowMapping, query: WindowQuery) -> Window:
+    last = row["t_last"]
+    return read_window(query.start, query.end, last=cloud.clock() if last is None else last)
+
+
+def _resume(cursor: str) -> Window:
+    start, end = read_numbers(cursor, 2)
+    return make_window(start, end)
+
+
+def _segments(
+    connection: Connection, row: RowMapping, window: Window, query: ThresholdQuery
+) -> tuple[list[Segment], str | None]:
+    """A page ends only where the next segment begins later than all before it have ended."""
+    segments = find_segments(connection, row, window, query.threshold)
+    found = list(islice(segments, query.limit))
+    for segment in segments:
+        if segment.start > found[-1].end:
+            return found, write_cursor(segment.start, window.end)
+        found.append(segment)
+    return found, None

@@ -1,0 +1,135 @@
+"""The cloud as a process: two listeners over one state."""
+
+from __future__ import annotations
+
+import asyncio
+import fcntl
+import logging
+import os
+import signal
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cloud.application import gateway_application, people_application
+from cloud.ingest.gatekeeper import Gatekeeper
+from cloud.ingest.replay import Replay
+from cloud.ingest.warrant import Verifier
+from cloud.listener import Certificate, Listener, bind
+from cloud.live import Feed
+from cloud.metrics import Metrics
+from cloud.state import Cloud
+from cloud.store import Store
+from cloud.watch import watch
+from eskin.errors import StoreError
+from eskin.identity import Identity, Trust
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from cloud.settings import CloudSettings
+
+log = logging.getLogger(__name__)
+
+DASHBOARD = Path(__file__).with_name("dashboard") / "dist"
+
+
+def run(settings: CloudSettings) -> None:
+    """Serve until SIGTERM or SIGINT.
+
+    Raises:
+        SettingsError: An address or a certificate cannot be used.
+        IdentityError: The server's identity cannot be read.
+        StoreError: The store cannot be opened, or another cloud has it.
+    """
+    logging.getLogger("uvicorn").setLevel(logging.WARNING)
+    with ExitStack() as stack:
+        stack.enter_context(_only_one(settings.store.path))
+        store = stack.enter_context(
+            Store(settings.store.path, readers=settings.store.readers, queue=settings.store.queue)
+        )
+        asyncio.run(_serve(make_cloud(settings, store, clock=time.time_ns)))
+    log.info("stopped")
+
+
+def make_cloud(
+    settings: CloudSettings,
+    store: Store,
+    *,
+    clock: Callable[[], int],
+    dashboard: Path = DASHBOARD,
+) -> Cloud:
+    """Put the shared state together.
+
+    Raises:
+        IdentityError: The server's identity cannot be read.
+    """
+    own = settings.gateways
+    feed = Feed(store, recent=settings.live.recent)
+    trust = Trust(Identity.load(own.identity).root)
+    verifier = Verifier(
+        Gatekeeper(trust, revocations=own.revocations).verify,
+        audience=own.audience,
+        skew=own.skew_s,
+        clock=clock,
+        replay=Replay(),
+    )
+    return Cloud(settings, store, feed, verifier, Metrics(store, feed), clock, dashboard)
+
+
+async def _serve(cloud: Cloud) -> None:
+    people, gateways = cloud.settings.people, cloud.settings.gateways
+    inner = Certificate("gateways.identity", gateways.identity)
+    outer = None if people.identity is None else Certificate("people.identity", people.identity)
+    listeners = (
+        Listener(
+            people_application(cloud),
+            bind("people", people.host, people.port),
+            context=None if outer is None else outer.context,
+        ),
+        Listener(
+            gateway_application(cloud),
+            bind("gateways", gateways.host, gateways.port),
+            context=inner.context,
+        ),
+    )
+    stopping = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stopping.set)
+    certificates = [certificate for certificate in (inner, outer) if certificate is not None]
+    async with asyncio.TaskGroup() as group:
+        for listener, name in zip(listeners, ("people", "gateways"), strict=True):
+            group.create_task(listener.run_until_told(), name=name)
+        group.create_task(watch(cloud, certificates, stopping), name="watch")
+        for listener in listeners:
+            await listener.ready.wait()
+        log.info(
+            "ready: people=%s gateways=%s store=%s",
+            listeners[0].url,
+            listeners[1].url,
+            cloud.store.path,
+        )
+        await stopping.wait()
+        cloud.feed.close()
+        for listener in listeners:
+            listener.should_exit = True
+
+
+@contextmanager
+def _only_one(path: Path) -> Iterator[None]:
+    """Hold the store for this process: what the writer remembers must be the whole truth."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(path.with_name(f"{path.name}.lock"), os.O_RDWR | os.O_CREAT, 0o600)
+    except OSError as error:
+        raise StoreError(f"{path}: the store cannot be opened: {error}") from error
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise StoreError(f"{path}: another cloud runs on this store; stop it first") from error
+    else:
+        yield
+    finally:
+        os.close(descriptor)

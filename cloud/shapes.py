@@ -1,0 +1,126 @@
+"""How rows look in JSON. Unbounded sides and missing values are ``null``."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import orjson
+
+from eskin.moment import format_moment
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import RowMapping
+
+    from cloud.query.series import Series
+    from cloud.query.threshold import Segment
+
+Json: TypeAlias = dict[str, Any]
+Row: TypeAlias = "RowMapping | dict[str, Any]"
+
+
+def dump(value: object) -> bytes:
+    """Write JSON; floats as their shortest exact text, infinite ones as ``null``."""
+    return orjson.dumps(value, option=orjson.OPT_SERIALIZE_NUMPY)
+
+
+def page(items: Sequence[Json], following: str | None) -> Json:
+    """A page of a list."""
+    return {"items": items, "next": following}
+
+
+def series_shape(series: Series) -> Json:
+    """A series."""
+    return {
+        "node": series.node,
+        "channel": series.channel,
+        "unit": series.unit,
+        "coverage": series.coverage,
+        "resolution": series.resolution,
+        "t0": format_moment(series.t0),
+        "t": series.t,
+        "lo": series.lo,
+        "hi": series.hi,
+        "dt": series.dt,
+        "time_error": series.time_error,
+    }
+
+
+def event_shape(row: Row) -> Json:
+    """An event."""
+    return {
+        "id": str(row["cursor"]),
+        "node": row["node"],
+        "channel": row["channel"],
+        "kind": row["kind"],
+        "verdict": row["verdict"],
+        "time": {"lo": format_moment(row["t_lo"]), "hi": format_moment(row["t_hi"])},
+        "height": _interval(row["height_lo"], row["height_hi"]),
+        "prominence": _interval(row["prominence_lo"], row["prominence_hi"]),
+        "count": _interval(row["count_lo"], row["count_hi"]),
+        "unit": row["unit"],
+        "coverage": row["coverage"],
+        "boot": row["boot"],
+        "sequence": row["sequence"],
+        "detail": row["detail"],
+    }
+
+
+def segment_shape(segment: Segment) -> Json:
+    """A segment of a threshold's answer."""
+    verdict = segment.answer.name.lower()
+    return {
+        "id": f"{segment.start}-{segment.end}-{verdict}",
+        "start": format_moment(segment.start),
+        "end": format_moment(segment.end),
+        "verdict": verdict,
+    }
+
+
+def channel_shape(row: Row) -> Json:
+    """A channel."""
+    taxel, _, quantity = row["channel"].partition(".")
+    return {
+        "id": row["channel"],
+        "taxel": taxel,
+        "quantity": quantity,
+        "unit": row["unit"],
+        "coverage": row["coverage"],
+        "dt": row["dt"],
+        "blocks": row["blocks"],
+        "samples": row["samples"],
+        "first": _moment(row["t_first"]),
+        "last": _moment(row["t_last"]),
+        "bounds": _interval(row["lo"], row["hi"]),
+    }
+
+
+def node_shape(row: Row, *, channels: int, health: str) -> Json:
+    """A node."""
+    outbox = {
+        "messages": row["messages"],
+        "bytes": row["used"],
+        "capacity_bytes": row["capacity"],
+    }
+    return {
+        "id": row["node"],
+        "health": health,
+        "last_seen": format_moment(row["last_seen"]),
+        "boot": row["boot"],
+        "sequence": row["sequence"],
+        "profile": row["profile"],
+        "description": row["description"],
+        "uptime_ns": row["uptime"],
+        "outbox": None if row["messages"] is None else outbox,
+        "gaps": row["gaps"] or 0,
+        "channels": channels,
+    }
+
+
+def _interval(lo: float | None, hi: float | None) -> Json | None:
+    return None if lo is None and hi is None else {"lo": lo, "hi": hi}
+
+
+def _moment(nanoseconds: int | None) -> str | None:
+    return None if nanoseconds is None else format_moment(nanoseconds)

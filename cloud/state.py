@@ -1,0 +1,44 @@
+"""What both listeners share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from cloud.ingest.warrant import Verifier
+    from cloud.live import Feed
+    from cloud.metrics import Metrics
+    from cloud.settings import CloudSettings
+    from cloud.store import Store
+
+
+@dataclass(frozen=True, slots=True)
+class Cloud:
+    """The state of one cloud process.
+
+    Attributes:
+        settings: All settings.
+        store: Keeps everything.
+        feed: Tells what is stored as it comes.
+        verifier: Checks gateways' tokens.
+        metrics: Counts.
+        clock: Gives UTC ns.
+        dashboard: Folder of the built dashboard.
+    """
+
+    settings: CloudSettings
+    store: Store
+    feed: Feed
+    verifier: Verifier
+    metrics: Metrics
+    clock: Callable[[], int]
+    dashboard: Path
+
+    @property
+    def secure(self) -> bool:
+        """Whether people come by HTTPS."""
+        return self.settings.people.identity is not None

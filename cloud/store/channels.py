@@ -1,0 +1,83 @@
+"""Keeping each channel's row: its unit, and sums over its blocks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cloud.store.schema import channels
+from eskin.messages import Block, Peak, Status
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from cloud.store.ledger import Ledger, Row
+    from eskin.messages import Message
+
+
+def check_units(connection: Connection, ledger: Ledger, node: str, message: Message) -> str | None:
+    """Why a message cannot be stored beside what is there: its unit is another one."""
+    for channel, unit in _units(message):
+        row = ledger.row(connection, channels, node, channel)
+        if row is not None and row["unit"] != unit:
+            return (
+                f"channel {channel} of {node} is in {row['unit']!r}, and this message says "
+                f"{unit!r}; a channel keeps its unit, so give the new quantity a new name"
+            )
+    return None
+
+
+def _units(message: Message) -> list[tuple[str, str]]:
+    if isinstance(message, Block):
+        return [(message.channel, message.tube.unit)]
+    if isinstance(message, Peak):
+        return [(message.channel, message.unit)]
+    if isinstance(message, Status):
+        return [(info.channel, info.unit) for info in message.channels]
+    return []
+
+
+def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -> None:
+    """Make rows for the channels that a status names."""
+    for info in status.channels:
+        if ledger.row(connection, channels, node, info.channel) is None:
+            row = _fresh(node, info.channel, info.unit, info.coverage, info.dt)
+            ledger.create(channels, (node, info.channel), row)
+
+
+def add_block(connection: Connection, ledger: Ledger, node: str, block: Block) -> None:
+    """Add a block to its channel's sums; a channel claims the least coverage of its blocks."""
+    tube = block.tube
+    key = node, block.channel
+    row = ledger.row(connection, channels, *key)
+    if row is None:
+        row = _fresh(node, block.channel, tube.unit, tube.coverage, tube.dt)
+        ledger.create(channels, key, row)
+    first, span = tube.first_moment, tube.dt * (len(tube) - 1)
+    lo, hi = block.bounds
+    if row["blocks"] == 0:
+        row |= {"t_first": first, "t_last": first + span, "lo": lo, "hi": hi}
+        row |= {"coverage": tube.coverage, "dt": tube.dt}
+    row["blocks"] += 1
+    row["samples"] += len(tube)
+    row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], first + span)
+    row["longest"] = max(row["longest"], span)
+    row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
+    row["coverage"], row["dt"] = min(row["coverage"], tube.coverage), min(row["dt"], tube.dt)
+    ledger.change(channels, *key)
+
+
+def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
+    return {
+        "node": node,
+        "channel": channel,
+        "unit": unit,
+        "coverage": coverage,
+        "dt": dt,
+        "blocks": 0,
+        "samples": 0,
+        "t_first": None,
+        "t_last": None,
+        "longest": 0,
+        "lo": None,
+        "hi": None,
+    }

@@ -1,0 +1,25 @@
+"""What the live feed is told of each message that was stored."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One block or event, at its place in the feed.
+
+    Attributes:
+        cursor: Place in the feed; later messages have a greater one.
+        node: Who said it.
+        channel: Of which channel; ``None`` for a gap or a status.
+        block: The block's bytes; ``None`` for an event.
+        event: The event's row; ``None`` for a block.
+    """
+
+    cursor: int
+    node: str
+    channel: str | None
+    block: bytes | None
+    event: dict[str, Any] | None

@@ -1,0 +1,102 @@
+"""Rows of events: what a peak, a gap or a status tells."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from cloud.store.schema import nodes
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from cloud.store.ledger import Ledger, Row
+    from eskin.messages import Gap, Peak, Position, Status
+
+_NOTHING: Final = dict.fromkeys(
+    (
+        "channel",
+        "verdict",
+        "count_lo",
+        "count_hi",
+        "height_lo",
+        "height_hi",
+        "prominence_lo",
+        "prominence_hi",
+        "unit",
+        "coverage",
+        "detail",
+        "data",
+    )
+)
+
+
+def event_row(
+    node: str, kind: str, position: Position, time: tuple[int, int], **rest: object
+) -> Row:
+    """An event's row, without its place in the feed."""
+    return {
+        **_NOTHING,
+        "node": node,
+        "kind": kind,
+        "boot": position.boot,
+        "sequence": position.sequence,
+        "t_lo": time[0],
+        "t_hi": time[1],
+        **rest,
+    }
+
+
+def peak_row(node: str, peak: Peak, data: bytes) -> Row:
+    """A peak's row."""
+    return event_row(
+        node,
+        "peak",
+        peak.position,
+        peak.time,
+        channel=peak.channel,
+        verdict=peak.verdict.name.lower(),
+        count_lo=peak.count[0],
+        count_hi=peak.count[1],
+        height_lo=peak.height[0],
+        height_hi=peak.height[1],
+        prominence_lo=peak.prominence[0],
+        prominence_hi=peak.prominence[1],
+        unit=peak.unit,
+        coverage=peak.coverage,
+        data=data,
+    )
+
+
+def gap_row(node: str, gap: Gap, data: bytes) -> Row:
+    """A gap's row."""
+    detail = f"{gap.reason}: {gap.messages} messages and {gap.samples} samples lost"
+    return event_row(node, "gap", gap.position, gap.time, detail=detail, data=data)
+
+
+def status_row(
+    connection: Connection, ledger: Ledger, node: str, status: Status, data: bytes
+) -> Row | None:
+    """Keep the node's latest status; gives a row when it tells of a new start."""
+    row = ledger.row(connection, nodes, node)
+    if row is None:
+        return None
+    place = status.position
+    known = row["status_boot"], row["status_sequence"]
+    if known[0] is not None and known > (place.boot, place.sequence):
+        return None
+    row |= {
+        "status_boot": place.boot,
+        "status_sequence": place.sequence,
+        "profile": status.profile,
+        "description": status.description,
+        "uptime": status.uptime,
+        "messages": status.messages,
+        "used": status.used,
+        "capacity": status.capacity,
+        "gaps": status.gaps,
+    }
+    ledger.change(nodes, node)
+    if known[0] is not None and known[0] >= place.boot:
+        return None
+    detail = f"started: boot {place.boot}, {status.profile}"
+    return event_row(node, "status", place, status.time, detail=detail, data=data)

@@ -1,0 +1,220 @@
+"""Taking a batch into the store: each message once, whatever else is in the batch."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import insert
+
+from cloud.store.channels import add_block, check_units, declare
+from cloud.store.dead_letters import bury
+from cloud.store.entry import Entry
+from cloud.store.events import gap_row, peak_row, status_row
+from cloud.store.presence import see
+from cloud.store.schema import NODE_LENGTH, blocks, events
+from eskin.errors import IdentityError, MessageError
+from eskin.identity import IdentityKind
+from eskin.messages import Block, Gap, Message, Peak, Status, decode_message
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection
+
+    from cloud.store.ledger import Ledger, Row
+
+STORED: Final = "stored"
+DUPLICATE: Final = "duplicate"
+REJECTED: Final = "rejected"
+
+_MOST_MOMENT: Final = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Item:
+    """One message of a batch, already read.
+
+    Attributes:
+        node: Who said it, as the gateway vouches.
+        data: Its bytes.
+        message: What they say; ``None`` if they say nothing.
+        reason: Why not.
+    """
+
+    node: str
+    data: bytes
+    message: Message | None
+    reason: str | None = None
+
+    @classmethod
+    def read(cls, node: str, data: bytes) -> Item:
+        """Read a message; a poor one becomes an item with a reason."""
+        try:
+            IdentityKind.NODE.require_name(node)
+            message = decode_message(data)
+            _require_storable(message)
+        except (MessageError, IdentityError) as error:
+            return cls.refused(node, data, str(error))
+        return cls(node, data, message)
+
+    @classmethod
+    def refused(cls, node: str, data: bytes, reason: str) -> Item:
+        """An item that says nothing."""
+        shown = "".join(letter for letter in node[:NODE_LENGTH] if letter.isprintable())
+        return cls(shown, data, None, reason)
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What became of one item.
+
+    Attributes:
+        result: ``stored``, ``duplicate`` or ``rejected``.
+        reason: Why it was rejected.
+    """
+
+    result: str
+    reason: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What became of a batch: results in the batch's order, and news for the live feed."""
+
+    results: list[Result]
+    entries: list[Entry]
+    buried: int
+
+
+@dataclass(slots=True)
+class _Batch:
+    connection: Connection
+    ledger: Ledger
+    now: int
+    blocks: list[Row] = field(default_factory=list)
+    events: list[Row] = field(default_factory=list)
+    dead: list[Row] = field(default_factory=list)
+    entries: list[Entry] = field(default_factory=list)
+
+    def tell(self, row: Row) -> None:
+        cursor = self.ledger.next_cursor(self.connection)
+        row |= {"cursor": cursor, "received": self.now}
+        self.events.append(row)
+        self.entries.append(Entry(cursor, row["node"], row["channel"], None, row))
+
+
+def take_in(
+    connection: Connection,
+    ledger: Ledger,
+    items: Sequence[Item],
+    *,
+    gateway: str,
+    now: int,
+    dead_letters: int,
+) -> Outcome:
+    """Store a batch within a transaction.
+
+    Args:
+        connection: The writing thread's, in a transaction.
+        ledger: The writing thread's.
+        items: What a gateway brought.
+        gateway: Its name, for dead letters.
+        now: UTC ns.
+        dead_letters: How many dead letters are kept.
+    """
+    batch = _Batch(connection, ledger, now)
+    results = [_take(batch, item, gateway) for item in items]
+    if batch.blocks:
+        connection.execute(insert(blocks), batch.blocks)
+    if batch.events:
+        connection.execute(insert(events), batch.events)
+    buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
+    ledger.save(connection)
+    return Outcome(results, batch.entries, buried)
+
+
+def _take(batch: _Batch, item: Item, gateway: str) -> Result:
+    message, reason = item.message, item.reason
+    if message is not None:
+        place = message.position
+        if place.sequence in batch.ledger.ranges(batch.connection, item.node, place.boot):
+            return Result(DUPLICATE)
+        reason = check_units(batch.connection, batch.ledger, item.node, message)
+    if message is None or reason is not None:
+        reason = reason or "no message"
+        batch.dead.append(_letter(item, reason, gateway, batch.now))
+        return Result(REJECTED, reason)
+    _store(batch, item.node, message, item.data)
+    batch.ledger.add(batch.connection, item.node, place.boot, place.sequence)
+    return Result(STORED)
+
+
+def _store(batch: _Batch, node: str, message: Message, data: bytes) -> None:
+    back = see(batch.connection, batch.ledger, node, message.position, now=batch.now)
+    if back is not None:
+        batch.tell(back)
+    if isinstance(message, Block):
+        cursor = batch.ledger.next_cursor(batch.connection)
+        batch.blocks.append(_block_row(node, message, data, cursor, batch.now))
+        batch.entries.append(Entry(cursor, node, message.channel, data, None))
+        add_block(batch.connection, batch.ledger, node, message)
+    elif isinstance(message, Peak):
+        batch.tell(peak_row(node, message, data))
+    elif isinstance(message, Gap):
+        batch.tell(gap_row(node, message, data))
+    else:
+        _store_status(batch, node, message, data)
+
+
+def _store_status(batch: _Batch, node: str, status: Status, data: bytes) -> None:
+    declare(batch.connection, batch.ledger, node, status)
+    row = status_row(batch.connection, batch.ledger, node, status, data)
+    if row is not None:
+        batch.tell(row)
+
+
+def _block_row(node: str, block: Block, data: bytes, cursor: int, now: int) -> Row:
+    tube = block.tube
+    lo, hi = block.bounds
+    return {
+        "node": node,
+        "boot": block.position.boot,
+        "sequence": block.position.sequence,
+        "cursor": cursor,
+        "channel": block.channel,
+        "t": tube.first_moment,
+        "t_end": tube.first_moment + tube.dt * (len(tube) - 1),
+        "error": tube.time_error,
+        "t_lo": tube.time[0],
+        "t_hi": tube.time[1],
+        "dt": tube.dt,
+        "n": len(tube),
+        "lo": lo,
+        "hi": hi,
+        "coverage": tube.coverage,
+        "received": now,
+        "data": data,
+    }
+
+
+def _letter(item: Item, reason: str, gateway: str, now: int) -> Row:
+    return {
+        "node": item.node,
+        "digest": hashlib.sha256(item.data).hexdigest(),
+        "reason": reason,
+        "gateway": gateway,
+        "received": now,
+        "data": item.data,
+    }
+
+
+def _require_storable(message: Message) -> None:
+    if isinstance(message, Block):
+        tube = message.tube
+        if tube.time[1] + tube.dt * (len(tube) - 1) > _MOST_MOMENT:
+            raise MessageError(
+                f"last sample lies after the year 2262: first at {tube.time[1]} ns, "
+                f"{len(tube)} samples of {tube.dt} ns"
+            )

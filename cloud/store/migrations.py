@@ -1,0 +1,50 @@
+"""Migrations, in order; each and its record share one transaction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import Connection, func, insert, inspect, select
+
+from cloud.store.schema import feed, metadata, versions
+from eskin.errors import StoreError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def _first(connection: Connection) -> None:
+    metadata.create_all(connection)
+    connection.execute(insert(feed).values(name="feed", cursor=0))
+
+
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first,)
+CURRENT: Final = len(MIGRATIONS)
+
+
+def migrate(connection: Connection, *, now: int) -> None:
+    """Bring the schema to this version, within the connection's transaction.
+
+    Args:
+        connection: With an open transaction that nobody else writes beside.
+        now: UTC ns, for the record.
+
+    Raises:
+        StoreError: The store is of a later version.
+    """
+    standing = schema_version(connection)
+    if standing > CURRENT:
+        raise StoreError(
+            f"the store has schema version {standing}, this program knows {CURRENT}; "
+            "start the newer program, or another store"
+        )
+    for version in range(standing + 1, CURRENT + 1):
+        MIGRATIONS[version - 1](connection)
+        connection.execute(insert(versions).values(version=version, applied=now))
+
+
+def schema_version(connection: Connection) -> int:
+    """The version of the schema; 0 where there is none yet."""
+    if not inspect(connection).has_table(versions.name):
+        return 0
+    return connection.execute(select(func.max(versions.c.version))).scalar_one() or 0

@@ -1,0 +1,89 @@
+"""Whether nodes are there: seen by their messages, given up by their silence."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sqlalchemy import insert, select
+
+from cloud.store.entry import Entry
+from cloud.store.events import event_row
+from cloud.store.schema import events, nodes
+from eskin.messages import Position
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from cloud.store.ledger import Ledger, Row
+
+
+def see(
+    connection: Connection, ledger: Ledger, node: str, position: Position, *, now: int
+) -> Row | None:
+    """Note that a node spoke; gives an event's row when it had been offline."""
+    row = ledger.row(connection, nodes, node)
+    if row is None:
+        ledger.create(nodes, (node,), _fresh(node, position, now))
+        return None
+    was_online, last = row["online"], row["last_seen"]
+    row["online"], row["last_seen"] = 1, max(last, now)
+    place = position.boot, position.sequence
+    row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
+    ledger.change(nodes, node)
+    if was_online:
+        return None
+    return event_row(node, "status", position, (last, max(last, now)), detail="online again")
+
+
+def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: int) -> list[Entry]:
+    """Note which nodes fell silent.
+
+    Args:
+        connection: The writing thread's, in a transaction.
+        ledger: The writing thread's.
+        silent_since: UTC ns; nodes last seen before are offline.
+        now: UTC ns.
+
+    Returns:
+        News for the live feed.
+    """
+    silent = select(nodes.c.node).where(nodes.c.online == 1, nodes.c.last_seen < silent_since)
+    entries = []
+    for node in connection.execute(silent.order_by(nodes.c.node)).scalars().all():
+        row = ledger.row(connection, nodes, node)
+        if row is None:
+            continue
+        row["online"] = 0
+        ledger.change(nodes, node)
+        position = Position(row["boot"], row["sequence"])
+        event = event_row(node, "status", position, (row["last_seen"], now), detail="offline")
+        cursor = ledger.next_cursor(connection)
+        event |= {"cursor": cursor, "received": now}
+        connection.execute(insert(events), event)
+        entries.append(Entry(cursor, node, None, None, event))
+    if entries:
+        ledger.save(connection)
+    return entries
+
+
+def _fresh(node: str, position: Position, now: int) -> Row:
+    return {
+        "node": node,
+        "first_seen": now,
+        "last_seen": now,
+        "online": 1,
+        "boot": position.boot,
+        "sequence": position.sequence,
+    } | dict.fromkeys(
+        (
+            "status_boot",
+            "status_sequence",
+            "profile",
+            "description",
+            "uptime",
+            "messages",
+            "used",
+            "capacity",
+            "gaps",
+        )
+    )

@@ -1,0 +1,208 @@
+"""The store's tables, for SQLite and PostgreSQL alike.
+
+What nodes say is keyed by ``node`` first: it is the column by which a larger store is distributed.
+Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    Double,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    String,
+    Table,
+    Text,
+)
+
+metadata = MetaData()
+
+NODE_LENGTH: Final = 63
+CHANNEL_LENGTH: Final = 64
+UNIT_LENGTH: Final = 16
+
+versions = Table(
+    "versions",
+    metadata,
+    Column("version", Integer, primary_key=True, autoincrement=False),
+    Column("applied", BigInteger, nullable=False),
+)
+"""Which migrations were applied, and when."""
+
+feed = Table(
+    "feed",
+    metadata,
+    Column("name", String(16), primary_key=True),
+    Column("cursor", BigInteger, nullable=False),
+)
+"""The last cursor given out; it never runs backwards, whatever is removed later."""
+
+nodes = Table(
+    "nodes",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("first_seen", BigInteger, nullable=False),
+    Column("last_seen", BigInteger, nullable=False),
+    Column("online", Integer, nullable=False),
+    Column("boot", BigInteger, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("status_boot", BigInteger),
+    Column("status_sequence", BigInteger),
+    Column("profile", String(64)),
+    Column("description", String(200)),
+    Column("uptime", BigInteger),
+    Column("messages", BigInteger),
+    Column("used", BigInteger),
+    Column("capacity", BigInteger),
+    Column("gaps", BigInteger),
+)
+"""Each node with its latest position and its latest status."""
+
+channels = Table(
+    "channels",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("channel", String(CHANNEL_LENGTH), primary_key=True),
+    Column("unit", String(UNIT_LENGTH), nullable=False),
+    Column("coverage", Double, nullable=False),
+    Column("dt", BigInteger, nullable=False),
+    Column("blocks", BigInteger, nullable=False),
+    Column("samples", BigInteger, nullable=False),
+    Column("t_first", BigInteger),
+    Column("t_last", BigInteger),
+    Column("longest", BigInteger, nullable=False),
+    Column("lo", Double),
+    Column("hi", Double),
+)
+"""Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a block."""
+
+blocks = Table(
+    "blocks",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("sequence", BigInteger, primary_key=True, autoincrement=False),
+    Column("cursor", BigInteger, nullable=False),
+    Column("channel", String(CHANNEL_LENGTH), nullable=False),
+    Column("t", BigInteger, nullable=False),
+    Column("t_end", BigInteger, nullable=False),
+    Column("error", BigInteger, nullable=False),
+    Column("t_lo", BigInteger, nullable=False),
+    Column("t_hi", BigInteger, nullable=False),
+    Column("dt", BigInteger, nullable=False),
+    Column("n", Integer, nullable=False),
+    Column("lo", Double, nullable=False),
+    Column("hi", Double, nullable=False),
+    Column("coverage", Double, nullable=False),
+    Column("received", BigInteger, nullable=False),
+    Column("data", LargeBinary, nullable=False),
+    Index("blocks_by_cursor", "cursor"),
+    # Holds all that bounds are answered from, so that no block's bytes are touched for them.
+    Index(
+        "blocks_by_time",
+        "node",
+        "channel",
+        "t",
+        "t_end",
+        "n",
+        "lo",
+        "hi",
+        "coverage",
+        "error",
+        "dt",
+    ),
+)
+"""Blocks byte for byte.
+
+``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
+first sample's moment; ``error`` is how far a moment may lie from its middle.
+"""
+
+events = Table(
+    "events",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("cursor", BigInteger, primary_key=True, autoincrement=False),
+    Column("boot", BigInteger, nullable=False),
+    Column("sequence", BigInteger, nullable=False),
+    Column("kind", String(8), nullable=False),
+    Column("channel", String(CHANNEL_LENGTH)),
+    Column("verdict", String(8)),
+    Column("t_lo", BigInteger, nullable=False),
+    Column("t_hi", BigInteger, nullable=False),
+    Column("count_lo", BigInteger),
+    Column("count_hi", BigInteger),
+    Column("height_lo", Double),
+    Column("height_hi", Double),
+    Column("prominence_lo", Double),
+    Column("prominence_hi", Double),
+    Column("unit", String(UNIT_LENGTH)),
+    Column("coverage", Double),
+    Column("detail", Text),
+    Column("received", BigInteger, nullable=False),
+    Column("data", LargeBinary),
+    Index("events_by_cursor", "cursor"),
+    Index("events_by_time", "t_lo", "cursor"),
+    Index("events_by_node", "node", "t_lo", "cursor"),
+)
+"""Peaks, gaps, and what changed in a node's status; ``data`` is the message byte for byte."""
+
+sequences = Table(
+    "sequences",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("first", BigInteger, primary_key=True, autoincrement=False),
+    Column("last", BigInteger, nullable=False),
+)
+"""Which sequence numbers were stored, as ranges: the memory behind *once*."""
+
+dead_letters = Table(
+    "dead_letters",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("digest", String(64), primary_key=True),
+    Column("reason", Text, nullable=False),
+    Column("gateway", String(NODE_LENGTH + 9), nullable=False),
+    Column("received", BigInteger, nullable=False),
+    Column("data", LargeBinary, nullable=False),
+    Index("dead_letters_by_received", "received"),
+)
+"""What was refused, and why; once for the same bytes of the same node."""
+
+tokens = Table(
+    "tokens",
+    metadata,
+    Column("digest", String(64), primary_key=True),
+    Column("name", String(100), nullable=False),
+    Column("scopes", String(64), nullable=False),
+    Column("created", BigInteger, nullable=False),
+    Column("expires", BigInteger),
+    Column("revoked", BigInteger),
+)
+"""Bearer tokens by SHA-256; the token itself is known to its holder only."""
+
+login_codes = Table(
+    "login_codes",
+    metadata,
+    Column("digest", String(64), primary_key=True),
+    Column("scopes", String(64), nullable=False),
+    Column("expires", BigInteger, nullable=False),
+)
+"""One-time codes by SHA-256; gone once used."""
+
+sessions = Table(
+    "sessions",
+    metadata,
+    Column("digest", String(64), primary_key=True),
+    Column("scopes", String(64), nullable=False),
+    Column("token", String(64)),
+    Column("expires", BigInteger, nullable=False),
+)
+"""Sessions of browsers by SHA-256; ``token`` is the one that opened it, and closes it."""

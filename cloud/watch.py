@@ -1,0 +1,62 @@
+"""What the cloud looks after by itself: silent nodes, renewed certificates."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING, Final
+
+from cloud.store.intake import Outcome
+from cloud.store.presence import give_up
+from eskin.errors import StoreError
+from eskin.moment import SECOND
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection
+
+    from cloud.listener import Certificate
+    from cloud.state import Cloud
+
+log = logging.getLogger(__name__)
+
+_INTERVAL: Final = 1.0
+
+
+async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asyncio.Event) -> None:
+    """Look every second, until told to stop."""
+    begun = cloud.clock()
+    while not stopping.is_set():
+        for certificate in certificates:
+            _refresh(certificate)
+        silence = int(cloud.settings.nodes.silence_s * SECOND)
+        # After a start, every node is first given the time to be heard.
+        if cloud.clock() - begun >= silence:
+            await _judge(cloud, silence)
+        try:
+            await asyncio.wait_for(stopping.wait(), _INTERVAL)
+        except TimeoutError:
+            continue
+
+
+async def _judge(cloud: Cloud, silence: int) -> None:
+    def work(connection: Connection) -> Outcome:
+        now = cloud.clock()
+        told = give_up(connection, cloud.store.ledger, silent_since=now - silence, now=now)
+        return Outcome([], told, 0)
+
+    try:
+        written = cloud.store.write(work)
+        cloud.feed.follow(written, asyncio.get_running_loop())
+        await asyncio.wrap_future(written)
+    except StoreError as error:
+        log.warning("silent nodes not judged: reason=%s", error)
+
+
+def _refresh(certificate: Certificate) -> None:
+    try:
+        if certificate.refresh():
+            log.info("certificate renewed")
+    except OSError as error:
+        log.warning("renewed certificate not taken: reason=%s", error)

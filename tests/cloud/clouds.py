@@ -1,0 +1,182 @@
+"""Clouds for tests: a store and both applications, over ASGI without sockets."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import secrets
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any, Protocol
+
+import cbor2
+import httpx
+import jwt
+from sqlalchemy import func, select
+
+from cloud.access import Scope, create_token
+from cloud.application import gateway_application, people_application
+from cloud.service import make_cloud
+from cloud.settings import CloudSettings, GatewaysSection, StoreSection
+from cloud.store import Store
+from cloud.store.intake import Item, Outcome, take_in
+from cloud.store.schema import blocks
+from eskin.identity import IdentityKind, der
+from eskin.moment import SECOND
+from tests.cloud.messages import NODE, START
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from cloud.state import Cloud
+    from eskin.identity import Identity
+    from tests.identities import Identities
+
+
+class Said(Protocol):
+    """Anything that a node says."""
+
+    def encode(self) -> bytes:
+        """Its bytes."""
+        ...
+
+
+class Clock:
+    """A clock that stands until it is turned."""
+
+    def __init__(self, now: int) -> None:
+        self.now = now
+
+    def __call__(self) -> int:
+        """UTC ns."""
+        return self.now
+
+    def turn(self, seconds: float) -> None:
+        """Let time pass."""
+        self.now += int(seconds * SECOND)
+
+
+def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100) -> Outcome:
+    """Store messages in one batch."""
+    items = [Item.read(node, message.encode()) for message in messages]
+    return put_items(store, items, dead_letters=dead_letters)
+
+
+def put_items(store: Store, items: Sequence[Item], *, dead_letters: int = 100) -> Outcome:
+    """Store items in one batch."""
+    return store.write(
+        lambda connection: take_in(
+            connection,
+            store.ledger,
+            items,
+            gateway="gateway.g1",
+            now=store.clock(),
+            dead_letters=dead_letters,
+        )
+    ).result(20)
+
+
+def warrant(identity: Identity, body: bytes, now: int, **claims: Any) -> str:
+    """A gateway's token for a body; claims as given instead."""
+    seconds = now // SECOND
+    chosen: dict[str, Any] = {
+        "iss": identity.name,
+        "aud": "eskin-cloud",
+        "iat": seconds,
+        "exp": seconds + 60,
+        "jti": secrets.token_hex(8),
+        "sha256": hashlib.sha256(body).hexdigest(),
+    }
+    chosen |= claims
+    chosen = {name: value for name, value in chosen.items() if value is not None}
+    chain = [base64.b64encode(der(certificate)).decode() for certificate in identity.chain]
+    return jwt.encode(chosen, identity.key, algorithm="ES256", headers={"x5c": chain})
+
+
+def batch(*messages: Said, node: str = NODE) -> bytes:
+    """The body of an ingest."""
+    return cbor2.dumps([[node, message.encode()] for message in messages])
+
+
+@dataclass
+class Stand:
+    """A cloud with clients for both of its faces."""
+
+    cloud: Cloud
+    clock: Clock
+    gateway: Identity
+    token: str
+
+    def client(self, *, token: str | None = None, **options: Any) -> httpx.AsyncClient:
+        """A person's client, with a reading token unless another is given ('' for none)."""
+        chosen = self.token if token is None else token
+        headers = {"Authorization": f"Bearer {chosen}"} if chosen else {}
+        transport = httpx.ASGITransport(
+            people_application(self.cloud), raise_app_exceptions=False, **options
+        )
+        return httpx.AsyncClient(transport=transport, base_url="http://cloud", headers=headers)
+
+    def ingest_client(self) -> httpx.AsyncClient:
+        """A gateway's client."""
+        transport = httpx.ASGITransport(gateway_application(self.cloud), raise_app_exceptions=False)
+        return httpx.AsyncClient(transport=transport, base_url="https://ingest")
+
+    async def ingest(self, body: bytes, **claims: Any) -> httpx.Response:
+        """Bring a batch as the gateway does."""
+        headers = {
+            "Authorization": f"Bearer {warrant(self.gateway, body, self.clock(), **claims)}",
+            "Content-Type": "application/cbor",
+        }
+        async with self.ingest_client() as client:
+            return await client.post("/api/v1/ingest", content=body, headers=headers)
+
+    async def get(self, path: str, **params: Any) -> httpx.Response:
+        """Ask as a reader."""
+        async with self.client() as client:
+            return await client.get(path, params=params)
+
+
+@contextmanager
+def standing(folder: Path, identities: Identities, **sections: Any) -> Iterator[Stand]:
+    """A cloud in a folder."""
+    server = identities.make(IdentityKind.SERVER, "server.cloud")
+    settings = CloudSettings(
+        store=sections.pop("store", StoreSection(path=folder / "store.sqlite")),
+        gateways=sections.pop("gateways", GatewaysSection(identity=server.directory)),
+        **sections,
+    )
+    clock = Clock(START + 3600 * SECOND)
+    with Store(settings.store.path, clock=clock) as store:
+        cloud = make_cloud(settings, store, clock=clock, dashboard=folder / "dashboard")
+        token = create_token(store, scopes=[Scope.READ], name="test", lifetime=timedelta(hours=1))
+        yield Stand(cloud, clock, identities.gateway, token)
+
+
+def problem(response: httpx.Response, status: int) -> str:
+    """Check that an answer is problem details; gives what they say."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    body = json.loads(response.content)
+    assert body["status"] == status
+    assert set(body) == {"type", "title", "status", "detail", "instance"}
+    assert body["detail"]
+    assert "Traceback" not in response.text
+    return str(body["detail"])
+
+
+def count_blocks(stand: Stand) -> int:
+    """How many blocks are stored."""
+    with stand.cloud.store.read() as connection:
+        return connection.execute(select(func.count()).select_from(blocks)).scalar_one()
+
+
+async def post(
+    stand: Stand, body: bytes, authorization: str, *, kind: str = "application/cbor"
+) -> httpx.Response:
+    """Bring a batch with any header."""
+    async with stand.ingest_client() as client:
+        headers = {"Authorization": authorization, "Content-Type": kind}
+        return await client.post("/api/v1/ingest", content=body, headers=headers)

@@ -1,0 +1,111 @@
+"""Bad batches, and a store that cannot take any."""
+
+from __future__ import annotations
+
+import gzip
+from typing import TYPE_CHECKING, Any
+
+import cbor2
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import text
+
+from cloud.ingest.batch import read_batch
+from cloud.ingest.errors import BatchError
+from cloud.settings import GatewaysSection
+from eskin.errors import StoreError
+from eskin.identity import IdentityKind
+from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
+from tests.cloud.messages import NODE, block
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_batch_of_another_type_is_refused(stand: Stand) -> None:
+    body = batch(block(0))
+    for kind in ("application/json", "", "text/plain"):
+        problem(await post(stand, body, "Bearer x", kind=kind), 415)
+
+
+async def test_batch_too_large_is_refused_while_it_streams(
+    tmp_path: Path, identities: Identities
+) -> None:
+    server = identities.make(IdentityKind.SERVER, "server.cloud").directory
+    own = GatewaysSection(identity=server, body_bytes=65_536)
+    with standing(tmp_path, identities, gateways=own) as stand:
+        problem(await stand.ingest(b"x" * 65_537), 413)
+        sent = 0
+
+        async def endless() -> Any:
+            nonlocal sent
+            while True:
+                sent += 1
+                yield b"x" * 4096
+
+        token = warrant(stand.gateway, b"", stand.clock())
+        async with stand.ingest_client() as client:
+            answer = await client.post(
+                "/api/v1/ingest",
+                content=endless(),
+                headers={"Authorization": f"Bearer {token}", "Content-Type": "application/cbor"},
+            )
+        problem(answer, 413)
+        assert sent <= 18
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"\xff", cbor2.dumps({}), cbor2.dumps([0] * 10_001), gzip.compress(b"x")]
+)
+async def test_body_that_is_no_batch_is_refused(stand: Stand, body: bytes) -> None:
+    problem(await stand.ingest(body), 422)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.one_of(st.binary(max_size=200), st.binary(max_size=200).map(lambda b: b"\x82" + b)))
+def test_any_bytes_are_a_batch_or_refused(body: bytes) -> None:
+    try:
+        items = read_batch(body)
+    except BatchError:
+        return
+    assert all((item.message is None) == (item.reason is not None) for item in items)
+
+
+async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
+    good = [NODE, block(0).encode()]
+    odd = [[], [NODE], 5, [NODE, "text"], [b"x", b"y"], [NODE, b"x" * 70_000], None, good]
+    answer = await stand.ingest(cbor2.dumps(odd))
+    results = [item["result"] for item in answer.json()["items"]]
+    assert results == ["rejected"] * 7 + ["stored"]
+
+
+async def test_broken_store_answers_503_and_shows_in_readiness(stand: Stand) -> None:
+    store = stand.cloud.store
+    body = batch(*(block(n, [0.0] * 900, [1.0] * 900) for n in range(40)))
+    pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(20)
+    store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(20)
+    answer = await stand.ingest(body)
+    problem(answer, 503)
+    assert int(answer.headers["retry-after"]) > 0
+    assert count_blocks(stand) == 0
+    assert store.writer.fault
+    store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(20)
+    assert (await stand.get("/readyz")).status_code == 200
+    assert (await stand.ingest(body)).json()["items"][39]["result"] == "stored"
+
+
+async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
+    stand.cloud.store.write(
+        lambda c: c.execute(text("ALTER TABLE feed RENAME TO lost")).rowcount
+    ).result(20)
+    problem(await stand.ingest(batch(block(0))), 503)
+    with pytest.raises(StoreError):
+        stand.cloud.store.write(lambda _: None).result(20)
+    problem(await stand.get("/readyz"), 503)
+    assert (await stand.get("/healthz")).json() == {"status": "ok"}

@@ -1,0 +1,84 @@
+"""The OpenAPI description holds: no fault, no undocumented answer."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import schemathesis
+from hypothesis import HealthCheck, Phase, given, settings
+from schemathesis.specs.openapi.checks import positive_data_acceptance
+
+from cloud.application import gateway_application, people_application
+from tests.cloud.clouds import put
+from tests.cloud.messages import CHANNEL, NODE, block, gap, peak, status
+
+if TYPE_CHECKING:
+    from tests.cloud.clouds import Stand
+
+
+def validate(schema: Any, headers: dict[str, str]) -> int:
+    """Ask each operation with drawn cases, good and bad; gives how many operations there are.
+
+    A text that is no time or no cursor is rightly refused, which a schema cannot say.
+    """
+    count = 0
+    for result in schema.get_all_operations():
+        operation = result.ok()
+        count += 1
+
+        @settings(
+            max_examples=40,
+            deadline=None,
+            database=None,
+            phases=(Phase.explicit, Phase.generate),
+            suppress_health_check=list(HealthCheck),
+        )
+        @given(case=operation.as_strategy())
+        def ask(case: Any) -> None:
+            case.call_and_validate(headers=headers, excluded_checks=[positive_data_acceptance])
+
+        ask()
+    return count
+
+
+def test_people_are_answered_as_described(stand: Stand) -> None:
+    put(stand.cloud.store, status(0), block(1), peak(2), gap(3))
+    headers = {"Authorization": f"Bearer {stand.token}"}
+    app = people_application(stand.cloud)
+    schema = schemathesis.openapi.from_asgi("/openapi.json", app, headers=headers)
+    # The live stream never ends; its refusals and its events have tests of their own.
+    assert validate(schema.exclude(path="/api/v1/live"), headers) == 8
+
+
+def test_known_places_are_answered_as_described(stand: Stand) -> None:
+    put(stand.cloud.store, status(0), block(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
+    headers = {"Authorization": f"Bearer {stand.token}"}
+    app = people_application(stand.cloud)
+    raw = app.openapi()
+    for path in list(raw["paths"]):
+        item = raw["paths"].pop(path)
+        known = path.replace("{node}", NODE).replace("{channel}", CHANNEL)
+        for operation in item.values():
+            listed = operation.get("parameters", [])
+            operation["parameters"] = [p for p in listed if p["in"] != "path"]
+        if path.startswith(("/api/v1/series", "/api/v1/nodes/")):
+            raw["paths"][known] = item
+    schema = schemathesis.openapi.from_dict(raw)
+    schema.app = app
+    assert validate(schema, headers) == 4
+
+
+def test_gateways_are_answered_as_described(stand: Stand) -> None:
+    app = gateway_application(stand.cloud)
+    schema = schemathesis.openapi.from_dict(app.openapi())
+    schema.app = app
+    # Batches are drawn in the tests of refusals: no schema says what CBOR holds.
+    assert validate(schema.exclude(path="/api/v1/ingest"), {}) == 2
+
+
+def test_description_is_of_version_3_1(stand: Stand) -> None:
+    raw = people_application(stand.cloud).openapi()
+    assert raw["openapi"].startswith("3.1")
+    assert raw["paths"]["/api/v1/series/{node}/{channel}"]["get"]["security"]
+    live = raw["paths"]["/api/v1/live"]["get"]["responses"]["200"]["content"]
+    assert list(live) == ["text/event-stream"]

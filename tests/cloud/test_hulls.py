@@ -1,0 +1,63 @@
+"""Hulls: buckets, their times, and their coverage."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from cloud.query.places import find_channel
+from cloud.query.series import bucket_width, read_series, union_coverage
+from cloud.query.window import Window
+from cloud.store import Store
+from tests.cloud.clouds import put
+from tests.cloud.messages import CHANNEL, NODE, START, block
+
+if TYPE_CHECKING:
+    from cloud.store import Store
+
+
+@given(st.integers(1, 2**62), st.integers(1, 20_000))
+def test_buckets_cover_the_window_with_times_exact_in_float64(span: int, points: int) -> None:
+    width = bucket_width(span, points)
+    assert width * points >= span
+    starts = np.arange(-(-span // width)) * width
+    assert [int(float(start)) for start in starts[-3:]] == starts[-3:].tolist()
+
+
+@given(st.floats(0.0, 1.0), st.integers(1, 10**9))
+def test_union_coverage_is_never_too_high(coverage: float, n: int) -> None:
+    exact = max(Fraction(0), 1 - n * (1 - Fraction(coverage)))
+    found = union_coverage(coverage, n)
+    assert found >= 0.0
+    assert Fraction(found) <= exact
+    assert Fraction(math.nextafter(found, 2.0)) > exact
+
+
+def test_widely_spread_samples_keep_times_exact(store: Store) -> None:
+    day = 86_400 * 10**9
+    put(store, block(0), block(1, time=(START + 400 * day, START + 400 * day)))
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        series = read_series(connection, row, Window(START, START + 401 * day), points=1000)
+    assert series.resolution == "hull"
+    assert [int(float(t)) for t in series.t] == series.t.tolist()
+    assert np.flatnonzero(np.isfinite(series.lo)).size == 2
+
+
+def test_last_bucket_answers_for_all_that_it_spans(store: Store) -> None:
+    said = [
+        block(n, [n], [n + 1], time=(START + n, START + n), dt=1, coverage=1.0 if n < 10 else 0.5)
+        for n in range(12)
+    ]
+    put(store, *said)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        series = read_series(connection, row, Window(START, START + 10), points=3)
+    assert (series.dt, series.t.tolist()) == (4, [0, 4, 8])
+    assert series.hi.tolist() == [4.0, 8.0, 12.0]
+    assert series.coverage == union_coverage(0.5, 4)

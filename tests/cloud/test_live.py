@@ -1,0 +1,191 @@
+"""The live stream: everything in order, nothing silently left out."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from contextlib import aclosing
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from cloud.live.stream import Selection, reduce_block, stream
+from cloud.settings import LiveSection
+from cloud.store.intake import Outcome
+from eskin.messages import Block
+from tests.cloud.clouds import batch, problem, put, standing
+from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+    from pathlib import Path
+
+    from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
+
+_ALL = Selection(frozenset(), frozenset(), 50)
+
+
+def parse(piece: bytes) -> dict[str, Any]:
+    """One event of a stream; a comment becomes ``comment``."""
+    found: dict[str, Any] = {}
+    for line in piece.decode().strip().split("\n"):
+        name, _, value = line.partition(": ")
+        found[name or "comment"] = value
+    if "data" in found:
+        found["data"] = json.loads(found["data"])
+    return found
+
+
+def listen(
+    stand: Stand, cursor: int = 0, selection: Selection = _ALL, **options: Any
+) -> AsyncIterator[bytes]:
+    """A stream on a cloud's feed."""
+    chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0, "allowed": lambda: True}
+    chosen |= options
+    return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
+
+
+async def take(stand: Stand, count: int, **options: Any) -> list[dict[str, Any]]:
+    """The first events of a stream, after its greeting."""
+    found: list[dict[str, Any]] = []
+    async with asyncio.timeout(20):
+        async for piece in listen(stand, **options):
+            event = parse(piece)
+            if "event" in event:
+                found.append(event)
+            if len(found) == count:
+                return found
+    return found
+
+
+async def test_subscriber_hears_what_is_ingested_in_order(stand: Stand) -> None:
+    hearing = asyncio.create_task(take(stand, 5))
+    await stand.ingest(batch(status(0), block(1), peak(2)))
+    await stand.ingest(batch(block(1), gap(3), block(4)))
+    heard = await hearing
+    assert [event["event"] for event in heard] == ["status", "block", "peak", "gap", "block"]
+    assert [int(event["id"]) for event in heard] == [1, 2, 3, 4, 5]
+    listed = (await stand.get("/api/v1/events", order="asc")).json()["items"]
+    events = [event["data"] for event in heard if event["event"] != "block"]
+    assert sorted(events, key=lambda e: e["id"]) == sorted(listed, key=lambda e: e["id"])
+
+
+async def test_block_looks_like_a_series(stand: Stand) -> None:
+    await stand.ingest(batch(block(0, [1.0, float("-inf")], [2.0, float("inf")])))
+    (heard,) = await take(stand, 1)
+    series = (await stand.get(f"/api/v1/series/{NODE}/{CHANNEL}")).json()
+    assert heard["data"] == series
+
+
+@pytest.mark.parametrize("recent", [1, 1000])
+async def test_every_cursor_resumes_without_a_hole(
+    tmp_path: Path, identities: Identities, recent: int
+) -> None:
+    with standing(tmp_path, identities, live=LiveSection(recent=recent)) as stand:
+        said = [peak(n) if n % 3 else block(n) for n in range(300)]
+        for first in range(0, 300, 100):
+            await stand.ingest(batch(*said[first : first + 100]))
+        for cursor in (0, 1, 63, 64, 65, 200, 298, 299):
+            heard = await take(stand, 300 - cursor, cursor=cursor)
+            assert [int(event["id"]) for event in heard] == list(range(cursor + 1, 301))
+
+
+async def test_stream_from_before_the_start_reads_the_store(
+    tmp_path: Path, identities: Identities
+) -> None:
+    with standing(tmp_path, identities) as stand:
+        put(stand.cloud.store, block(0), gap(1))
+    with standing(tmp_path, identities) as stand:
+        await stand.ingest(batch(block(2)))
+        heard = await take(stand, 3)
+    assert [event["event"] for event in heard] == ["block", "gap", "block"]
+
+
+async def test_subscriber_that_is_too_far_behind_is_told(stand: Stand) -> None:
+    await stand.ingest(batch(*(peak(n) for n in range(20))))
+    heard = await take(stand, 6, backlog=5, cursor=3)
+    assert heard[0]["event"] == "lagging"
+    assert heard[0]["data"] == {"after": "3", "resumed": "15"}
+    assert [int(event["id"]) for event in heard[1:]] == [16, 17, 18, 19, 20]
+
+
+async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
+    tmp_path: Path, identities: Identities
+) -> None:
+    with standing(tmp_path, identities, live=LiveSection(recent=10)) as stand:
+        async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
+            await anext(slow)
+            heard = []
+            for number in range(50):
+                await stand.ingest(batch(*(peak(10 * number + k) for k in range(10))))
+                if number % 10 == 0:
+                    heard.append(parse(await anext(slow)))
+            while len(heard) < 500:
+                heard.append(parse(await anext(slow)))
+        assert [int(event["id"]) for event in heard] == list(range(1, 501))
+        assert len(stand.cloud.feed._recent) == 10
+
+
+async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
+    other = "t02.capacitance"
+    put(stand.cloud.store, block(0), block(1, channel=other), gap(2), peak(3, channel=other))
+    put(stand.cloud.store, block(0), node="palm")
+    stand.cloud.feed.append(Outcome([], [], 0).entries)
+    chosen = {
+        "node": (Selection(frozenset({"palm"}), frozenset(), 50), [5]),
+        "channel": (Selection(frozenset(), frozenset({(NODE, other)}), 50), [2, 3, 4]),
+    }
+    with stand.cloud.store.read() as connection:
+        from cloud.live.feed import read_entries  # noqa: PLC0415 - only here
+
+        entries = read_entries(connection, 0, 100)
+    for selection, cursors in chosen.values():
+        assert [entry.cursor for entry in entries if selection.takes(entry)] == cursors
+
+
+async def test_heartbeat_comes_in_silence_and_ends_with_access(stand: Stand) -> None:
+    answers = iter([True, True, False])
+    told = listen(stand, heartbeat=0.01, allowed=lambda: next(answers))
+    async with asyncio.timeout(20):
+        pieces = [piece async for piece in told]
+    assert pieces[1:] == [b": heartbeat\n\n"] * 2
+    assert stand.cloud.feed.subscribers == 0
+
+
+async def test_closing_feed_ends_streams(stand: Stand) -> None:
+    hearing = asyncio.create_task(take(stand, 1))
+    await asyncio.sleep(0)
+    stand.cloud.feed.close()
+    assert await hearing == []
+
+
+async def test_stream_is_refused_with_what_to_do(stand: Stand) -> None:
+    async with stand.client() as client:
+        answer = await client.get("/api/v1/live", headers={"Last-Event-ID": "x"})
+        assert "leave it out" in problem(answer, 422)
+        answer = await client.get("/api/v1/live", params={"channel": "t01.capacitance"})
+        assert "NODE/CHANNEL" in problem(answer, 422)
+    stand.cloud.feed.subscribers = stand.cloud.settings.live.subscribers
+    answer = await stand.get("/api/v1/live")
+    problem(answer, 503)
+    assert answer.headers["retry-after"]
+
+
+@pytest.mark.parametrize("points", [1, 7, 50, 499, 500, 1000])
+def test_reduced_block_is_the_hull_of_its_samples(points: int) -> None:
+    draw = np.random.default_rng(points)
+    lo = draw.normal(size=500)
+    said = block(0, lo, lo + draw.random(500), time=(START, START + 7), coverage=0.999)
+    series = reduce_block(NODE, Block.decode(said.encode()), points)
+    assert len(series.t) <= points
+    moments = said.tube.moments - series.t0
+    for t, low, high in zip(series.t, series.lo, series.hi, strict=True):
+        inside = (moments >= t) & (moments < t + series.dt)
+        assert low == said.tube.values.inf[inside].min()
+        assert high == said.tube.values.sup[inside].max()
+    assert series.resolution == ("sample" if points >= 500 else "hull")
+    assert series.coverage <= 0.999

@@ -1,0 +1,143 @@
+"""Bad questions: always problem details that say what to do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from cloud.access import create_token
+from cloud.negotiation import choose
+from tests.cloud.clouds import problem, put
+from tests.cloud.messages import CHANNEL, NODE, block
+
+if TYPE_CHECKING:
+    from tests.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+
+SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
+THRESHOLD = f"{SERIES}/threshold"
+
+BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
+    (SERIES, {"start": "2027-01-02T00:00:00Z", "end": "2027-01-01T00:00:00Z"}, 422, "swap"),
+    (SERIES, {"start": "yesterday"}, 422, "RFC 3339"),
+    (SERIES, {"start": "2027-13-01T00:00:00Z"}, 422, "start"),
+    (SERIES, {"start": "2027-01-01T00:00:00"}, 422, "RFC 3339"),
+    (SERIES, {"start": "nan"}, 422, "RFC 3339"),
+    (SERIES, {"start": "1e18"}, 422, "RFC 3339"),
+    (SERIES, {"end": "9" * 20}, 422, "2262"),
+    (SERIES, {"end": "9" * 99}, 422, "RFC 3339"),
+    (SERIES, {"end": "9999-12-31T23:59:59Z"}, 422, "2262"),
+    (SERIES, {"start": "0001-01-01T00:00:00Z"}, 422, "1678"),
+    (SERIES, {"start": "1700-01-01T00:00:00Z", "end": "2200-01-01T00:00:00Z"}, 422, "146 years"),
+    (SERIES, {"end": "2" * 101}, 422, "end"),
+    (SERIES, {"points": 0}, 422, "points"),
+    (SERIES, {"points": 20_001}, 422, "points"),
+    (SERIES, {"points": "many"}, 422, "points"),
+    (SERIES, {"points": 1.5}, 422, "points"),
+    (SERIES, {"pionts": 5}, 422, "spelling"),
+    (SERIES, {"": ""}, 422, "parameter"),
+    (f"/api/v1/series/{NODE}/t99.nothing", {}, 404, "channels lists"),
+    (f"/api/v1/series/nobody/{CHANNEL}", {}, 404, "nodes lists"),
+    ("/api/v1/series/%00/%ff", {}, 404, "nodes lists"),
+    (f"/api/v1/series/nobody/{CHANNEL}/threshold", {"above": 1}, 404, "nodes lists"),
+    (THRESHOLD, {}, 422, "either above or below"),
+    (THRESHOLD, {"above": 1, "below": 2}, 422, "either above or below"),
+    (THRESHOLD, {"above": "nan"}, 422, "above"),
+    (THRESHOLD, {"below": "inf"}, 422, "below"),
+    (THRESHOLD, {"below": "x"}, 422, "below"),
+    (THRESHOLD, {"above": 1, "limit": 0}, 422, "limit"),
+    (THRESHOLD, {"above": 1, "cursor": "?"}, 422, "cursor"),
+    (THRESHOLD, {"above": 1, "cursor": "MQ"}, 422, "cursor"),
+    (THRESHOLD, {"above": 1, "start": 5, "end": 4}, 422, "swap"),
+    ("/api/v1/nodes", {"cursor": "ü"}, 422, "cursor"),
+    ("/api/v1/nodes", {"limit": 5}, 422, "spelling"),
+    ("/api/v1/nodes/nobody", {}, 404, "nodes lists"),
+    ("/api/v1/nodes/nobody/channels", {}, 404, "nodes lists"),
+    (f"/api/v1/nodes/{NODE}", {"x": 1}, 422, "spelling"),
+    ("/api/v1/events", {"kind": "earthquake"}, 422, "kind"),
+    ("/api/v1/events", {"verdict": "impossible"}, 422, "verdict"),
+    ("/api/v1/events", {"order": "random"}, 422, "order"),
+    ("/api/v1/events", {"limit": 1001}, 422, "limit"),
+    ("/api/v1/events", {"start": 2, "end": 1}, 422, "swap"),
+    ("/api/v1/events", {"cursor": "MTIzCjk5OTk5OTk5OTk5OTk5OTk5OTk5"}, 422, "cursor"),
+    ("/api/v1/events", {"cursor": "x" * 1001}, 422, "cursor"),
+    ("/api/v1/live", {"points": 0}, 422, "points"),
+    ("/api/v1/live", {"channel": "/"}, 422, "NODE/CHANNEL"),
+    ("/api/v1/nothing", {}, 404, "openapi"),
+    ("/api/v2/nodes", {}, 404, "openapi"),
+)
+
+
+@pytest.mark.parametrize(("path", "params", "status", "says"), BAD_QUESTIONS)
+async def test_bad_question_is_refused_with_what_to_do(
+    stand: Stand, path: str, params: dict[str, Any], status: int, says: str
+) -> None:
+    put(stand.cloud.store, block(0))
+    assert says in problem(await stand.get(path, **params), status)
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH"])
+async def test_other_method_is_refused(stand: Stand, method: str) -> None:
+    async with stand.client() as client:
+        answer = await client.request(method, "/api/v1/nodes")
+    problem(answer, 405)
+    assert answer.headers["allow"] == "GET"
+
+
+async def test_fault_of_ours_tells_no_traceback(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*_: object) -> None:
+        raise RuntimeError("secret inside")
+
+    monkeypatch.setattr("cloud.routes.nodes.list_nodes", fails)
+    answer = await stand.get("/api/v1/nodes")
+    problem(answer, 500)
+    assert "secret" not in answer.text
+
+
+async def test_threshold_pages_hold_each_segment_once(stand: Stand) -> None:
+    low = np.random.default_rng(5).choice([0.0, 1.0, 2.0], 200)
+    put(stand.cloud.store, block(0, low, low + 1))
+    whole = (await stand.get(THRESHOLD, above=1.5)).json()
+    assert whole["next"] is None
+    paged: list[Any] = []
+    cursor: dict[str, str] = {}
+    while True:
+        page = (await stand.get(THRESHOLD, above=1.5, limit=7, **cursor)).json()
+        paged += page["items"]
+        if page["next"] is None:
+            break
+        cursor = {"cursor": page["next"]}
+    assert paged == whole["items"]
+    assert len({item["id"] for item in paged}) == len(paged) > 20
+
+
+@pytest.mark.parametrize(
+    ("accept", "chosen"),
+    [
+        (None, "application/json"),
+        ("", "application/json"),
+        ("*/*", "application/json"),
+        ("text/*", "text/csv"),
+        ("text/html, */*;q=0.1", "application/json"),
+        ("application/json;q=0.5, text/csv", "text/csv"),
+        ("application/json;q=0, */*", "text/csv"),
+        ("TEXT/CSV; charset=utf-8", "text/csv"),
+        ("text/csv;q=0", None),
+        ("text/csv;q=x", None),
+        ("image/png", None),
+        (",;,", None),
+    ],
+)
+def test_accept_chooses_a_format(accept: str | None, chosen: str | None) -> None:
+    assert choose(accept, ("application/json", "text/csv")) == chosen
+
+
+async def test_token_without_scopes_opens_nothing(stand: Stand) -> None:
+    token = create_token(stand.cloud.store, scopes=[], name="x", lifetime=None)
+    async with stand.client(token=token) as client:
+        problem(await client.get("/api/v1/nodes"), 403)

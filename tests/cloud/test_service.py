@@ -1,0 +1,262 @@
+"""The cloud as a process: real sockets, TLS, signals, settings."""
+
+from __future__ import annotations
+
+import signal
+import ssl
+import sys
+import threading
+import time
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from cloud.access import Scope, create_login_code, create_token
+from cloud.settings import CloudSettings
+from cloud.store import Store
+from eskin.errors import SettingsError
+from eskin.identity import Identity, IdentityKind, client_context
+from eskin.settings import table
+from tests.cloud.clouds import batch, warrant
+from tests.cloud.messages import CHANNEL, NODE, block, peak
+from tests.processes import Running, free_port
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.identities import Identities
+
+_PROGRAM = """
+import sys, pathlib
+from cloud.service import run
+from cloud.settings import CloudSettings
+from eskin.command.logs import start_logs
+from eskin.errors import EskinError
+try:
+    settings = CloudSettings.load(pathlib.Path(sys.argv[1]))
+    start_logs(settings.log.level)
+    run(settings)
+except EskinError as error:
+    sys.exit(f"eskin: {error}")
+"""
+
+
+class Service(Running):
+    """A cloud process on free ports."""
+
+    def __init__(self, folder: Path, identities: Identities, *, more: str = "") -> None:
+        self.server = identities.make(IdentityKind.SERVER, "server.cloud")
+        self.gateway = identities.gateway
+        self.port, self.ingest_port = free_port(), free_port()
+        self.path = folder / "data" / "store.sqlite"
+        config = folder / "cloud.toml"
+        config.write_text(
+            f"[store]\npath = '{self.path}'\n"
+            f"[people]\nport = {self.port}\n{more}"
+            f"[gateways]\nport = {self.ingest_port}\nidentity = '{self.server.directory}'\n"
+        )
+        super().__init__([sys.executable, "-c", _PROGRAM, str(config)], log=folder / "cloud.log")
+
+    def start(self) -> None:
+        """Start, and wait until it is ready."""
+        super().start()
+        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready")
+
+    def token(self) -> str:
+        """A reader's token, made beside the running cloud."""
+        with Store(self.path) as store:
+            return create_token(store, scopes=[Scope.READ], name="t", lifetime=timedelta(hours=1))
+
+    def people(self, token: str) -> httpx.Client:
+        """A reader."""
+        headers = {"Authorization": f"Bearer {token}"}
+        return httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=headers, timeout=20)
+
+    def ingest(self, body: bytes) -> httpx.Response:
+        """Bring a batch."""
+        context = client_context(self.server.directory / "root.pem")
+        headers = {
+            "Authorization": f"Bearer {warrant(self.gateway, body, time.time_ns())}",
+            "Content-Type": "application/cbor",
+        }
+        url = f"https://localhost:{self.ingest_port}/api/v1/ingest"
+        return httpx.post(url, content=body, headers=headers, verify=context, timeout=20)
+
+
+@pytest.fixture
+def service(tmp_path: Path, identities: Identities) -> Iterator[Service]:
+    """A running cloud."""
+    with Service(tmp_path, identities) as running:
+        yield running
+
+
+def test_batch_over_tls_reaches_a_live_stream_and_a_series(service: Service) -> None:
+    heard: list[str] = []
+    listening = threading.Event()
+
+    def listen() -> None:
+        with (
+            service.people(service.token()) as client,
+            client.stream("GET", "/api/v1/live") as answer,
+        ):
+            for line in answer.iter_lines():
+                heard.append(line)
+                listening.set()
+
+    thread = threading.Thread(target=listen)
+    thread.start()
+    assert listening.wait(20)
+    answer = service.ingest(batch(block(0), peak(1)))
+    assert [item["result"] for item in answer.json()["items"]] == ["stored", "stored"]
+    service.wait_for(lambda: "event: peak" in heard, "the peak was heard")
+    assert "event: block" in heard
+    with service.people(service.token()) as client:
+        series = client.get(f"/api/v1/series/{NODE}/{CHANNEL}").json()
+        assert series["lo"] == [1.0]
+        assert client.get("/readyz").json() == {"status": "ok"}
+    assert service.stop() == 0
+    thread.join(20)
+    assert not thread.is_alive()
+    assert "stopped" in service.output()
+    assert "Traceback" not in service.output()
+
+
+def test_acknowledged_batch_survives_a_power_cut(service: Service) -> None:
+    assert service.ingest(batch(block(0), block(1))).status_code == 200
+    service.kill()
+    service.log.write_text("")
+    service.start()
+    answer = service.ingest(batch(block(1), block(2)))
+    assert [item["result"] for item in answer.json()["items"]] == ["duplicate", "stored"]
+
+
+def test_gateways_listener_speaks_tls_only(service: Service) -> None:
+    with pytest.raises(httpx.TransportError):
+        httpx.get(f"http://127.0.0.1:{service.ingest_port}/healthz", timeout=20)
+    old = client_context(service.server.directory / "root.pem")
+    old.set_ciphers("DEFAULT@SECLEVEL=0")
+    with pytest.warns(DeprecationWarning, match="TLSv1"):
+        old.minimum_version = ssl.TLSVersion.TLSv1
+    with pytest.warns(DeprecationWarning, match="TLSv1_1"):
+        old.maximum_version = ssl.TLSVersion.TLSv1_1
+    with pytest.raises(httpx.ConnectError):
+        httpx.get(f"https://localhost:{service.ingest_port}/healthz", verify=old, timeout=20)
+
+
+def test_people_cannot_ingest_and_gateways_cannot_ask(service: Service) -> None:
+    context = client_context(service.server.directory / "root.pem")
+    base = f"https://localhost:{service.ingest_port}"
+    headers = {"Authorization": f"Bearer {service.token()}"}
+    answer = httpx.get(f"{base}/api/v1/nodes", verify=context, headers=headers, timeout=20)
+    assert answer.status_code == 404
+    with service.people(service.token()) as client:
+        assert client.post("/api/v1/ingest").status_code == 405
+
+
+def test_renewed_certificate_is_taken_without_a_restart(
+    service: Service, identities: Identities
+) -> None:
+    fresh = identities.make(IdentityKind.SERVER, "server.cloud")
+    assert fresh.directory == service.server.directory
+
+    def shown() -> bool:
+        address = ("localhost", service.ingest_port)
+        pem = ssl.get_server_certificate(address, ca_certs=str(fresh.directory / "root.pem"))
+        return pem.encode() in (fresh.directory / "chain.pem").read_bytes()
+
+    service.wait_for(shown, "the renewed certificate is shown")
+
+
+def test_second_cloud_on_the_same_store_is_refused(
+    service: Service, tmp_path: Path, identities: Identities
+) -> None:
+    folder = tmp_path / "second"
+    folder.mkdir()
+    other = Service(folder, identities)
+    config = Path(other.argv[-1])
+    config.write_text(config.read_text().replace(str(other.path), str(service.path)))
+    Running.start(other)
+    assert other.process is not None
+    assert other.process.wait(20) == 1
+    assert "another cloud" in other.output()
+
+
+def test_people_come_by_https_where_there_is_a_certificate(
+    tmp_path: Path, identities: Identities
+) -> None:
+    own = identities.make(IdentityKind.SERVER, "server.people").directory
+    with Service(tmp_path, identities, more=f"identity = '{own}'\n") as service:
+        with Store(service.path) as store:
+            code = create_login_code(store, lifetime=timedelta(minutes=1))
+        url = f"https://localhost:{service.port}/login?code={code}"
+        answer = httpx.get(url, verify=client_context(own / "root.pem"), timeout=20)
+        assert answer.status_code == 303
+        assert "Secure" in answer.headers["set-cookie"]
+        service.signal(signal.SIGINT)
+        assert service.stop() == 0
+
+
+def test_port_in_use_is_said_in_one_line(service: Service, tmp_path: Path) -> None:
+    config = Path(service.argv[-1]).read_text().replace(str(service.path), str(tmp_path / "other"))
+    path = tmp_path / "other.toml"
+    path.write_text(config)
+    second = Running([sys.executable, "-c", _PROGRAM, str(path)], log=tmp_path / "second.log")
+    second.start()
+    assert second.process is not None
+    assert second.process.wait(20) == 1
+    assert second.output().strip().startswith("eskin: people.port: 127.0.0.1:")
+
+
+def load(tmp_path: Path, text: str) -> CloudSettings:
+    """Load settings."""
+    path = tmp_path / "cloud.toml"
+    path.write_text(text)
+    return CloudSettings.load(path)
+
+
+_NEEDED = "[store]\npath = 's'\n[gateways]\nidentity = 'i'\n"
+
+
+def test_plain_http_beyond_loopback_is_refused(tmp_path: Path) -> None:
+    for host in ("0.0.0.0", "example.org", "10.0.0.1", "::"):  # noqa: S104 - that is the point
+        with pytest.raises(SettingsError, match="plain HTTP stays on loopback"):
+            load(tmp_path, f"{_NEEDED}[people]\nhost = '{host}'\n")
+    for host in ("127.0.0.1", "::1", "localhost", "127.5.5.5"):
+        assert load(tmp_path, f"{_NEEDED}[people]\nhost = '{host}'\n").people.host == host
+    assert load(tmp_path, f"{_NEEDED}[people]\nhost = '::'\nidentity = 'x'\n").people.host == "::"
+
+
+@pytest.mark.parametrize(
+    ("text", "setting"),
+    [
+        ("[people]\nport = 70000\n", "people.port"),
+        ("[people]\nprot = 1\n", "people.prot"),
+        ("[live]\nheartbeat_s = 0\n", "live.heartbeat_s"),
+        ("[nodes]\nlate_s = nan\n", "nodes.late_s"),
+        ("[nothing]\n", "nothing"),
+    ],
+)
+def test_bad_setting_is_named(tmp_path: Path, text: str, setting: str) -> None:
+    with pytest.raises(SettingsError) as caught:
+        load(tmp_path, _NEEDED + text)
+    assert caught.value.setting == setting
+
+
+def test_every_setting_is_described() -> None:
+    settings = list(table(CloudSettings))
+    assert len(settings) > 15
+    assert all(setting.help for setting in settings)
+    needed = {setting.name for setting in settings if setting.default is None}
+    assert needed == {"store.path", "gateways.identity"}
+
+
+def test_unusable_identity_is_named(tmp_path: Path, identities: Identities) -> None:
+    service = Service(tmp_path, identities, more=f"identity = '{tmp_path}'\n")
+    Running.start(service)
+    assert service.process is not None
+    assert service.process.wait(20) == 1
+    assert "people.identity" in service.output()
+    assert Identity.load(service.server.directory).name == "server.cloud"

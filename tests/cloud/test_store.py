@@ -1,0 +1,172 @@
+"""The store: each message once, in any order, and all or nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from sqlalchemy import select
+
+from cloud.store import Store
+from cloud.store.intake import Item
+from cloud.store.presence import give_up
+from cloud.store.schema import (
+    blocks,
+    dead_letters,
+    events,
+    nodes,
+    sequences,
+)
+from eskin.sequences import SequenceRanges
+from tests.cloud.clouds import Clock, put, put_items
+from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection, Table
+
+
+def rows(store: Store, table: Table) -> list[dict[str, Any]]:
+    """All rows of a table."""
+    with store.read() as connection:
+        return [dict(row) for row in connection.execute(select(table)).mappings()]
+
+
+def results(outcome: Any) -> list[str]:
+    """What became of each item."""
+    return [result.result for result in outcome.results]
+
+
+def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
+    said = block(5, [1.0, 2.0], [3.0, 4.0], boot=2, time=(START, START + 3), coverage=0.5)
+    put(store, said)
+    (row,) = rows(store, blocks)
+    assert row == {
+        "node": NODE,
+        "boot": 2,
+        "sequence": 5,
+        "cursor": 1,
+        "channel": CHANNEL,
+        "t": START + 1,
+        "t_end": START + 1 + 1_000_000,
+        "error": 2,
+        "t_lo": START,
+        "t_hi": START + 3,
+        "dt": 1_000_000,
+        "n": 2,
+        "lo": 1.0,
+        "hi": 4.0,
+        "coverage": 0.5,
+        "received": START,
+        "data": said.encode(),
+    }
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(st.lists(st.tuples(st.integers(1, 2), st.integers(0, 12)), max_size=8), max_size=6),
+    st.booleans(),
+)
+def test_each_message_is_stored_once_in_any_order_also_after_reopening(
+    batches: list[list[tuple[int, int]]],
+    reopen: bool,  # noqa: FBT001 - drawn by hypothesis
+) -> None:
+    seen: set[tuple[int, int]] = set()
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / "s.sqlite"
+        store = Store(path)
+        for keys in batches:
+            if reopen:
+                store.close()
+                store = Store(path)
+            outcome = put(store, *(block(sequence, boot=boot) for boot, sequence in keys))
+            for key, result in zip(keys, results(outcome), strict=True):
+                assert result == ("duplicate" if key in seen else "stored")
+                seen.add(key)
+        assert {(row["boot"], row["sequence"]) for row in rows(store, blocks)} == seen
+        for boot in (1, 2):
+            expected = SequenceRanges((s, s) for b, s in seen if b == boot)
+            kept = [(r["first"], r["last"]) for r in rows(store, sequences) if r["boot"] == boot]
+            assert sorted(kept) == list(expected)
+        cursors = sorted(row["cursor"] for row in rows(store, blocks))
+        assert cursors == list(range(1, len(seen) + 1))
+        store.close()
+
+
+def test_poison_goes_to_dead_letters_and_harms_no_other(store: Store) -> None:
+    items = [
+        Item.read(NODE, block(0).encode()),
+        Item.read(NODE, b"\xff\x00poison"),
+        Item.read("No Such Name", block(1).encode()),
+        Item.read("nul\x00", block(1).encode()),
+        Item.read(NODE, block(1, unit="H").encode()),
+        Item.read(NODE, block(2, time=(2**63 - 5, 2**63 - 1), lo=[1, 1], hi=[1, 1]).encode()),
+        Item.read(NODE, peak(3, unit="H").encode()),
+        Item.read(NODE, status(4, unit="H").encode()),
+        Item.read(NODE, block(5).encode()),
+    ]
+    outcome = put_items(store, items)
+    assert results(outcome) == ["stored", *["rejected"] * 7, "stored"]
+    letters = rows(store, dead_letters)
+    assert {letter["data"] for letter in letters} == {item.data for item in items[1:-1]}
+    reasons = {letter["data"]: letter["reason"] for letter in letters}
+    assert "keeps its unit" in reasons[items[4].data]
+    assert "2262" in reasons[items[5].data]
+    assert all(result.reason for result in outcome.results[1:-1])
+
+
+def test_same_poison_is_kept_once_and_the_oldest_makes_room(store: Store, clock: Clock) -> None:
+    for number in range(5):
+        clock.turn(1)
+        poison = [Item.read(NODE, b"poison %d" % number)] * 2
+        outcome = put_items(store, poison, dead_letters=3)
+    assert outcome.buried == 1
+    assert sorted(row["data"] for row in rows(store, dead_letters)) == [
+        b"poison 2",
+        b"poison 3",
+        b"poison 4",
+    ]
+
+
+def test_later_unit_in_the_same_batch_is_rejected(store: Store) -> None:
+    assert results(put(store, block(0), block(1, unit="H"), block(2))) == [
+        "stored",
+        "rejected",
+        "stored",
+    ]
+
+
+def test_new_boot_is_an_event_and_a_late_status_changes_nothing(store: Store) -> None:
+    put(store, status(0, boot=2), status(1, boot=2), status(9, boot=1))
+    assert [row["detail"] for row in rows(store, events)] == ["started: boot 2, fingertip"]
+    (node,) = rows(store, nodes)
+    assert (node["status_boot"], node["status_sequence"]) == (2, 1)
+    assert (node["boot"], node["sequence"]) == (2, 1)
+
+
+def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
+    put(store, block(0))
+    clock.turn(20)
+
+    def judge(connection: Connection) -> int:
+        return len(give_up(connection, store.ledger, silent_since=START + 1, now=clock()))
+
+    assert store.write(judge).result(20) == 1
+    assert store.write(judge).result(20) == 0
+    put(store, block(1))
+    told = rows(store, events)
+    assert [(row["kind"], row["detail"]) for row in told] == [
+        ("status", "offline"),
+        ("status", "online again"),
+    ]
+    assert told[0]["t_lo"] == START
+
+
+def test_gap_and_peak_are_events(store: Store) -> None:
+    put(store, gap(0), peak(1))
+    first, second = rows(store, events)
+    assert first["detail"] == "flash full: 3 messages and 1500 samples lost"
+    assert second["height_hi"] == float("inf")
+    assert second["data"] == peak(1).encode()

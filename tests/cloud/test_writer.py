@@ -1,0 +1,176 @@
+"""The store as a whole: one writer, shared commits, migrations, faults."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from sqlalchemy import func, insert, select, text
+
+from cloud.store import Store, migrations
+from cloud.store.intake import Item, take_in
+from cloud.store.schema import (
+    blocks,
+    channels,
+    feed,
+    versions,
+)
+from cloud.store.writer import Writer
+from eskin.errors import StoreError
+from tests.cloud.clouds import put
+from tests.cloud.messages import NODE, START, block
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from sqlalchemy import Connection, Table
+
+
+def rows(store: Store, table: Table) -> list[dict[str, Any]]:
+    """All rows of a table."""
+    with store.read() as connection:
+        return [dict(row) for row in connection.execute(select(table)).mappings()]
+
+
+def results(outcome: Any) -> list[str]:
+    """What became of each item."""
+    return [result.result for result in outcome.results]
+
+
+def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> None:
+    def fails(connection: Connection) -> None:
+        items = [Item.read(NODE, block(0).encode())]
+        take_in(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
+        raise ValueError("after its work")
+
+    failed, good = store.write(fails), store.write(lambda c: c.execute(select(feed.c.cursor)).all())
+    with pytest.raises(ValueError, match="after its work"):
+        failed.result(20)
+    assert good.result(20) == [(0,)]
+    assert rows(store, blocks) == []
+    assert results(put(store, block(0))) == ["stored"]
+    assert rows(store, channels)[0]["blocks"] == 1
+
+
+def test_full_disk_is_told_and_nothing_is_acknowledged(store: Store) -> None:
+    put(store, block(0))
+    pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(20)
+    store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(20)
+    with pytest.raises(StoreError, match="full"):
+        put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+    assert "full" in str(store.writer.fault)
+    store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(20)
+    store.check()
+    assert not store.writer.fault
+    again = put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+    assert results(again) == ["stored"] * 39
+    assert len(rows(store, blocks)) == 40
+
+
+def test_waiting_jobs_share_a_commit(store: Store) -> None:
+    held: Future[None] = Future()
+    started: Future[None] = Future()
+
+    def wait(_: Connection) -> None:
+        started.set_result(None)
+        held.result(20)
+
+    first = store.write(wait)
+    started.result(20)
+    before = store.writer.commits
+    more = [store.write(lambda c: c.execute(select(feed.c.cursor)).scalar_one()) for _ in range(9)]
+    held.set_result(None)
+    first.result(20)
+    assert [future.result(20) for future in more] == [0] * 9
+    store.close()
+    assert store.writer.commits == before + 2
+
+
+def test_full_queue_refuses(tmp_path: Path) -> None:
+    held: Future[None] = Future()
+    started: Future[None] = Future()
+
+    def wait(_: Connection) -> None:
+        started.set_result(None)
+        held.result(20)
+
+    with Store(tmp_path / "s.sqlite", queue=2) as store:
+        store.write(wait)
+        started.result(20)
+        store.write(lambda _: None)
+        store.write(lambda _: None)
+        with pytest.raises(StoreError, match="2 writes wait"):
+            store.write(lambda _: None)
+        held.set_result(None)
+    with pytest.raises(StoreError, match="closed"):
+        store.write(lambda _: None)
+
+
+def test_cancelled_work_is_left_out(store: Store) -> None:
+    held: Future[None] = Future()
+    started: Future[None] = Future()
+
+    def wait(_: Connection) -> None:
+        started.set_result(None)
+        held.result(20)
+
+    store.write(wait)
+    started.result(20)
+    given_up = store.write(lambda c: c.execute(insert(versions).values(version=9, applied=0)))
+    assert given_up.cancel()
+    held.set_result(None)
+    put(store, block(0))
+    assert [row["version"] for row in rows(store, versions)] == [migrations.CURRENT]
+
+
+def test_later_schema_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with Store(path) as store:
+        store.write(
+            lambda c: c.execute(insert(versions).values(version=migrations.CURRENT + 1, applied=0))
+        ).result(20)
+        with pytest.raises(StoreError, match="schema version"):
+            store.check()
+    with pytest.raises(StoreError, match="newer program"):
+        Store(path)
+
+
+def test_failed_migration_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "s.sqlite"
+
+    def second(connection: Connection) -> None:
+        connection.execute(text("CREATE TABLE half (x INTEGER)"))
+        raise StoreError("half way")
+
+    with Store(path):
+        pass
+    steps: tuple[Callable[[Connection], None], ...] = (*migrations.MIGRATIONS, second)
+    monkeypatch.setattr(migrations, "MIGRATIONS", steps)
+    monkeypatch.setattr(migrations, "CURRENT", len(steps))
+    with pytest.raises(StoreError, match="half way"):
+        Store(path)
+    monkeypatch.undo()
+    with Store(path) as store, store.read() as connection:
+        query = text("SELECT count(*) FROM sqlite_master WHERE name = 'half'")
+        assert connection.execute(query).scalar_one() == 0
+        assert connection.execute(select(func.max(versions.c.version))).scalar_one() == 1
+
+
+def test_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    path.write_bytes(b"no database, " * 700)
+    with pytest.raises(StoreError, match="cannot be opened"):
+        Store(path)
+
+
+def test_durability_is_asked_of_sqlite(store: Store) -> None:
+    def pragmas(connection: Connection) -> tuple[object, object]:
+        return (
+            connection.execute(text("PRAGMA journal_mode")).scalar_one(),
+            connection.execute(text("PRAGMA synchronous")).scalar_one(),
+        )
+
+    assert store.write(pragmas).result(20) == ("wal", 2)
+    assert isinstance(store.writer, Writer)
