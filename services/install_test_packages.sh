@@ -1,10 +1,14 @@
 #!/usr/bin/env bash
-# Install the Debian packages that the tests need, as root or through sudo, if they are not there.
+# Install the Debian packages that tests need, as root or through sudo, if they are not there.
+# Usage: services/install_test_packages.sh PACKAGE...
 set -euo pipefail
+# The command by which a package is known to be there, also where another system installed it.
+declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chromium]=chromium
+  [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap)
 missing=()
-command -v mosquitto >/dev/null || [ -x /usr/sbin/mosquitto ] || missing+=(mosquitto)
-command -v mosquitto_sub >/dev/null || missing+=(mosquitto-clients)
-command -v chromium >/dev/null || missing+=(chromium)
+for package in "$@"; do
+  PATH=$PATH:/usr/sbin:/sbin command -v "${command[$package]}" >/dev/null || missing+=("$package")
+done
 [ ${#missing[@]} -eq 0 ] && exit 0
 
 echo "Installing ${missing[*]} ..."
