@@ -76,18 +76,34 @@ def audit(data: Data = _DATA) -> None:
 
 
 def _table(found: Sequence[ChannelAudit]) -> Table:
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table("node", "channel", title="What is stored, against what was true")
-    for heading in (
-        "blocks", "samples", "violations", "allowed", "wrong times", "unbounded",
-        "truth dropped", "mean width", "relative",
-    ):  # fmt: skip
-        table.add_column(heading, justify="right")
-    for e in found:
+    notes = [_also(entry) for entry in found]
+    table = Table(title="What is stored, against what was true", box=SIMPLE_HEAD, padding=(0, 1))
+    table.add_column("channel", no_wrap=True)
+    for heading in ("samples", "violations", "allowed", "mean width"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    if any(notes):
+        table.add_column("also")
+    for entry, note in zip(found, notes, strict=True):
         table.add_row(
-            e.node, e.channel, str(e.blocks), str(e.samples), str(e.violations), str(e.allowed),
-            str(e.late), str(e.unbounded), str(e.forgotten), f"{e.mean_width:.3g} {e.unit}",
-            f"{e.relative_width:.2%}", style=None if e.passes else "bold red",
-        )  # fmt: skip
+            f"{entry.node}/{entry.channel}",
+            str(entry.samples),
+            str(entry.violations),
+            str(entry.allowed),
+            f"{entry.mean_width:.2e} {entry.unit} {entry.relative_width:6.2%}",
+            *([note] if any(notes) else []),
+            style=None if entry.passes else "bold red",
+        )
     return table
+
+
+def _also(entry: ChannelAudit) -> str:
+    """What is worth a word, where there is any."""
+    words = {
+        "blocks with a wrong time": entry.late,
+        "samples unbounded": entry.unbounded,
+        "blocks whose truth was dropped": entry.forgotten,
+    }
+    return ", ".join(f"{count} {what}" for what, count in words.items() if count)
