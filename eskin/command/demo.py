@@ -80,7 +80,8 @@ def _table(found: Sequence[ChannelAudit]) -> Table:
     from rich.table import Table
 
     notes = [_also(entry) for entry in found]
-    table = Table(title="What is stored, against what was true", box=SIMPLE_HEAD, padding=(0, 1))
+    title = "What is stored, against what was true"
+    table = Table(title=title, box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     table.add_column("channel", no_wrap=True)
     for heading in ("samples", "violations", "allowed", "mean width"):
         table.add_column(heading, justify="right", no_wrap=True)

@@ -2,7 +2,7 @@ import { describe, expect, test } from "vitest";
 import { halfMarkFor, OPEN_BOTTOM, OPEN_TOP, reduceToColumns } from "../src/chart/columns";
 import { groupPeaks, type PeakMark } from "../src/chart/peak-groups";
 import { enclosingBox, xPixel, yPixel, type PlotMap } from "../src/chart/plot-map";
-import { missingStretches } from "../src/chart/segments";
+import { missingStretches, withoutPauses } from "../src/chart/segments";
 import { calmRange, finiteExtent } from "../src/chart/value-range";
 import type { Entries } from "../src/tube/entries";
 import { sumSegments } from "../src/view/threshold-form";
@@ -97,6 +97,13 @@ describe("scale and stretches", () => {
   test("a gap reaches from its missing entry to the next known one", () => {
     const gap = entries([[0, 0, 1, 2], [10, 0, Number.NaN, Number.NaN], [60, 0, 1, 2]]);
     expect(missingStretches(gap, 0, 100)).toEqual([{ x0: 10, x1: 60 }]);
+  });
+
+  test("pauses between bursts are no gaps, but an outage is", () => {
+    const pauses = [0, 100, 200].map((x0) => ({ x0, x1: x0 + 96 }));
+    const outage = { x0: 500, x1: 900 };
+    expect(withoutPauses([...pauses, outage])).toEqual([outage]);
+    expect(withoutPauses(pauses.slice(0, 2))).toEqual([]);
   });
 
   test("the time above a threshold is at least the certain and at most all of it", () => {

@@ -2,7 +2,7 @@ import { describe, expect, test } from "vitest";
 import type { SeriesAnswer } from "../src/api/contract";
 import { Timeline } from "../src/time/timeline";
 import { readSeries } from "../src/tube/decode";
-import { endOf, hullWithin, type Entries } from "../src/tube/entries";
+import { clipEnd, endOf, hullWithin, type Entries } from "../src/tube/entries";
 import { Tube } from "../src/tube/tube";
 
 function run(from: number, values: readonly (readonly [number, number])[], width = 0, step = 10): Entries {
@@ -53,6 +53,29 @@ describe("the rolling tube", () => {
     tube.merge(block);
     tube.merge(block);
     expect(tube.size).toBe(3);
+  });
+
+  test("a hull that reaches into a run keeps what the run does not tell of", () => {
+    const tube = new Tube(100);
+    tube.merge(run(0, [[1, 9]], 100));
+    tube.merge(run(40, [[3, 4], [5, 6]], 10));
+    const { t, width, lo } = tube.view();
+    expect([...t]).toEqual([0, 40, 50, 60]);
+    expect([...width]).toEqual([40, 10, 10, 40]);
+    expect([...lo]).toEqual([1, 3, 5, 1]);
+  });
+
+  test("a bucket that ends where the next block begins leaves its first value", () => {
+    const tube = new Tube(100);
+    tube.merge(run(100, [[5, 6], [7, 8]], 10));
+    tube.merge(run(80, [[1, 2], [3, 4]], 10));
+    expect([...tube.view().lo]).toEqual([1, 3, 5, 7]);
+  });
+
+  test("a run cut at an instant holds nothing beyond it", () => {
+    const cut = clipEnd(run(0, [[1, 2], [3, 4], [5, 6]], 10), 15);
+    expect([...cut.t]).toEqual([0, 10]);
+    expect([...cut.width]).toEqual([10, 5]);
   });
 
   test("what has left the window is forgotten", () => {

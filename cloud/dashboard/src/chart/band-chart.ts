@@ -14,7 +14,7 @@ import { paintPeaks, placePeaks, type PlacedPeak } from "./peaks";
 import type { PlotMap } from "./plot-map";
 import { nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
 import {
-  missingStretches, paintMissing, paintSegments, paintThreshold, type Segment, type Stretch,
+  missingStretches, paintMissing, paintSegments, paintThreshold, withoutPauses, type Segment, type Stretch,
 } from "./segments";
 import { Tooltip } from "./tooltip";
 import { calmRange, finiteExtent, type ValueRange } from "./value-range";
@@ -183,13 +183,14 @@ export class BandChart {
     context.clip();
     const { x0, x1 } = this.range;
     paintSegments(canvas, map, this.marks.segments);
-    paintMissing(canvas, map, [...missingStretches(this.entries, x0, x1), ...this.marks.gaps]);
+    const missing = missingStretches(this.entries, x0, x1);
+    paintMissing(canvas, map, [...(this.facts.bursts ? withoutPauses(missing) : missing), ...this.marks.gaps]);
     const spacing = ((this.entries.reach / 1.5) * map.width) / (x1 - x0);
     const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio), timeError: this.facts.timeError };
     paintBand(canvas, reduceToColumns(this.entries, map, style), map.height);
     if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
     this.placed = placePeaks(this.marks.peaks, map, ratio);
-    paintPeaks(canvas, this.placed);
+    paintPeaks(canvas, map, this.placed);
     context.restore();
     this.publish(map, corner, ratio);
   }

@@ -17,7 +17,6 @@ const CLOSE = 9;
 const HALF_TRIANGLE = 5;
 const TRIANGLE_HEIGHT = 8;
 const LIFT = 3;
-const LABEL_GAP = 6;
 
 /** Places the peaks that a window shows, in the order of time; those too close to tell apart are grouped. */
 export function placePeaks(peaks: readonly PeakMark[], map: PlotMap, ratio: number): PlacedPeak[] {
@@ -74,23 +73,22 @@ function paintTriangle(canvas: Canvas, placed: PlacedPeak): void {
  * Paints peaks: a certain one as a filled triangle over a solid box, a possible one as a hollow triangle
  * over a dashed box with its count. Counts are left out where they would overlap.
  */
-export function paintPeaks(canvas: Canvas, placed: readonly PlacedPeak[]): void {
+export function paintPeaks(canvas: Canvas, map: PlotMap, placed: readonly PlacedPeak[]): void {
   const { context, palette, ratio } = canvas;
-  let free = -Infinity;
   context.font = `600 ${Math.round(10 * ratio)}px system-ui, sans-serif`;
   context.textBaseline = "middle";
   context.textAlign = "left";
-  for (const peak of placed) {
+  for (const [index, peak] of placed.entries()) {
     if (peak.mark.events === 1) paintRegion(canvas, peak);
     paintTriangle(canvas, peak);
     const count = formatCount(peak.mark.count);
-    if (count === "1" || peak.tip.x < free) continue;
     const text = { x: peak.tip.x + (HALF_TRIANGLE + 3) * ratio, y: peak.tip.y - (TRIANGLE_HEIGHT / 2) * ratio };
+    const next = (placed[index + 1]?.tip.x ?? map.width) - HALF_TRIANGLE * ratio;
+    if (count === "1" || text.x + context.measureText(count).width > next) continue;
     context.lineWidth = 3 * ratio;
     context.strokeStyle = palette.colour("plot");
     context.strokeText(count, text.x, text.y);
     context.fillStyle = palette.colour("text");
     context.fillText(count, text.x, text.y);
-    free = text.x + context.measureText(count).width + LABEL_GAP * ratio;
   }
 }

@@ -14,6 +14,8 @@ export interface ChannelFacts {
   readonly coverage: number;
   /** The bound of the error of the times, in ns. */
   readonly timeError: number;
+  /** Whether the channel measures in bursts, so that silence between them is as it should be. */
+  readonly bursts: boolean;
 }
 
 /** What was found at a place of the chart. */

@@ -36,6 +36,16 @@ export function missingStretches(entries: Entries, from: number, to: number): St
   return stretches;
 }
 
+/** A silence so many times longer than the pauses between bursts is no pause. */
+const LONGEST_PAUSE = 3;
+
+/** Leaves out the pauses of a channel that measures in bursts: there, silence is as it should be. */
+export function withoutPauses(stretches: readonly Stretch[]): Stretch[] {
+  const lengths = stretches.map(({ x0, x1 }) => x1 - x0).toSorted((one, other) => one - other);
+  const usual = lengths.length < 3 ? Infinity : lengths[Math.floor(lengths.length / 2)]!;
+  return stretches.filter(({ x0, x1 }) => x1 - x0 > LONGEST_PAUSE * usual);
+}
+
 /** Hatches the stretches of which nothing is known over the whole height. */
 export function paintMissing(canvas: Canvas, map: PlotMap, stretches: readonly Stretch[]): void {
   const { context, palette, ratio } = canvas;

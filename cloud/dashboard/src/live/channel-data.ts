@@ -7,12 +7,16 @@ import type { Range } from "../state/window";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { readSeries } from "../tube/decode";
-import { endOf, hullWithin, NOTHING, type Entries } from "../tube/entries";
+import { clipEnd, endOf, hullWithin, NOTHING, type Entries } from "../tube/entries";
 import { Tube } from "../tube/tube";
 import type { LiveEdge } from "./edge";
 
 const CAPACITY = 16_384;
 const MOST_MARKS = 500;
+/** A silence so many times longer than a pause of the channel is taken for a hole. */
+const PAUSE_SLACK = 1.5;
+/** A channel that is sampled for less than this share of the time measures in bursts. */
+const BURST_SHARE = 0.5;
 
 export interface ChannelDataOptions {
   readonly client: Client;
@@ -29,6 +33,12 @@ function bounded<Item>(kept: Map<string, Item>): void {
   }
 }
 
+/** One entry that says: nothing is known here. */
+function nothingIn({ x0, x1 }: Range): Entries {
+  const missing = Float64Array.of(Number.NaN);
+  return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, reach: 0 };
+}
+
 /** What the page knows of one channel: the rolling window, a stretch of history, peaks and gaps. */
 export class ChannelData {
   readonly facts: { -readonly [Key in keyof ChannelFacts]: ChannelFacts[Key] };
@@ -38,13 +48,36 @@ export class ChannelData {
   private readonly peakMarks = new Map<string, PeakMark>();
   private readonly gapMarks = new Map<string, Stretch>();
 
-  /** What the store last said of the channel. */
-  channel: ChannelItem;
+  private latest: ChannelItem;
+  /** Up to here the store has everything, and every block after it is told by the live stream. */
+  private told: number | null;
+  /** Of a channel that measures in bursts, the shortest silence in which the store has nothing either. */
+  private pause = Infinity;
 
   constructor(private readonly options: ChannelDataOptions) {
     const { channel } = options;
+    this.latest = channel;
+    this.told = this.storedEnd();
+    this.facts = { unit: channel.unit, coverage: channel.coverage, timeError: 0, bursts: false };
     this.channel = channel;
-    this.facts = { unit: channel.unit, coverage: channel.coverage, timeError: 0 };
+  }
+
+  /** What the store last said of the channel. */
+  get channel(): ChannelItem {
+    return this.latest;
+  }
+
+  set channel(channel: ChannelItem) {
+    this.latest = channel;
+    const end = this.storedEnd();
+    if (channel.first === null || end === null) return;
+    const length = end - this.options.timeline.toX(parseInstant(channel.first));
+    this.facts.bursts = channel.samples * channel.dt < BURST_SHARE * length;
+  }
+
+  /** The end of what the store and the live stream have told: the store is complete up to here. */
+  get end(): number | null {
+    return this.told;
   }
 
   get rolling(): Entries {
@@ -62,32 +95,43 @@ export class ChannelData {
   /** The first and last instant that the channel has data of, or null for an empty channel. */
   get extent(): Range | null {
     const { timeline } = this.options;
-    const { channel } = this;
-    if (channel.first === null || channel.last === null) return null;
-    const known = timeline.toX(parseInstant(channel.last)) + channel.dt;
-    return { x0: timeline.toX(parseInstant(channel.first)), x1: Math.max(known, endOf(this.rolling) ?? known) };
+    const stored = this.storedEnd();
+    if (this.latest.first === null || stored === null) return null;
+    return { x0: timeline.toX(parseInstant(this.latest.first)), x1: Math.max(stored, this.told ?? stored) };
   }
 
-  /** Takes a live block; returns the stretch that is missing before it, if there is one. */
-  take(block: SeriesAnswer, at: number): { block: Range | null; hole: Range | null } {
+  /**
+   * Takes a live block; returns the stretch before it that neither stream nor store has told of yet.
+   *
+   * @param show false for a chart that nobody sees: the block is not kept, the store will tell it again
+   */
+  take(block: SeriesAnswer, at: number, show: boolean): { block: Range | null; hole: Range | null } {
     const run = readSeries(block, this.options.timeline);
-    const before = endOf(this.rolling);
     const end = endOf(run);
     if (end === null) return { block: null, hole: null };
+    const start = run.t[0]!;
+    const before = this.told ?? start;
+    // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
+    this.told = Math.max(before, block.resolution === "hull" ? run.t.at(-1)! : end + block.dt);
+    this.options.edge.observe(end, at);
+    if (!show) return { block: null, hole: null };
     this.note(block);
     this.tube.merge(run);
-    this.options.edge.observe(end, at);
-    const start = run.t[0]!;
-    const hole = before !== null && start - before > Math.max(2 * run.reach, 3 * this.options.channel.dt);
+    const silence = start - before;
+    const usual = this.pause === Infinity ? 0 : PAUSE_SLACK * this.pause;
+    const hole = silence > Math.max(2 * run.reach, 3 * this.latest.dt, usual);
     return { block: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
   }
 
-  /** Fills a stretch of the rolling window from the store. */
+  /** Fills a stretch of the rolling window, up to `end` at most, from the store. */
   async backfill(range: Range, points: number, signal: AbortSignal): Promise<void> {
     const answer = await this.ask(range, points, signal);
     this.note(answer);
-    const known = readSeries(answer, this.options.timeline);
-    this.tube.merge(known);
+    // A bucket may reach beyond the range, where the live stream knows more than this answer.
+    const run = clipEnd(readSeries(answer, this.options.timeline), range.x1);
+    const empty = run.lo.every((lo) => Number.isNaN(lo));
+    if (empty && this.facts.bursts) this.pause = Math.min(this.pause, range.x1 - range.x0);
+    this.tube.merge(empty ? nothingIn(range) : run);
   }
 
   /** Loads a stretch of history. */
@@ -132,14 +176,19 @@ export class ChannelData {
     }
   }
 
+  private storedEnd(): number | null {
+    const { last, dt } = this.latest;
+    return last === null ? null : this.options.timeline.toX(parseInstant(last)) + dt;
+  }
+
   private note(answer: SeriesAnswer): void {
     this.facts.coverage = answer.coverage;
     this.facts.timeError = answer.time_error;
   }
 
   private ask(range: Range, points: number, signal: AbortSignal): Promise<SeriesAnswer> {
-    const { client, timeline, node, channel } = this.options;
+    const { client, timeline, node } = this.options;
     const window = { start: timeline.toInstant(range.x0), end: timeline.toInstant(Math.ceil(range.x1)), points };
-    return client.series({ node, channel: channel.id }, window, signal);
+    return client.series({ node, channel: this.latest.id }, window, signal);
   }
 }

@@ -45,6 +45,20 @@ export function endOf(entries: Entries): number | null {
   return last < 0 ? null : entries.t[last]! + entries.width[last]!;
 }
 
+/** The part of a run before x. A hull that reaches beyond is cut short: it still encloses what is left. */
+export function clipEnd(entries: Entries, x: number): Entries {
+  const count = firstAtOrAfter(entries.t, x);
+  const width = entries.width.slice(0, count);
+  for (let i = count - 1; i >= 0 && entries.t[i]! + width[i]! > x; i -= 1) width[i] = x - entries.t[i]!;
+  return {
+    t: entries.t.subarray(0, count),
+    width,
+    lo: entries.lo.subarray(0, count),
+    hi: entries.hi.subarray(0, count),
+    reach: entries.reach,
+  };
+}
+
 /** The hull of the known entries that touch [from, to]; NaN where there is none. */
 export function hullWithin(entries: Entries, from: number, to: number): { lo: number; hi: number; count: number } {
   let lo = Infinity;

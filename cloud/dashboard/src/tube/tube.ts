@@ -43,22 +43,38 @@ export class Tube {
   clear(): void {
     this.start = 0;
     this.end = 0;
+    this.reach = 0;
   }
 
-  /** Puts a run in its place in time; what was known of the same stretch is replaced by it. */
+  /**
+   * Puts a run in its place in time; what was known of the same stretch is replaced by it. A held hull
+   * that reaches into the run is cut: its bounds enclose the samples of what is left of it, too.
+   */
   merge(run: Entries): void {
     const stop = endOf(run);
     if (stop === null) return;
     this.reach = Math.max(this.reach, run.reach);
-    const held = this.view().t;
-    const from = this.start + firstAtOrAfter(held, run.t[0]!);
-    const lastWidth = run.width[run.width.length - 1]!;
-    let to = this.start + firstAtOrAfter(held, stop);
-    if (lastWidth === 0 && to < this.end && this.arrays.t[to] === stop) to += 1;
-    const tail = this.copy(Math.max(from, to), this.end);
+    const { t, width } = this.arrays;
+    const from = this.start + firstAtOrAfter(this.view().t, run.t[0]!);
+    const tail = this.tailAfter(stop, run.width.at(-1) === 0);
+    if (from > this.start) width[from - 1] = Math.min(width[from - 1]!, run.t[0]! - t[from - 1]!);
     this.end = from;
     this.append(run);
     if (tail.t.length > 0) this.append(tail);
+  }
+
+  /** A copy of what is held after `stop`; `told` if another sample has told of that instant itself. */
+  private tailAfter(stop: number, told: boolean): Entries {
+    const { t, width } = this.arrays;
+    let to = this.start + firstAtOrAfter(this.view().t, stop);
+    const rest = to > this.start ? t[to - 1]! + width[to - 1]! - stop : 0;
+    if (told && to < this.end && t[to] === stop && width[to] === 0) to += 1;
+    const tail = this.copy(rest > 0 ? to - 1 : to, this.end);
+    if (rest > 0) {
+      tail.t[0] = stop;
+      tail.width[0] = rest;
+    }
+    return tail;
   }
 
   /** Forgets the entries that end before x. */

@@ -103,8 +103,8 @@ export class ChannelPanel {
 
   /** Takes a live block of this channel. */
   take(block: SeriesAnswer, at: number): void {
+    const { block: range, hole } = this.data.take(block, at, this.visible);
     if (!this.visible) return;
-    const { block: range, hole } = this.data.take(block, at);
     this.dirty = true;
     if (this.view.kind === "live") {
       this.notices.clear();
@@ -158,8 +158,7 @@ export class ChannelPanel {
     if (visible === this.visible) return;
     this.visible = visible;
     if (!visible) {
-      this.loading?.abort();
-      this.data.clear();
+      this.stopLive();
       return;
     }
     if (this.view.kind === "live") this.startLive();
@@ -169,15 +168,21 @@ export class ChannelPanel {
     }
   }
 
-  private startLive(): void {
-    const { edge, channel } = this.options;
-    if (this.view.kind !== "live") return;
-    const extent = this.data.extent;
+  private stopLive(): void {
+    this.loading?.abort();
+    this.loading = null;
     this.data.clear();
-    this.chart.resetValues();
     this.drawnEdge = Number.NaN;
+  }
+
+  /** Starts the live window afresh from the store. */
+  startLive(): void {
+    const { channel } = this.options;
+    if (!this.visible || this.view.kind !== "live") return;
+    const { end } = this.data;
+    this.stopLive();
+    this.chart.resetValues();
     this.chartRoot.dataset["mode"] = "live";
-    const end = edge.newest() ?? extent?.x1 ?? null;
     if (end === null) {
       this.notices.say("empty", "No data yet", `${channel.id} has not sent a block so far. It appears here as soon as one arrives.`);
       return;

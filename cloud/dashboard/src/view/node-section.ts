@@ -46,6 +46,11 @@ export class NodeSection {
     for (const panel of this.panels.values()) panel.apply(view);
   }
 
+  /** Fills the live windows afresh, after the stream has left something out. */
+  refill(): void {
+    for (const panel of this.panels.values()) panel.startLive();
+  }
+
   frame(at: number): void {
     if (this.loadedAt !== null && at - this.loadedAt > REFRESH_MS) {
       this.loadedAt = null;

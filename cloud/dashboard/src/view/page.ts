@@ -214,6 +214,9 @@ export class Page {
         this.list.take(event);
         this.sections.get(event.node)?.takeEvent(event);
         if (event.kind === "status") this.options.onStatus();
+      } else if (message.event === "lagging") {
+        for (const section of this.sections.values()) section.refill();
+        void this.loadEvents();
       }
     } catch (error) {
       if (!(error instanceof SyntaxError || error instanceof RangeError || error instanceof TypeError)) throw error;

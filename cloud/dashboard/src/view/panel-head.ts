@@ -34,6 +34,6 @@ export function panelHead(options: PanelHeadOptions): HTMLElement {
   ];
   const title = alone ? element("h2", {}, ...name) : channelLink(options, name);
   const meaning = "How often the interval encloses the truth, for each sample";
-  const coverage = element("span", { class: "coverage", title: meaning }, formatCoverage(channel.coverage));
+  const coverage = element("span", { class: "coverage", title: meaning }, `coverage ${formatCoverage(channel.coverage)}`);
   return element("header", { class: "panel-head" }, title, value, coverage);
 }

@@ -153,9 +153,9 @@ export class ThresholdForm {
     const level = `${question.side} ${this.print(question.level)} ${unit}`.trim();
     const window = formatDuration(range.x1 - range.x0);
     const parts = [
-      element("strong", { "data-testid": "total-certain" }, `certainly ${formatDuration(sums.certain, "down")}`),
+      element("strong", { "data-testid": "total-certain", "data-ns": sums.certain }, `certainly ${formatDuration(sums.certain, "down")}`),
       element("span", {}, ` in ${certain} segment${certain === 1 ? "" : "s"}, `),
-      element("strong", { "data-testid": "total-possible" }, `possibly up to ${formatDuration(sums.atMost, "up")}`),
+      element("strong", { "data-testid": "total-possible", "data-ns": sums.atMost }, `possibly up to ${formatDuration(sums.atMost, "up")}`),
       element("span", {}, ` in ${segments.length - certain} more, of ${window}.`),
       complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
     ];
