@@ -15,6 +15,8 @@ const CAPACITY = 16_384;
 const MOST_MARKS = 500;
 /** A silence so many times longer than a pause of the channel is taken for a hole. */
 const PAUSE_SLACK = 1.5;
+/** A stretch of which this share is silent holds no burst. */
+const QUIET_SHARE = 0.9;
 /** A channel that is sampled for less than this share of the time measures in bursts. */
 const BURST_SHARE = 0.5;
 
@@ -129,9 +131,12 @@ export class ChannelData {
     this.note(answer);
     // A bucket may reach beyond the range, where the live stream knows more than this answer.
     const run = clipEnd(readSeries(answer, this.options.timeline), range.x1);
-    const empty = run.lo.every((lo) => Number.isNaN(lo));
-    if (empty && this.facts.bursts) this.pause = Math.min(this.pause, range.x1 - range.x0);
-    this.tube.merge(empty ? nothingIn(range) : run);
+    this.tube.merge(run);
+    const known = run.lo.findLastIndex((lo) => !Number.isNaN(lo));
+    const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, this.latest.dt);
+    const quiet = range.x1 - end;
+    if (quiet > 2 * this.latest.dt) this.tube.merge(nothingIn({ x0: end, x1: range.x1 }));
+    if (this.facts.bursts && quiet > QUIET_SHARE * (range.x1 - range.x0)) this.pause = Math.min(this.pause, quiet);
   }
 
   /** Loads a stretch of history. */

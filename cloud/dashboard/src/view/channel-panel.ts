@@ -171,20 +171,20 @@ export class ChannelPanel {
   private stopLive(): void {
     this.loading?.abort();
     this.loading = null;
+    this.root.classList.remove("busy");
     this.data.clear();
     this.drawnEdge = Number.NaN;
   }
 
   /** Starts the live window afresh from the store. */
   startLive(): void {
-    const { channel } = this.options;
     if (!this.visible || this.view.kind !== "live") return;
     const { end } = this.data;
     this.stopLive();
     this.chart.resetValues();
     this.chartRoot.dataset["mode"] = "live";
     if (end === null) {
-      this.notices.say("empty", "No data yet", `${channel.id} has not sent a block so far. It appears here as soon as one arrives.`);
+      this.notices.say("empty", "No data yet", `${this.options.channel.id} has not sent a block so far. It appears here as soon as one arrives.`);
       return;
     }
     this.notices.say("loading", "Loading…", "");
@@ -218,17 +218,18 @@ export class ChannelPanel {
 
   private loadSoon(delay: number): void {
     if (this.timer !== null) clearTimeout(this.timer);
+    this.root.classList.add("busy");
     this.timer = setTimeout(() => void this.load(), delay);
   }
 
   private async load(): Promise<void> {
+    this.timer = null;
     const range = this.range();
     if (range === null || this.view.kind !== "history") return;
     this.loading?.abort();
     const loading = new AbortController();
     this.loading = loading;
     if (!this.loaded) this.notices.say("loading", "Loading…", "");
-    this.root.classList.add("busy");
     try {
       const points = Math.min(MOST_POINTS, Math.max(2, Math.round(this.chart.width)));
       await this.data.load(range, points, loading.signal);
@@ -242,7 +243,7 @@ export class ChannelPanel {
     } finally {
       if (this.loading === loading) {
         this.loading = null;
-        this.root.classList.remove("busy");
+        if (this.timer === null) this.root.classList.remove("busy");
       }
     }
   }

@@ -1,0 +1,112 @@
+import { describe, expect, test } from "vitest";
+import { Client } from "../src/api/client";
+import type { ChannelItem, SeriesAnswer } from "../src/api/contract";
+import { ChannelData } from "../src/live/channel-data";
+import { LiveEdge } from "../src/live/edge";
+import { Timeline } from "../src/time/timeline";
+
+const MS = 1_000_000;
+const ORIGIN = BigInt(Date.parse("2026-01-31T12:00:00Z")) * 1_000_000n;
+const SIGNAL = new AbortController().signal;
+
+function iso(ms: number): string {
+  return `${new Date(Number(ORIGIN / 1_000_000n) + ms).toISOString().slice(0, -1)}000000Z`;
+}
+
+/** A series of samples from one instant to another (ms), one each ms. */
+function series(from: number, to: number): SeriesAnswer {
+  const count = to - from;
+  const t = Array.from({ length: count }, (_, i) => i * MS);
+  const flat = { lo: t.map(() => 1), hi: t.map(() => 2), dt: MS, time_error: 0 };
+  return { node: "n", channel: "c", unit: "F", coverage: 1, resolution: "sample", t0: iso(from), t, ...flat };
+}
+
+function channel(end: number, samples = end): ChannelItem {
+  return {
+    id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS, blocks: 1, samples,
+    first: iso(0), last: iso(end - 1), bounds: null,
+  };
+}
+
+/** A channel whose store answers with the samples of the given stretches. */
+function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[]): ChannelData {
+  const answer = (url: string): SeriesAnswer => {
+    const query = new URL(url, "http://cloud").searchParams;
+    const [start, end] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
+    const found = stored.map(([from, to]) => [Math.max(from, start!), Math.min(to, end!)] as const);
+    const [from, to] = found.find(([one, other]) => other > one) ?? [start!, start!];
+    return series(from, to);
+  };
+  const client = new Client({
+    fetch: (url) => Promise.resolve(Response.json(answer(String(url)))),
+    onUnauthorised: () => undefined,
+  });
+  return new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge: new LiveEdge() });
+}
+
+async function fill(data: ChannelData, hole: { x0: number; x1: number } | null): Promise<void> {
+  if (hole) await data.backfill(hole, 1000, SIGNAL);
+}
+
+describe("the seam between store and stream", () => {
+  test("what was stored after the first answer and before the first block is asked for", async () => {
+    const data = dataOf(channel(1000), [[0, 5000]]);
+    const first = fill(data, { x0: 0, x1: data.end! });
+    const { hole } = data.take(series(1500, 1750), 0, true);
+    expect(hole).toEqual({ x0: 1000 * MS, x1: 1500 * MS });
+    await first;
+    await fill(data, hole);
+    expect([...data.rolling.t]).toEqual(Array.from({ length: 1750 }, (_, i) => i * MS));
+  });
+
+  test("a block that follows at once needs nothing", () => {
+    const data = dataOf(channel(1000), []);
+    expect(data.take(series(1000, 1250), 0, true).hole).toBeNull();
+    expect(data.take(series(1250, 1500), 0, true).hole).toBeNull();
+  });
+
+  test("what the store lists anew does not stand for what the stream has not told", () => {
+    const data = dataOf(channel(1000), []);
+    data.take(series(1000, 1250), 0, true);
+    data.channel = channel(2000);
+    expect(data.take(series(2000, 2250), 0, true).hole).toEqual({ x0: 1250 * MS, x1: 2000 * MS });
+  });
+
+  test("blocks that came while nobody looked are left to the store", () => {
+    const data = dataOf(channel(1000), []);
+    data.take(series(1000, 1250), 0, false);
+    expect(data.rolling.t.length).toBe(0);
+    expect(data.end).toBe(1250 * MS);
+  });
+});
+
+describe("silence", () => {
+  test("a true hole is marked as missing", async () => {
+    const data = dataOf(channel(1000), [[0, 1000]]);
+    data.take(series(1000, 1250), 0, true);
+    await fill(data, data.take(series(2000, 2250), 0, true).hole);
+    const at = data.rolling.t.indexOf(1250 * MS);
+    expect(data.rolling.lo[at]).toBeNaN();
+    expect(data.rolling.width[at]).toBe(750 * MS);
+  });
+
+  test("a hole after a reduced block is marked from its last sample on", async () => {
+    const data = dataOf(channel(1000), [[0, 1250]]);
+    data.take({ ...series(1000, 1250), resolution: "hull" }, 0, true);
+    await fill(data, data.take(series(2000, 2250), 0, true).hole);
+    const at = data.rolling.t.indexOf(1250 * MS);
+    expect(data.rolling.lo[at]).toBeNaN();
+    expect(data.rolling.width[at]).toBe(750 * MS);
+    expect(data.rolling.lo[at - 1]).toBe(1);
+  });
+
+  test("the pauses of a channel that measures in bursts are asked for once", async () => {
+    const data = dataOf(channel(1040, 80), [[1000, 1040]]);
+    expect(data.facts.bursts).toBe(true);
+    const { hole } = data.take(series(2000, 2040), 0, true);
+    await fill(data, hole);
+    expect(hole).not.toBeNull();
+    expect(data.take(series(3000, 3040), 0, true).hole).toBeNull();
+    expect(data.take(series(6000, 6040), 0, true).hole).not.toBeNull();
+  });
+});

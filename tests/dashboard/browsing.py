@@ -1,0 +1,104 @@
+"""A browser page that remembers what went wrong in it."""
+
+from __future__ import annotations
+
+import shutil
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Final
+from urllib.parse import urlsplit
+
+import pytest
+
+from eskin.moment import format_moment
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Playwright
+
+ARGUMENTS: Final = (
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+)
+CHART: Final = "[data-testid=chart]"
+_VIOLATIONS: Final = """
+addEventListener("securitypolicyviolation", (event) =>
+  console.error(`CSP violation: ${event.violatedDirective} ${event.blockedURI}`));
+"""
+_FRAMES: Final = "() => new Promise((done) => requestAnimationFrame(() => setTimeout(done, 0)))"
+
+
+def launch(playwright: Playwright) -> Browser:
+    """Start Chromium; fails, with what to do, where there is none."""
+    found = shutil.which("chromium") or shutil.which("chromium-browser")
+    if found is None:
+        pytest.fail("no Chromium on this machine; `make system` installs it (Debian: chromium)")
+    return playwright.chromium.launch(executable_path=found, args=list(ARGUMENTS))
+
+
+def history(place: str, start: int, end: int) -> str:
+    """The address of a stretch of time (ns since 1970) of a place."""
+    return f"{place}?from={format_moment(start)}&to={format_moment(end)}"
+
+
+class Visit:
+    """One page of the dashboard.
+
+    Attributes:
+        page: Playwright's page.
+        troubles: Console errors, uncaught errors and violations of the content security policy.
+        hosts: Whom it sent requests to.
+    """
+
+    def __init__(self, context: BrowserContext, url: str) -> None:
+        self.url = url
+        self.troubles: list[str] = []
+        self.hosts: set[str | None] = set()
+        self.page: Page = context.new_page()
+        self.page.add_init_script(_VIOLATIONS)
+        self.page.on("console", self._on_console)
+        self.page.on("pageerror", lambda error: self.troubles.append(str(error)))
+        self.page.on("request", lambda sent: self.hosts.add(urlsplit(sent.url).hostname))
+
+    def _on_console(self, message: ConsoleMessage) -> None:
+        if message.type == "error":
+            self.troubles.append(message.text)
+
+    def open(self, fragment: str) -> None:
+        """Go to a place of the dashboard."""
+        self.page.goto(f"{self.url}/#/{fragment}")
+        self.page.locator(CHART).first.wait_for()
+
+    def chart(self) -> dict[str, str]:
+        """What the first chart says of itself."""
+        facts: dict[str, str] = self.page.locator(CHART).first.evaluate(
+            "(root) => ({...root.dataset})"
+        )
+        return facts
+
+    def wait_for_chart(self, seconds: float = 15.0, **facts: str) -> dict[str, str]:
+        """Wait until the first chart says so, and has painted it."""
+        wait_until(lambda: facts.items() <= self.chart().items(), f"{facts}", seconds=seconds)
+        self.page.locator(".panel.busy").wait_for(state="detached")
+        self.page.evaluate(_FRAMES)
+        return self.chart()
+
+    def evaluate(self, script: str, argument: Any = None) -> Any:
+        """The result of a script in the page."""
+        return self.page.evaluate(script, argument)
+
+
+@contextmanager
+def visiting(browser: Browser, url: str, **options: Any) -> Iterator[Visit]:
+    """A page in a context of its own."""
+    context = browser.new_context(**options)
+    try:
+        yield Visit(context, url)
+    finally:
+        context.close()

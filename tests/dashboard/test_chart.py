@@ -1,0 +1,116 @@
+"""A chart: what its pixels say, and how it is worked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.dashboard.browsing import CHART, history
+from tests.dashboard.pixels import read_plot, samples_of
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
+    from tests.dashboard.browsing import Visit
+    from tests.demos import RunningDemo
+
+MS = 1_000_000
+FINE = {"device_scale_factor": 1.5}
+
+
+def without_events(route: Route) -> None:
+    """Peaks would be painted over the band."""
+    route.fulfill(json={"items": [], "next": None})
+
+
+@pytest.mark.parametrize(
+    ("options", "channel", "length", "resolution"),
+    [
+        ({}, "fingertip/t01.capacitance", 2000 * MS, "hull"),
+        ({}, "palm/t01.energy", 150 * MS, "sample"),
+        (FINE, "palm/t01.energy", 2000 * MS, "hull"),
+        (FINE, "forearm/t01.distance", 20 * MS, "sample"),
+        ({}, "forearm/t02.current", 1100 * MS, "hull"),
+    ],
+)
+def test_painted_pixels_enclose_the_samples(
+    demo: RunningDemo, visit: Visit, recorded: int, channel: str, length: int, resolution: str
+) -> None:
+    visit.page.route("**/api/v1/events*", without_events)
+    visit.open(history(channel, recorded - length, recorded))
+    visit.wait_for_chart(mode="history", resolution=resolution)
+    plot = read_plot(visit)
+    series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
+    samples = [one for one in samples_of(series) if plot.start <= one[0] < plot.end]
+    assert len(samples) >= 10
+    assert [sample for sample in samples if not plot.encloses(*sample)] == []
+    area = "".join(plot.columns)
+    assert area.count("1") < 0.6 * len(area), "a plot that is painted all over tells nothing"
+
+
+def test_live_chart_shows_no_break_where_the_stream_follows_the_store(visit: Visit) -> None:
+    visit.page.route("**/api/v1/events*", without_events)
+    visit.open("fingertip/t01.capacitance?live=10s")
+    begin = int(visit.wait_for_chart(mode="live")["xMax"])
+
+    def unbroken() -> bool:
+        painted = read_plot(visit).painted
+        last = len(painted) - painted[::-1].index(True) if True in painted else 0
+        return last > 0 and all(painted[painted.index(True) : last])
+
+    wait_until(
+        lambda: int(visit.chart()["xMax"]) > begin + 1500 * MS, "the stream has followed the store"
+    )
+    wait_until(unbroken, "the band is drawn without a break", seconds=2)
+
+
+def test_zoom_goes_down_to_single_samples(visit: Visit, recorded: int) -> None:
+    visit.open(history("palm/t01.energy", recorded - 2000 * MS, recorded))
+    visit.wait_for_chart(resolution="hull")
+    visit.page.locator(CHART).focus()
+    for _ in range(6):
+        visit.page.keyboard.press("+")
+    facts = visit.wait_for_chart(resolution="sample")
+    assert int(facts["xMax"]) - int(facts["xMin"]) == pytest.approx(2000 * MS / 2**6, abs=10)
+    assert 25 <= int(facts["entries"]) <= 40
+
+
+def test_link_opens_the_same_view(visit: Visit, recorded: int) -> None:
+    visit.open(history("forearm/t01.distance", recorded - 1000 * MS, recorded))
+    visit.wait_for_chart(mode="history")
+    visit.page.locator(CHART).focus()
+    for key in ("ArrowLeft", "+", "+", "+"):
+        visit.page.keyboard.press(key)
+    first = visit.wait_for_chart(resolution="sample")
+    link = visit.page.url
+    visit.page.goto("about:blank")
+    visit.page.goto(link)
+    visit.page.locator(CHART).wait_for()
+    second = visit.wait_for_chart(resolution="sample")
+    names = ("node", "channel", "xMin", "xMax", "yMin", "yMax", "entries")
+    assert {name: second[name] for name in names} == {name: first[name] for name in names}
+
+
+def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
+    visit.open("fingertip/t02.capacitance?live=10s")
+    visit.wait_for_chart(mode="live")
+    visit.page.locator(CHART).focus()
+
+    def press(key: str) -> tuple[int, int]:
+        before = visit.page.url
+        visit.page.keyboard.press(key)
+        wait_until(lambda: visit.page.url != before, f"{key} changes the address")
+        facts = visit.wait_for_chart(mode="history")
+        return int(facts["xMin"]), int(facts["xMax"])
+
+    start, end = press("ArrowLeft")
+    further = press("ArrowLeft")
+    assert further == pytest.approx((start - 1000 * MS, end - 1000 * MS), abs=10)
+    assert press("ArrowRight") == pytest.approx((start, end), abs=10)
+    near = press("+")
+    assert near[1] - near[0] == pytest.approx((end - start) / 2, abs=10)
+    assert press("-") == pytest.approx((start, end), abs=10)
+    visit.page.keyboard.press("l")
+    visit.wait_for_chart(mode="live")

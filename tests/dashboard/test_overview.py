@@ -1,0 +1,109 @@
+"""The page that the login URL opens."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.dashboard.browsing import visiting
+from tests.dashboard.conftest import NODES
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+    from tests.dashboard.browsing import Visit
+    from tests.dashboard.conftest import Session
+    from tests.demos import RunningDemo
+
+PANELS = """
+() => [...document.querySelectorAll("[data-testid=channel]")].map((panel) => {
+  const chart = panel.querySelector("[data-testid=chart]").dataset;
+  const value = panel.querySelector("[data-testid=channel-value]").textContent;
+  const coverage = panel.querySelector(".coverage").textContent;
+  const id = `${chart.node}/${chart.channel}`;
+  return { id, end: chart.xMax, entries: chart.entries, value, coverage };
+})
+"""
+TALL = {"viewport": {"width": 1280, "height": 3200}, "reduced_motion": "no-preference"}
+PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+
+
+def test_login_url_opens_the_dashboard(demo: RunningDemo, session: Session) -> None:
+    assert session.landed.split("#")[0] == f"{demo.access['url']}/"
+    assert session.title == "eskin"
+    assert sorted(session.nodes) == sorted(NODES)
+
+
+def test_login_url_opens_once(demo: RunningDemo, browser: Browser, session: Session) -> None:
+    assert session.nodes
+    with visiting(browser, demo.access["url"]) as stranger:
+        stranger.page.goto(demo.login_url)
+        assert "used already" in stranger.page.locator("body").inner_text()
+
+
+def test_nodes_are_shown_online(visit: Visit) -> None:
+    visit.open("")
+    for node in NODES:
+        card = visit.page.locator(f"[data-testid=node][data-node={node}]")
+        card.get_by_text("online", exact=True).wait_for()
+
+
+@pytest.mark.parametrize("options", [TALL])
+def test_every_channel_has_a_live_chart_that_moves(demo: RunningDemo, visit: Visit) -> None:
+    channels = [
+        f"{node}/{channel['id']}"
+        for node in NODES
+        for channel in demo.get(f"/nodes/{node}/channels")["items"]
+    ]
+
+    def panels() -> dict[str, dict[str, str]]:
+        return {panel["id"]: panel for panel in visit.evaluate(PANELS)}
+
+    visit.open("?live=5s")
+    wait_until(
+        lambda: (
+            sorted(panels()) == sorted(channels)
+            and all(int(panel["entries"]) > 1 for panel in panels().values())
+        ),
+        "every channel has a chart with data",
+    )
+    before = panels()
+    wait_until(
+        lambda: all(int(now["end"]) > int(before[id_]["end"]) for id_, now in panels().items()),
+        "every chart has moved",
+    )
+    wait_until(
+        lambda: all(any(map(str.isdigit, now["value"])) for now in panels().values()),
+        "every channel says its interval",
+    )
+    assert all(now["coverage"].startswith("coverage ") for now in panels().values())
+
+
+@pytest.mark.parametrize("options", [PHONE])
+@pytest.mark.parametrize("place", ["", "palm/t01.energy?live=10s&above=5e-12"])
+def test_phone_width_overflows_nowhere(visit: Visit, place: str) -> None:
+    visit.open(place)
+    visit.wait_for_chart(mode="live")
+    page, window = visit.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
+    assert window == 390
+    assert page <= window
+
+
+@pytest.mark.parametrize("options", [{"color_scheme": "light"}])
+def test_light_and_dark_differ(visit: Visit) -> None:
+    def colours() -> list[str]:
+        found: list[str] = visit.evaluate("""() => {
+          const root = getComputedStyle(document.documentElement);
+          const names = ["--chart-plot", "--chart-band-edge", "--chart-certain"];
+          const paint = names.map((name) => root.getPropertyValue(name).trim());
+          return [getComputedStyle(document.body).backgroundColor, ...paint];
+        }""")
+        return found
+
+    visit.open("")
+    light = colours()
+    visit.page.get_by_test_id("theme").click()
+    dark = colours()
+    assert all(one != other for one, other in zip(light, dark, strict=True))

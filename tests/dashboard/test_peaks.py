@@ -1,0 +1,98 @@
+"""Peaks: certain and possible ones, told apart by shape."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from eskin.moment import parse_moment
+from tests.dashboard.browsing import history
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from tests.dashboard.browsing import Visit
+    from tests.demos import RunningDemo
+
+HALF = 1_300_000_000
+"""Half of a window, ns."""
+APART = 45_000_000
+"""Peaks with more than this between them (ns) are drawn one by one in such a window."""
+
+TRIANGLES = """
+() => {
+  const root = document.querySelector("[data-testid=chart]");
+  const canvas = root.querySelector("canvas");
+  const pen = canvas.getContext("2d");
+  const { plotLeft, plotTop, plotWidth } = root.dataset;
+  return [...root.querySelectorAll("[data-testid=peak]")].flatMap((hit) => {
+    const [x, y] = hit.style.transform.match(/-?[0-9.]+/g).map(Number);
+    if (x < 8 || x > plotWidth - 24) return [];
+    const at = [Number(plotLeft) + x + 8, Number(plotTop) + y + 12 - 5];
+    const inside = [...pen.getImageData(Math.round(at[0]), Math.round(at[1]), 1, 1).data];
+    return [{ verdict: hit.dataset.verdict, inside: inside.slice(0, 3).join(" ") }];
+  });
+}
+"""
+
+
+PAINT = """
+(svg) => {
+  const style = getComputedStyle(svg.querySelector("path"));
+  return { fill: style.fill, dash: style.strokeDasharray };
+}
+"""
+
+
+def window_of_both(demo: RunningDemo) -> tuple[int, int]:
+    """A stretch of time with a certain and a possible peak, each of them apart from others."""
+    place = {"node": "palm", "channel": "t01.energy", "kind": "peak", "limit": 200}
+    found: list[int] = []
+
+    def look() -> bool:
+        items: list[dict[str, Any]] = demo.get("/events", **place)["items"]
+        begins = sorted((parse_moment(item["time"]["lo"]), item["verdict"]) for item in items)
+        moments = [begin for begin, _ in begins]
+        lone = [
+            (begin, verdict)
+            for begin, verdict in begins
+            if sum(abs(begin - other) < APART for other in moments) == 1
+        ]
+        certain = [begin for begin, verdict in lone if verdict == "certain"]
+        for begin, verdict in lone:
+            near = any(abs(begin - other) < HALF - APART for other in certain)
+            if verdict == "possible" and near and begin < max(moments) - HALF:
+                found.append(begin)
+        return bool(found)
+
+    wait_until(look, "a possible and a certain peak stand apart")
+    return found[0] - HALF, found[0] + HALF
+
+
+def test_certain_and_possible_peaks_carry_different_shapes(demo: RunningDemo, visit: Visit) -> None:
+    visit.open(history("palm/t01.energy", *window_of_both(demo)))
+    visit.wait_for_chart(mode="history")
+    peak = visit.page.get_by_test_id("peak")
+    peak.and_(visit.page.locator("[data-verdict=possible]")).first.wait_for()
+    peak.and_(visit.page.locator("[data-verdict=certain]")).first.wait_for()
+    wait_until(
+        lambda: {one["verdict"] for one in visit.evaluate(TRIANGLES)} == {"certain", "possible"},
+        "both are placed",
+    )
+    found = visit.evaluate(TRIANGLES)
+    solid = {one["inside"] for one in found if one["verdict"] == "certain"}
+    hollow = {one["inside"] for one in found if one["verdict"] == "possible"}
+    assert solid == {"184 58 0"}
+    assert hollow == {"255 255 255"}
+
+
+def test_listed_events_carry_different_symbols(visit: Visit) -> None:
+    visit.open("palm/t01.energy")
+    symbols = {}
+    for verdict in ("certain", "possible"):
+        row = visit.page.locator(f"[data-testid=event][data-verdict={verdict}]").first
+        row.wait_for()
+        symbols[verdict] = row.locator("svg").first.evaluate(PAINT)
+        assert f"{verdict} peak" in row.inner_text()
+    assert symbols["certain"]["fill"] != "none"
+    assert symbols["certain"]["dash"] == "none"
+    assert symbols["possible"]["fill"] == "none"
+    assert symbols["possible"]["dash"] != "none"
