@@ -84,10 +84,9 @@ class Gateway:
             "identity.directory", settings.identity.directory, IdentityKind.GATEWAY
         )
         site = _identity("identity.site", settings.identity.site, IdentityKind.SITE)
-        root = settings.identity.directory / ROOT_FILE
-        random = SystemRandom()
         self.name = identity.name
         self.left = 0
+        self._settings = settings
         self.counters = Counters()
         self.inbox = Inbox(settings.broker.inbox_messages)
         self.spool = Spool(
@@ -95,51 +94,78 @@ class Gateway:
             capacity=settings.spool.capacity_bytes,
             letters=settings.spool.dead_letters,
         )
-        self.broker = MqttBroker(
-            settings.broker,
+        self._revocations = Revocations(Trust(identity.root), settings.identity.revocations)
+        self._presence = Presence(settings.nodes.silence_s)
+        self._presence.restore(self.spool, monotonic())
+        self.broker = self._make_broker(identity)
+        self.worker = self._make_worker(site)
+        self.cloud = self._make_cloud(identity)
+        self.forwarder = self._make_forwarder()
+        self.monitor = self._make_monitor()
+
+    def _make_broker(self, identity: Identity) -> MqttBroker:
+        return MqttBroker(
+            self._settings.broker,
             name=identity.name,
-            context=client_context(root, identity),
+            context=client_context(identity.directory / ROOT_FILE, identity),
             inbox=self.inbox,
-            backoff=Backoff(0.2, 10.0, random=random),
+            backoff=Backoff(0.2, 10.0, random=SystemRandom()),
         )
-        revocations = Revocations(Trust(identity.root), settings.identity.revocations)
-        presence = Presence(settings.nodes.silence_s)
-        presence.restore(self.spool, monotonic())
-        self.worker = _worker(
-            settings,
-            site,
-            self.inbox,
-            self.spool,
-            self.broker,
-            self.counters,
-            revocations,
-            presence,
+
+    def _make_worker(self, site: Identity) -> Worker:
+        senders = Senders(self.spool, self._revocations)
+        intake = Intake(
+            opener=Opener([site], sender=senders.find),
+            senders=senders,
+            records=Records(self.spool),
+            complaints=Complaints(),
         )
-        cloud_settings = settings.cloud
-        self.cloud = HttpsCloud(
-            cloud_settings.url,
-            identity=identity,
-            context=client_context(root),
-            timeout_s=cloud_settings.timeout_s,
-        )
-        self.forwarder = Forwarder(
-            cloud_settings,
-            spool=self.spool,
-            cloud=self.cloud,
-            backoff=Backoff(cloud_settings.retry_s, cloud_settings.retry_most_s, random=random),
+        answers = Answers(
+            broker=self.broker,
+            acknowledger=Acknowledger(site),
+            senders=senders,
+            presence=self._presence,
             counters=self.counters,
         )
+        return Worker(
+            self._settings.spool,
+            inbox=self.inbox,
+            intake=intake,
+            spool=self.spool,
+            answers=answers,
+            counters=self.counters,
+        )
+
+    def _make_cloud(self, identity: Identity) -> HttpsCloud:
+        return HttpsCloud(
+            self._settings.cloud.url,
+            identity=identity,
+            context=client_context(identity.directory / ROOT_FILE),
+            timeout_s=self._settings.cloud.timeout_s,
+        )
+
+    def _make_forwarder(self) -> Forwarder:
+        cloud = self._settings.cloud
+        return Forwarder(
+            cloud,
+            spool=self.spool,
+            cloud=self.cloud,
+            backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
+            counters=self.counters,
+        )
+
+    def _make_monitor(self) -> Monitor:
         health = Health(
             broker=self.broker,
             inbox=self.inbox,
             worker=self.worker,
             spool=self.spool,
             forwarder=self.forwarder,
-            presence=presence,
-            revocations=revocations,
+            presence=self._presence,
+            revocations=self._revocations,
         )
         health.export(self.counters)
-        self.monitor = Monitor(settings.http, health=health, counters=self.counters)
+        return Monitor(self._settings.http, health=health, counters=self.counters)
 
     def start(self) -> None:
         """Start all threads."""
@@ -158,36 +184,6 @@ class Gateway:
         self.cloud.close()
         self.left = self.spool.statistics.messages
         self.spool.close()
-
-
-def _worker(
-    settings: GatewaySettings,
-    site: Identity,
-    inbox: Inbox,
-    spool: Spool,
-    broker: MqttBroker,
-    counters: Counters,
-    revocations: Revocations,
-    presence: Presence,
-) -> Worker:
-    senders = Senders(spool, revocations)
-    records = Records(spool)
-    complaints = Complaints()
-    opener = Opener([site], sender=senders.find)
-    return Worker(
-        settings.spool,
-        inbox=inbox,
-        intake=Intake(opener=opener, senders=senders, records=records, complaints=complaints),
-        spool=spool,
-        answers=Answers(
-            broker=broker,
-            acknowledger=Acknowledger(site),
-            senders=senders,
-            presence=presence,
-            counters=counters,
-        ),
-        counters=counters,
-    )
 
 
 def _identity(setting: str, directory: Path, kind: IdentityKind) -> Identity:
