@@ -106,8 +106,10 @@ class Interval:
 
     def __add__(self, other: Interval | ArrayLike) -> Self:
         that = as_interval(other)
-        with np.errstate(over="ignore"):
+        with np.errstate(over="ignore", invalid="ignore"):
             lo, hi = self.inf + that.inf, self.sup + that.sup
+        # inf - inf: that side is unbounded.
+        lo, hi = np.where(np.isnan(lo), -np.inf, lo), np.where(np.isnan(hi), np.inf, hi)
         return self._trusted(round_down(lo), round_up(hi))
 
     __radd__ = __add__

@@ -148,8 +148,10 @@ class PeakDetector:
 
     Args:
         prominence: Least prominence p > 0, in the signal's unit.
-        longest_region: Samples after which an undecided region is reported and the search starts
-            anew, as after a gap; ``None`` waits for the end.
+        longest_region: Samples after which undecided regions are reported as possible; ``None``
+            waits for the end. The search goes on: a peak reported like this may still prove
+            certain and is reported again then, so that the number of certain ones stays exact and
+            the number of possible ones an upper bound.
 
     Raises:
         ValueError: The prominence is not positive and finite.
@@ -217,8 +219,13 @@ class PeakDetector:
                 waiting[0].merge(waiting.pop(1))
 
     def _match(self, certain: _Span) -> None:
-        """Take the peak that proved certain out of the undecided ones (there always is one)."""
+        """Take the peak that proved certain out of the undecided ones.
+
+        There always is one, unless it was reported as possible before, for taking too long.
+        """
         within = [span for span in self._undecided if span.last > certain.first]
+        if not within:
+            return
         best = max(within, key=lambda span: span.ceiling)
         best.peaks -= 1
         if best.peaks == 0:
@@ -227,7 +234,8 @@ class PeakDetector:
     def _settle(self, events: list[PeakEvent]) -> None:
         """Report regions that no certain peak can claim any more, and that will not grow."""
         if self._longest is not None and self._index - self._undecided[0].first >= self._longest:
-            events.extend(self.gap())
+            events.extend(span.event(Verdict.POSSIBLE) for span in self._undecided)
+            self._undecided.clear()
             return
         certain, growing = self._certain.span, self._optimistic.span
         while self._undecided:

@@ -93,6 +93,8 @@ class Worker:
         self._counters.received.inc(len(arrivals))
         batch = outcome.batch
         if (batch.nodes or batch.senders) and not self._commit(batch):
+            # What was refused must not count as seen when its copies come.
+            self._intake.forget()
             return
         self._intake.committed(batch)
         self._answers.give(outcome, arrivals)

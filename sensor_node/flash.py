@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+import time
 from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass
@@ -71,12 +72,21 @@ class Flash:
     Args:
         path: Database file; made if missing.
         capacity: Bytes of messages that it may hold.
+        epoch: Number of the first boot of a fresh flash; ``None`` takes the present in seconds, so
+            that a flash that was wiped or replaced starts above all numbers that the node has used
+            before, which others remember.
 
     Raises:
         FlashError: It cannot be opened.
     """
 
-    def __init__(self, path: Path, *, capacity: int) -> None:
+    def __init__(
+        self,
+        path: Path,
+        *,
+        capacity: int,
+        epoch: int | None = None,
+    ) -> None:
         self._path = path
         self._capacity = capacity
         self._lock = threading.RLock()
@@ -86,7 +96,11 @@ class Flash:
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
             self._db.executescript(SCHEMA)
-            self._db.execute("UPDATE counter SET value = value + 1 WHERE name = 'boot'")
+            self._db.execute(
+                "UPDATE counter SET value = CASE value WHEN 0 THEN ? ELSE value + 1 END "
+                "WHERE name = 'boot'",
+                (int(time.time()) if epoch is None else epoch,),
+            )
             counters = dict(self._db.execute("SELECT name, value FROM counter").fetchall())
             self._messages, self._used = self._db.execute(
                 "SELECT count(*), coalesce(sum(length(body)), 0) FROM message"
@@ -127,9 +141,11 @@ class Flash:
                 self._commit(batch.messages)
             except (sqlite3.Error, FlashError) as error:
                 told = 1 if self._unsaid.time is not None else 0
+                for gap in batch.messages[:told]:
+                    self._unsaid.skip(gap.position)
                 for message in batch.messages[told:]:
-                    time, samples = affects(message)
-                    self._unsaid.take(time=time, samples=samples, position=message.position)
+                    moments, samples = affects(message)
+                    self._unsaid.take(time=moments, samples=samples, position=message.position)
                 raise FlashError(
                     f"{self._path}: {len(batch.messages)} messages could not be stored: {error}; "
                     "make room, sampling goes on and a gap will tell"

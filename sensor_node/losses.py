@@ -53,6 +53,10 @@ class Loss:
             self.messages += messages
             self.lost.setdefault(position.boot, SequenceRanges()).add(position.sequence)
 
+    def skip(self, position: Position) -> None:
+        """Count in a position that was given out for nothing, so that its neighbours melt."""
+        self.lost.setdefault(position.boot, SequenceRanges()).add(position.sequence)
+
     @property
     def full(self) -> bool:
         """Whether one gap message might not name one position more."""
@@ -71,5 +75,14 @@ class Loss:
             time=self.time or (0, 0),
             messages=self.messages,
             samples=self.samples,
-            lost=tuple(spans),
+            lost=_named(spans),
         )
+
+
+def _named(spans: list[tuple[int, int, int]]) -> tuple[tuple[int, int, int], ...]:
+    """As many ranges as a gap message can name; the last takes in what lies behind it."""
+    if len(spans) > MOST_SPANS:
+        rest = spans[MOST_SPANS - 1 :]
+        last_boot = [span for span in rest if span[0] == rest[0][0]]
+        spans = [*spans[: MOST_SPANS - 1], (rest[0][0], rest[0][1], last_boot[-1][2])]
+    return tuple(spans)

@@ -158,7 +158,7 @@ class Publisher:
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
         if message.topic != self._acks_topic:
-            log.warning("message ignored: topic=%s", message.topic)
+            log.warning("message ignored: topic=%.200r", message.topic)
             return
         try:
             self._inbox.put_nowait(bytes(message.payload))

@@ -26,13 +26,13 @@ def see(
         ledger.create(nodes, (node,), _fresh(node, position, now))
         return None
     was_online, last = row["online"], row["last_seen"]
-    row["online"], row["last_seen"] = 1, max(last, now)
+    row["online"], row["last_seen"] = 1, now
     place = position.boot, position.sequence
     row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
     ledger.change(nodes, node)
     if was_online:
         return None
-    return event_row(node, "status", position, (last, max(last, now)), detail="online again")
+    return event_row(node, "status", position, (min(last, now), now), detail="online again")
 
 
 def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: int) -> list[Entry]:
@@ -47,7 +47,9 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
     Returns:
         News for the live feed.
     """
-    silent = select(nodes.c.node).where(nodes.c.online == 1, nodes.c.last_seen < silent_since)
+    # A last_seen that lies ahead comes from before the clock was set back: it says nothing.
+    gone = (nodes.c.last_seen < silent_since) | (nodes.c.last_seen > now)
+    silent = select(nodes.c.node).where(nodes.c.online == 1, gone)
     entries = []
     for node in connection.execute(silent.order_by(nodes.c.node)).scalars().all():
         row = ledger.row(connection, nodes, node)
@@ -56,7 +58,9 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
         row["online"] = 0
         ledger.change(nodes, node)
         position = Position(row["boot"], row["sequence"])
-        event = event_row(node, "status", position, (row["last_seen"], now), detail="offline")
+        event = event_row(
+            node, "status", position, (min(row["last_seen"], now), now), detail="offline"
+        )
         cursor = ledger.next_cursor(connection)
         event |= {"cursor": cursor, "received": now}
         connection.execute(insert(events), event)

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from demo.layout import Layout
 
 _PAGE: Final = 500
+_COLUMNS: Final = [
+    table.c[name]
+    for name in ("channel", "t", "t_end", "t_lo", "t_hi", "dt", "n", "lo", "hi", "coverage")
+]
 
 
 def audit(
@@ -62,29 +66,51 @@ def _audit(
         if not path.exists():
             raise AuditError(f"{path}: the emulator's truth of node {node!r} is missing")
         for page in _pages(connection, node):
-            truths = Truth.read(path, [block.position for block in page])
+            truths = Truth.read(path, [block.position for block, _ in page])
             oldest = Truth.oldest(path)
-            for block in page:
+            for block, columns in page:
                 key = (node, block.channel)
                 entry = found.setdefault(key, ChannelAudit(node, block.channel, block.tube.unit))
+                entry.mislabelled += columns != _columns_of(block)
                 truth = truths.get(block.position)
                 if truth is not None and len(truth.values) == len(block.tube):
                     entry.compare(block, truth.time, truth.values)
+                    entry.mislabelled += (truth.channel, truth.dt) != (block.channel, block.tube.dt)
                 elif oldest is not None and block.position < oldest:
                     entry.forgotten += 1
                 else:
                     raise AuditError(f"{path}: no truth behind {block.position} of node {node!r}")
             done += len(page)
             progress(done, total)
+    if not any(entry.samples for entry in found.values()):
+        raise AuditError(f"{layout.nodes}: the emulator has dropped the truth behind all blocks")
     return [found[key] for key in sorted(found)]
 
 
-def _pages(connection: Connection, node: str) -> Iterator[Sequence[Block]]:
-    """The node's blocks in order, page by page: no more than a page in memory."""
+def _columns_of(block: Block) -> tuple[object, ...]:
+    """What the store's columns, from which queries are answered first, must say of a block."""
+    tube = block.tube
+    first, last = tube.first_moment, int(tube.moments[-1])
+    return (
+        block.channel,
+        first,
+        last,
+        *tube.time,
+        tube.dt,
+        len(tube),
+        *block.bounds,
+        tube.coverage,
+    )
+
+
+def _pages(
+    connection: Connection, node: str
+) -> Iterator[Sequence[tuple[Block, tuple[object, ...]]]]:
+    """The node's blocks with their columns, in order; no more than a page in memory."""
     last = Position(-1, -1)
     while True:
         query = (
-            select(table.c.data)
+            select(table.c.data, *_COLUMNS)
             .where(table.c.node == node)
             .where(
                 (table.c.boot > last.boot)
@@ -93,8 +119,9 @@ def _pages(connection: Connection, node: str) -> Iterator[Sequence[Block]]:
             .order_by(table.c.boot, table.c.sequence)
             .limit(_PAGE)
         )
-        page = [Block.decode(bytes(row[0])) for row in connection.execute(query)]
+        rows = connection.execute(query)
+        page = [(Block.decode(bytes(row[0])), tuple(row[1:])) for row in rows]
         if not page:
             return
         yield page
-        last = page[-1].position
+        last = page[-1][0].position

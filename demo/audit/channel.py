@@ -29,6 +29,7 @@ class ChannelAudit:
         blocks: Blocks compared.
         samples: Samples compared.
         violations: Samples whose interval does not hold the truth.
+        mislabelled: Blocks whose channel, period or columns in the store are not their own.
         late: Blocks whose enclosure of time does not hold the true time.
         unbounded: Samples with an unbounded side; they hold, but have no width.
         forgotten: Blocks whose truth the emulator has dropped (beyond its limit).
@@ -43,6 +44,7 @@ class ChannelAudit:
     blocks: int = 0
     samples: int = 0
     violations: int = 0
+    mislabelled: int = 0
     late: int = 0
     unbounded: int = 0
     forgotten: int = 0
@@ -92,4 +94,4 @@ class ChannelAudit:
     @property
     def passes(self) -> bool:
         """Whether the channel keeps its promise."""
-        return self.violations <= self.allowed and self.late == 0
+        return self.violations <= self.allowed and self.late == 0 and self.mislabelled == 0

@@ -79,7 +79,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
             await writer.close()
             raise MQTTError(str(error)) from error
         handler, session = await self._connect(reader, writer)
-        log.info("connected: party=%s client=%s", party.name, session.client_id)
+        log.info("connected: party=%s client=%.200r", party.name, session.client_id)
         session.attributes[PARTY] = party
         session.client_id = f"{party.name}|{session.client_id or gen_client_id()}"
         session.clean_session = True
@@ -124,5 +124,5 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
             may_publish(party, topic) if action is Action.PUBLISH else may_subscribe(party, topic)
         )
         if not allowed:
-            log.warning("refused: party=%s action=%s topic=%s", party.name, action, topic[:200])
+            log.warning("refused: party=%s action=%s topic=%.200r", party.name, action, topic)
         return allowed

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import sys
 from typing import TYPE_CHECKING, NoReturn
 
@@ -37,6 +38,7 @@ app.add_typer(pki, name="pki")
 
 def main() -> NoReturn:
     """Run the command; exit status 0, 1 where a check failed, or 2 with one clear line."""
+    os.umask(0o077)  # spool, store, flash and keys are their owner's business
     try:
         status = app(standalone_mode=False)
     except typer.Exit as stop:

@@ -66,6 +66,9 @@ def audit(data: Data = _DATA) -> None:
     failed = [entry for entry in found if not entry.passes]
     samples = sum(entry.samples for entry in found)
     violations = sum(entry.violations for entry in found)
+    for entry in found:
+        if _also(entry):
+            typer.echo(f"{entry.node}/{entry.channel}: {_also(entry)}")
     typer.echo(
         f"{'FAILED' if failed else 'passed'}: {samples} samples, {violations} violations, "
         f"{len(found)} channels"
@@ -79,22 +82,18 @@ def _table(found: Sequence[ChannelAudit]) -> Table:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    notes = [_also(entry) for entry in found]
     title = "What is stored, against what was true"
     table = Table(title=title, box=SIMPLE_HEAD, pad_edge=False, collapse_padding=True)
     table.add_column("channel", no_wrap=True)
     for heading in ("samples", "violations", "allowed", "mean width"):
         table.add_column(heading, justify="right", no_wrap=True)
-    if any(notes):
-        table.add_column("also")
-    for entry, note in zip(found, notes, strict=True):
+    for entry in found:
         table.add_row(
             f"{entry.node}/{entry.channel}",
             str(entry.samples),
             str(entry.violations),
             str(entry.allowed),
             f"{entry.mean_width:.2e} {entry.unit} {entry.relative_width:6.2%}",
-            *([note] if any(notes) else []),
             style=None if entry.passes else "bold red",
         )
     return table
@@ -104,6 +103,7 @@ def _also(entry: ChannelAudit) -> str:
     """What is worth a word, where there is any."""
     words = {
         "blocks with a wrong time": entry.late,
+        "blocks under a wrong label": entry.mislabelled,
         "samples unbounded": entry.unbounded,
         "blocks whose truth was dropped": entry.forgotten,
     }

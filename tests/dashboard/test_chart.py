@@ -84,7 +84,7 @@ def test_link_opens_the_same_view(visit: Visit, recorded: int) -> None:
     for key in ("ArrowLeft", "+", "+", "+"):
         visit.page.keyboard.press(key)
     first = visit.wait_for_chart(resolution="sample")
-    link = visit.page.url
+    link = visit.page.evaluate("location.href")
     visit.page.goto("about:blank")
     visit.page.goto(link)
     visit.page.locator(CHART).wait_for()
@@ -95,13 +95,17 @@ def test_link_opens_the_same_view(visit: Visit, recorded: int) -> None:
 
 def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
     visit.open("fingertip/t02.capacitance?live=10s")
-    visit.wait_for_chart(mode="live")
+    begin = visit.wait_for_chart(mode="live")["xMin"]
+    wait_until(lambda: visit.chart()["xMin"] != begin, "the window moves")
     visit.page.locator(CHART).focus()
 
     def press(key: str) -> tuple[int, int]:
-        before = visit.page.url
+        # Asked of the page itself: `page.url` follows events that nobody pumps while we wait.
+        before = visit.page.evaluate("location.href")
         visit.page.keyboard.press(key)
-        wait_until(lambda: visit.page.url != before, f"{key} changes the address")
+        wait_until(
+            lambda: visit.page.evaluate("location.href") != before, f"{key} changes the address"
+        )
         facts = visit.wait_for_chart(mode="history")
         return int(facts["xMin"]), int(facts["xMax"])
 

@@ -47,4 +47,4 @@ def test_threshold_totals_equal_the_answer_of_the_api(
     certain, at_most = totals(demo, start, end)
     assert 0 < certain < at_most < end - start
     assert shown == [certain, at_most]
-    assert "above=5e-12" in visit.page.url
+    assert "above=5e-12" in visit.page.evaluate("location.href")

@@ -67,6 +67,15 @@ def test_unbounded_samples_hold_but_have_no_width() -> None:
     assert entry.mean_width == pytest.approx(1.0)
 
 
+def test_wrong_label_fails() -> None:
+    truth = np.zeros(10)
+    entry = ChannelAudit("n", "t01.capacitance", "F")
+    entry.compare(block_around(truth, coverage=1.0), 5, truth)
+    assert entry.passes
+    entry.mislabelled += 1
+    assert not entry.passes
+
+
 def test_folder_without_a_store_is_named(tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("empty")
     with pytest.raises(AuditError, match="no store here"):

@@ -85,6 +85,29 @@ def test_longest_region_reports_an_undecided_stretch_in_time() -> None:
     assert all(e.last - e.first <= 20 for e in events)
 
 
+@given(
+    signal=SIGNAL,
+    radii=RADII,
+    where=st.integers(0, 2**32 - 1),
+    p=st.floats(0.25, 6, width=16),
+    longest=st.integers(2, 30),
+)
+def test_longest_region_keeps_certain_ones_exact_and_bounds_all(
+    signal: list[float], radii: list[float], where: int, p: float, longest: int
+) -> None:
+    middle = np.array(signal)
+    radius = np.array(radii[: len(signal)])
+    lo, hi = middle - radius, middle + radius
+    inside = np.clip(np.random.default_rng(where).uniform(lo, hi), lo, hi)
+    detector = PeakDetector(p, longest_region=longest)
+    events = [*detector.feed(lo, hi), *detector.finish()]
+    whole = find_peaks(lo, hi, prominence=p)
+    certain = [e for e in events if e.verdict is Verdict.CERTAIN]
+    assert certain == [e for e in whole if e.verdict is Verdict.CERTAIN]
+    found = len(scipy_find_peaks(inside, prominence=p)[0])
+    assert counts(events)[0] <= found <= counts(events)[1]
+
+
 def test_gap_joins_nothing_across() -> None:
     detector = PeakDetector(1.0)
     before = detector.feed([0.0, 5.0], [0.0, 5.0])

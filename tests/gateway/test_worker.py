@@ -88,6 +88,21 @@ def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, se
     assert inside.stored() == [status(0).encode()]
 
 
+def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
+    inside: Inside, seal: Seal
+) -> None:
+    introduce(inside, seal)
+    inside.spool._capacity = inside.spool._used + 10
+    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.worker.start()
+    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    # The node, unanswered, sends again.
+    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.worker.stop()
+    assert inside.broker.on(ACKS) == []
+    assert inside.stored() == [status(0).encode()]
+
+
 def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:

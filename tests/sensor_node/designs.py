@@ -73,7 +73,9 @@ class Bench:
     def __init__(self, folder: Path, profile: str = "fingertip", **sections: Any) -> None:
         self.settings = settings(folder, profile, **sections)
         self.truth = Truth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
-        self.flash = Flash(self.settings.flash.path, capacity=self.settings.flash.capacity_bytes)
+        self.flash = Flash(
+            self.settings.flash.path, capacity=self.settings.flash.capacity_bytes, epoch=1
+        )
         self.ticks = 0
         self.clock = clock_at(lambda: self.ticks)
         self.node = Node(

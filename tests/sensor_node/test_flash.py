@@ -28,7 +28,7 @@ def path(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def flash(path: Path) -> Iterator[Flash]:
-    opened = Flash(path, capacity=ROOM)
+    opened = Flash(path, capacity=ROOM, epoch=1)
     yield opened
     opened.close()
 
@@ -85,7 +85,7 @@ def make_room(flash: Flash) -> None:
 
 def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> None:
     for boot in (1, 2, 3):
-        flash = Flash(path, capacity=ROOM)
+        flash = Flash(path, capacity=ROOM, epoch=1)
         assert flash.boot == boot
         with sqlite3.connect(path) as other:
             kept = other.execute("SELECT value FROM counter WHERE name = 'boot'").fetchone()
@@ -95,11 +95,11 @@ def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> Non
 
 
 def test_what_was_committed_is_there_after_reopening(path: Path) -> None:
-    flash = Flash(path, capacity=ROOM)
+    flash = Flash(path, capacity=ROOM, epoch=1)
     said = fill(flash, 5)
     level = flash.usage()
     flash.close()
-    again = Flash(path, capacity=ROOM)
+    again = Flash(path, capacity=ROOM, epoch=1)
     assert [stored.position for stored in again.pending(None, 100)] == said
     assert again.usage() == level
     with again.batch() as batch:
@@ -139,7 +139,7 @@ def test_held_counts_no_position_whose_fate_is_open(flash: Flash) -> None:
 
 
 def test_full_flash_gives_up_oldest_blocks_first_and_names_them(path: Path) -> None:
-    flash = Flash(path, capacity=100_000)
+    flash = Flash(path, capacity=100_000, epoch=1)
     said = fill(flash, 60, peak_every=4)
     left = waiting(flash)
     gaps = [message for message in left if isinstance(message, Gap)]
@@ -165,7 +165,7 @@ def test_full_flash_gives_up_oldest_blocks_first_and_names_them(path: Path) -> N
 
 
 def test_gap_that_nobody_has_read_grows_and_one_that_was_read_stays(path: Path) -> None:
-    flash = Flash(path, capacity=100_000)
+    flash = Flash(path, capacity=100_000, epoch=1)
     fill(flash, 40)
     before = [message for message in waiting(flash) if isinstance(message, Gap)]
     assert len(before) == 1
@@ -178,7 +178,7 @@ def test_gap_that_nobody_has_read_grows_and_one_that_was_read_stays(path: Path) 
 
 
 def test_gaps_stay_within_what_one_message_may_name(path: Path) -> None:
-    flash = Flash(path, capacity=100_000)
+    flash = Flash(path, capacity=100_000, epoch=1)
     said = fill(flash, 400, peak_every=1)
     left = waiting(flash)
     kept = {message.position for message in left}
@@ -190,7 +190,7 @@ def test_gaps_stay_within_what_one_message_may_name(path: Path) -> None:
 
 
 def test_full_of_events_gives_up_events_and_still_says_so(path: Path) -> None:
-    flash = Flash(path, capacity=70_000)
+    flash = Flash(path, capacity=70_000, epoch=1)
     said = 0
     while not any(gap for gap in waiting(flash) if isinstance(gap, Gap)):
         with flash.batch() as batch:
@@ -242,4 +242,25 @@ def test_error_of_a_part_inside_a_batch_stores_none_of_it(flash: Flash) -> None:
 def test_opening_what_is_no_flash_is_a_clear_error(path: Path) -> None:
     path.write_bytes(b"no database at all, but long enough to be looked at" * 100)
     with pytest.raises(FlashError, match="cannot be opened"):
-        Flash(path, capacity=ROOM)
+        Flash(path, capacity=ROOM, epoch=1)
+
+
+def test_long_failure_is_told_in_one_readable_gap(tmp_path: Path) -> None:
+    flash = Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
+    commit = flash._commit
+
+    def full(_messages: object) -> None:
+        raise FlashError("disk is full")
+
+    flash._commit = full  # type: ignore[method-assign, assignment]
+    for _ in range(200):
+        with pytest.raises(FlashError), flash.batch() as batch:
+            batch.add(Gap(batch.position(), "x", (0, 1), 0, 7, ()))
+    flash._commit = commit  # type: ignore[method-assign]
+    with flash.batch():
+        pass
+    (stored,) = flash.pending(None, 10)
+    gap = decode_message(stored.body)
+    assert isinstance(gap, Gap)
+    assert gap.messages == 200
+    assert len(gap.lost) == 1
