@@ -1,3 +1,4 @@
+# ruff: noqa: INP001 - a script, no part of a package
 """Print what pyproject.toml in this folder needs to build and to run, one requirement a line.
 
 An image installs these before eskin's own code is copied, so that a change of code does not install
