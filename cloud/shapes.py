@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import orjson
 
+from cloud.query.series import union_coverage
 from eskin.moment import format_moment
 
 if TYPE_CHECKING:
@@ -67,14 +68,20 @@ def event_shape(row: Row) -> Json:
     }
 
 
-def segment_shape(segment: Segment) -> Json:
-    """A segment of a threshold's answer."""
+def segment_shape(segment: Segment, channel: Row) -> Json:
+    """A segment of a threshold's answer.
+
+    Its coverage is the union bound over as many samples as it can hold, at the least coverage that
+    any of the channel's blocks claims.
+    """
     verdict = segment.answer.name.lower()
+    most = (segment.end - segment.start) // channel["dt"] + 1
     return {
         "id": f"{segment.start}-{segment.end}-{verdict}",
         "start": format_moment(segment.start),
         "end": format_moment(segment.end),
         "verdict": verdict,
+        "coverage": union_coverage(channel["coverage"], most),
     }
 
 

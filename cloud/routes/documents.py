@@ -97,12 +97,16 @@ class SeriesDocument(BaseModel):
 
 
 class SegmentDocument(BaseModel):
-    """A run of samples, from the first to the last, with the same answer."""
+    """A run of samples, from the first to the last, with the same answer.
+
+    ``coverage`` is the probability of the whole statement: the union bound over its samples.
+    """
 
     id: str
     start: Moment
     end: Moment
     verdict: Literal["certain", "possible"]
+    coverage: float
 
 
 class EventDocument(BaseModel):

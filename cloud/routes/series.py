@@ -120,7 +120,7 @@ def get_threshold(
         # A cursor holds the window, too: new data must not move a default one.
         window = _window(cloud, row, query) if query.cursor is None else _resume(query.cursor)
         found, following = _segments(connection, row, window, query)
-    return as_json(page([segment_shape(segment) for segment in found], following))
+    return as_json(page([segment_shape(segment, row) for segment in found], following))
 
 
 def _window(cloud: Cloud, row: RowMapping, query: WindowQuery) -> Window:

@@ -116,6 +116,13 @@ async def test_threshold_pages_hold_each_segment_once(stand: Stand) -> None:
     assert len({item["id"] for item in paged}) == len(paged) > 20
 
 
+async def test_segment_carries_the_union_bound_of_its_samples(stand: Stand) -> None:
+    put(stand.cloud.store, block(0, np.full(100, 2.0), np.full(100, 3.0), coverage=0.999))
+    (segment,) = (await stand.get(THRESHOLD, above=1.5)).json()["items"]
+    assert segment["verdict"] == "certain"
+    assert 0.8999 < segment["coverage"] <= 0.9
+
+
 @pytest.mark.parametrize(
     ("accept", "chosen"),
     [
