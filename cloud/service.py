@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-import fcntl
 import logging
-import os
 import signal
 import time
 from contextlib import ExitStack, contextmanager
@@ -22,8 +20,9 @@ from cloud.metrics import Metrics
 from cloud.state import Cloud
 from cloud.store import Store
 from cloud.watch import watch
-from eskin.errors import StoreError
+from eskin.errors import LockedError, StoreError
 from eskin.identity import Identity, Trust
+from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -121,15 +120,10 @@ async def _serve(cloud: Cloud) -> None:
 def _only_one(path: Path) -> Iterator[None]:
     """Hold the store for this process: what the writer remembers must be the whole truth."""
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path.with_name(f"{path.name}.lock"), os.O_RDWR | os.O_CREAT, 0o600)
+        owner = LockFile(path)
+    except LockedError as error:
+        raise StoreError(f"{path}: another cloud runs on this store; stop it first") from error
     except OSError as error:
         raise StoreError(f"{path}: the store cannot be opened: {error}") from error
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        raise StoreError(f"{path}: another cloud runs on this store; stop it first") from error
-    else:
+    with owner:
         yield
-    finally:
-        os.close(descriptor)

@@ -21,13 +21,17 @@ _HOSTS: Final = ("127.0.0.1", "localhost")
 _LEFT: Final = timedelta(days=30)
 
 
-def prepare_identities(layout: Layout, nodes: Sequence[str]) -> None:
-    """Make or renew all identities.
+def prepare_identities(layout: Layout, nodes: Sequence[str]) -> list[str]:
+    """Make or renew all identities, and sign all revocation lists anew.
+
+    Returns:
+        Names that were revoked: they keep their certificates, and nobody lets them in.
 
     Raises:
         IdentityError: The folder cannot be read or written.
     """
     authority = Authority.open(layout.authority)
+    revoked = []
     for kind, name in (
         (IdentityKind.SERVER, BROKER),
         (IdentityKind.SERVER, CLOUD),
@@ -36,17 +40,24 @@ def prepare_identities(layout: Layout, nodes: Sequence[str]) -> None:
         (IdentityKind.CLIENT, CLIENT),
         *((IdentityKind.NODE, node) for node in nodes),
     ):
-        _prepare(authority, layout, kind, name)
+        if not _prepare(authority, layout, kind, name):
+            revoked.append(name)
+    for kind in IdentityKind:
+        authority.write_revocations(kind)
+    return revoked
 
 
-def _prepare(authority: Authority, layout: Layout, kind: IdentityKind, name: str) -> None:
+def _prepare(authority: Authority, layout: Layout, kind: IdentityKind, name: str) -> bool:
     directory = layout.identity(name)
     key = new_key()
     if (directory / "chain.pem").exists():
         standing = Identity.load(directory)
+        if authority.is_revoked(standing.certificate):
+            return False
         if standing.certificate.not_valid_after_utc - datetime.now(UTC) > _LEFT:
-            return
+            return True
         key = standing.key
     hosts = _HOSTS if kind is IdentityKind.SERVER else ()
     chain = authority.issue(kind, name, key.public_key(), hosts=hosts)
     Identity.save(directory, key=key, chain=chain, root=authority.root)
+    return True

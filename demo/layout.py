@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from eskin.identity import IdentityKind
+
 
 @dataclass(frozen=True, slots=True)
 class Layout:
@@ -24,6 +26,10 @@ class Layout:
         """Keys of the demo's CA."""
         return self.root / "ca"
 
+    def revocations(self, kind: IdentityKind) -> Path:
+        """A kind's revocation list; `eskin pki revoke` writes it anew."""
+        return self.authority / f"{kind}.crl.pem"
+
     @property
     def logs(self) -> Path:
         """One log file a process."""
@@ -35,9 +41,9 @@ class Layout:
         return self.root / "access.json"
 
     @property
-    def lock(self) -> Path:
-        """Held while a demo runs on this folder."""
-        return self.root / "demo.lock"
+    def owned(self) -> Path:
+        """What a running demo owns (``demo.lock``)."""
+        return self.root / "demo"
 
     @property
     def store(self) -> Path:

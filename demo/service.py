@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import signal
 import time
@@ -20,7 +19,8 @@ from demo.layout import Layout
 from demo.ports import LOOPBACK, free_ports, require_free
 from demo.settings_files import Ports, node_names
 from demo.stack import Stack
-from eskin.errors import SettingsError
+from eskin.errors import LockedError, SettingsError
+from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -86,9 +86,9 @@ def _run(
     try:
         with _progress(console) as progress:
             task = progress.add_task("identities", total=6)
-            prepare_identities(layout, names)
+            revoked = prepare_identities(layout, names)
             progress.advance(task)
-            stack = Stack(layout, ports, names, speed)
+            stack = Stack(layout, ports, names, speed=speed, revoked=revoked)
             progress.update(task, description="store")
             token, login = _open_store(layout, ports)
             progress.advance(task)
@@ -98,6 +98,8 @@ def _run(
                 progress.advance(task)
             progress.update(task, description="all up")
         _greet(console, layout, login)
+        for name in revoked:
+            console.print(f"{name} was revoked, so it is kept out.", soft_wrap=True)
         _watch(stack, duration)
     finally:
         if stack is not None:
@@ -150,17 +152,14 @@ def _progress(console: Console) -> Progress:
 def _locked(layout: Layout) -> Iterator[None]:
     """Keep a second demo off the folder."""
     try:
-        layout.root.mkdir(parents=True, exist_ok=True, mode=0o700)
-        lock = layout.lock.open("w")
+        owner = LockFile(layout.owned)
+    except LockedError as error:
+        raise SettingsError(
+            "--data", f"a demo runs on {layout.root} already; end it or choose another folder"
+        ) from error
     except OSError as error:
         raise SettingsError("--data", f"{layout.root} cannot be used: {error.strerror}") from error
-    with lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise SettingsError(
-                "--data", f"a demo runs on {layout.root} already; end it or choose another folder"
-            ) from error
+    with owner:
         yield
 
 

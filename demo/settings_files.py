@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from demo.identities import BROKER, CLOUD, GATEWAY, SITE
 from demo.ports import LOOPBACK
+from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
 from sensor_node.profile import Profile
 
@@ -61,6 +62,7 @@ def write_cloud(layout: Layout, ports: Ports) -> Path:
                 "host": LOOPBACK,
                 "port": ports.ingest,
                 "identity": layout.identity(CLOUD),
+                "revocations": layout.revocations(IdentityKind.GATEWAY),
             },
         },
     )
@@ -72,7 +74,11 @@ def write_gateway(layout: Layout, ports: Ports) -> Path:
         layout.settings("gateway"),
         {
             "broker": {"host": LOOPBACK, "port": ports.broker},
-            "identity": {"directory": layout.identity(GATEWAY), "site": layout.identity(SITE)},
+            "identity": {
+                "directory": layout.identity(GATEWAY),
+                "site": layout.identity(SITE),
+                "revocations": layout.revocations(IdentityKind.NODE),
+            },
             "cloud": {"url": f"https://{LOOPBACK}:{ports.ingest}/api/v1/ingest"},
             "spool": {"path": layout.spool},
             "http": {"host": LOOPBACK, "port": ports.gateway},

@@ -43,16 +43,25 @@ class Stack:
     """All processes of one demo."""
 
     def __init__(
-        self, layout: Layout, ports: Ports, nodes: Sequence[str], speed: float | None
+        self,
+        layout: Layout,
+        ports: Ports,
+        nodes: Sequence[str],
+        *,
+        speed: float | None,
+        revoked: Sequence[str],
     ) -> None:
         self._layout = layout
         self._ports = ports
-        self._nodes = nodes
+        self._expected = set(nodes) - set(revoked)
         self._token = ""
         eskin = [sys.executable, "-m", "eskin"]
         self.broker = self._child(
             "broker",
-            [sys.executable, "-m", "demo.broker", broker_identity(layout), ports.broker],
+            [
+                *(sys.executable, "-m", "demo.broker"),
+                *(broker_identity(layout), layout.authority, ports.broker),
+            ],
         )
         self.cloud = self._child("cloud", [*eskin, "cloud", "--config", write_cloud(layout, ports)])
         self.gateway = self._child(
@@ -151,7 +160,7 @@ class Stack:
         if answer is None or not answer.is_success:
             return False
         online = {item["id"] for item in answer.json()["items"] if item["health"] == "online"}
-        return online.issuperset(self._nodes)
+        return online.issuperset(self._expected)
 
     def _is_ok(self, url: str) -> bool:
         answer = self._ask(url)

@@ -11,6 +11,7 @@
     │   └── ForgedEnvelopeError
     ├── IdentityError            keys or certificates that cannot be used
     │   └── UntrustedCertificateError
+    ├── LockedError              a file that another process owns
     ├── FlashError               a node's flash that cannot hold or give back
     ├── SpoolError               a gateway's spool that cannot hold or give back
     ├── CloudError               a cloud that did not answer a gateway as agreed
@@ -23,6 +24,11 @@ want are attributes, too.
 """
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 
 class EskinError(Exception):
@@ -97,6 +103,18 @@ class IdentityError(EskinError):
 
 class UntrustedCertificateError(IdentityError):
     """A certificate chain that does not lead to the CA that it must lead to."""
+
+
+class LockedError(EskinError):
+    """A file that another process owns.
+
+    Attributes:
+        path: The file.
+    """
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path}: another process uses it; stop that one first")
+        self.path = path
 
 
 class FlashError(EskinError):

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from eskin.errors import SpoolError
+from eskin.errors import LockedError, SpoolError
+from eskin.lockfile import LockFile
 from eskin.messages import Position
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
@@ -86,7 +87,7 @@ class Spool:
         self._dropped = 0
         self.filled = Event()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            self._owner = LockFile(path)
             self._intake = _connect(path, "FULL")
             migrate(self._intake)
             self._outlet = _connect(path, "NORMAL")
@@ -94,6 +95,10 @@ class Spool:
                 "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
             ).fetchone()
             self._letters = self._intake.execute("SELECT count(*) FROM dead_letters").fetchone()[0]
+        except LockedError as error:
+            raise SpoolError(
+                f"spool {path}: another gateway runs on it; stop it first, or give each its own"
+            ) from error
         except (OSError, sqlite3.Error) as error:
             raise SpoolError(f"spool {path} cannot be opened: {error}") from error
 
@@ -102,6 +107,7 @@ class Spool:
         with self._lock:
             self._intake.close()
             self._outlet.close()
+            self._owner.close()
 
     def commit(self, batch: Batch) -> None:
         """Make a batch durable, all of it or nothing.

@@ -10,8 +10,10 @@ from copy import deepcopy
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from eskin.errors import FlashError
+from eskin.errors import FlashError, LockedError
+from eskin.lockfile import LockFile
 from eskin.messages import Gap, Kind, Position
+from sensor_node.batch import Batch
 from sensor_node.losses import Loss
 from sensor_node.stored import KINDS, SCHEMA, Stored, affects
 
@@ -46,22 +48,6 @@ class Usage:
     gaps: int
 
 
-class Batch:
-    """Messages that become durable together."""
-
-    def __init__(self, flash: Flash) -> None:
-        self._flash = flash
-        self.messages: list[Message] = []
-
-    def position(self) -> Position:
-        """The next message's position; never given out again."""
-        return self._flash.next_position()
-
-    def add(self, message: Message) -> None:
-        """Add a message."""
-        self.messages.append(message)
-
-
 class Flash:
     """Durable outbox of a node, safe for several threads.
 
@@ -91,7 +77,7 @@ class Flash:
         self._capacity = capacity
         self._lock = threading.RLock()
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            self._owner = LockFile(path)
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
@@ -105,6 +91,8 @@ class Flash:
             self._messages, self._used = self._db.execute(
                 "SELECT count(*), coalesce(sum(length(body)), 0) FROM message"
             ).fetchone()
+        except LockedError as error:
+            raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
         except (OSError, sqlite3.Error) as error:
             raise FlashError(
                 f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
@@ -226,6 +214,7 @@ class Flash:
         """Close the file."""
         with self._lock:
             self._db.close()
+            self._owner.close()
 
     def _query(self, statement: str, values: tuple[int, ...]) -> list[tuple[Any, ...]]:
         try:

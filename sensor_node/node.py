@@ -16,8 +16,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from eskin.messages import Message, Position
+    from sensor_node.batch import Batch
     from sensor_node.clock import Clock
-    from sensor_node.flash import Batch, Flash
+    from sensor_node.flash import Flash
     from sensor_node.settings import NodeSettings
     from sensor_node.truth import Truth
 

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sensor_node.clock import Clock
+from sensor_node.constants import SECOND
 from sensor_node.flash import Flash
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+REBOOT: Final = SECOND
+"""Emulated ns between the last sample of one boot and the first of the next, at least."""
 _SHORTEST_TICK_S: Final = 0.05
 """A fast emulation takes several frames in one commit."""
 
@@ -60,17 +63,30 @@ def build_node(
         settings: Its settings.
         flash: Its outbox.
         truth: What the emulator keeps.
-        start: True UTC in ns at which emulated time begins; ``None``: now.
+        start: True UTC in ns at which emulated time begins; ``None``: now. A node that ran faster
+            than real time, or whose machine's clock was set back, starts after its latest sample,
+            so that no moment is lived twice.
     """
     seed = truth.seed(settings.node.seed)
     clock = Clock(
-        start=time.time_ns() if start is None else start,
+        start=_begin(truth, time.time_ns() if start is None else start),
         monotonic=time.monotonic_ns,
         speed=settings.node.speed,
         rtc_error=round(settings.clock.rtc_error_ms * 1e6),
         random=np.random.default_rng((seed, flash.boot)),
     )
     return Node(settings, clock=clock, flash=flash, truth=truth, seed=seed), clock
+
+
+def _begin(truth: Truth, start: int) -> int:
+    end = truth.end()
+    if end is None or end + REBOOT <= start:
+        return start
+    log.warning(
+        "emulated time goes on after the latest sample: ahead_of_clock_s=%.3f",
+        (end + REBOOT - start) / SECOND,
+    )
+    return end + REBOOT
 
 
 def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.Event) -> None:

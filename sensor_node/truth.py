@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.errors import FlashError
+from eskin.errors import FlashError, LockedError
+from eskin.lockfile import LockFile
 from eskin.messages import Position
 
 if TYPE_CHECKING:
@@ -34,6 +35,8 @@ CREATE TABLE IF NOT EXISTS truth (
 ) STRICT, WITHOUT ROWID;
 """
 _SLACK: Final = 64
+_LATEST: Final = 256
+"""Blocks that are looked through for the latest sample: they come in the order of their ends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +73,7 @@ class Truth:
         self._path = path
         self._limit = limit
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            self._owner = LockFile(path)
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
@@ -80,6 +83,8 @@ class Truth:
                     f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM truth"  # noqa: S608 - a constant
                 ).fetchone()[0]
             )
+        except LockedError as error:
+            raise FlashError(f"{path}: another node keeps its truth here; stop it first") from error
         except (OSError, sqlite3.Error) as error:
             raise FlashError(f"{path}: the truth cannot be opened: {error}") from error
 
@@ -120,6 +125,15 @@ class Truth:
         except sqlite3.Error as error:
             raise FlashError(f"{path}: the truth cannot be read: {error}") from error
         return None if row is None else Position(*row)
+
+    def end(self) -> int | None:
+        """True UTC in ns after the latest sample, over all boots; ``None`` if there is none."""
+        row = self._db.execute(
+            "SELECT max(time + dt * (length(samples) / 8)) FROM "
+            "(SELECT time, dt, samples FROM truth ORDER BY boot DESC, sequence DESC LIMIT ?)",
+            (_LATEST,),
+        ).fetchone()
+        return None if row[0] is None else int(row[0])
 
     def seed(self, wanted: int | None) -> int:
         """The node's seed: the wanted one, else the recorded one, else a fresh one; recorded."""
@@ -164,6 +178,7 @@ class Truth:
     def close(self) -> None:
         """Close the file."""
         self._db.close()
+        self._owner.close()
 
     def _drop(self, excess: int) -> int:
         """Forget the oldest; gives the bytes that this frees."""

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
 class Identities:
     """A CA in a folder, and the parties that most tests need.
 
-    ``node`` is ``fingertip``, ``site`` is ``site.main``, ``gateway`` is ``gateway.g1``.
+    ``node`` is ``fingertip``, ``site`` is ``site.main``, ``gateway`` is ``gateway.g1``,
+    ``ca`` the CA's folder.
     """
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
-        self.authority = Authority.open(directory / "ca")
+        self.ca = directory / "ca"
+        self.authority = Authority.open(self.ca)
         self.node = self.make(IdentityKind.NODE, "fingertip")
         self.site = self.make(IdentityKind.SITE, "site.main")
         self.gateway = self.make(IdentityKind.GATEWAY, "gateway.g1")

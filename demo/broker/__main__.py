@@ -1,4 +1,4 @@
-"""The embedded broker as a process: ``python -m demo.broker IDENTITY_FOLDER PORT``."""
+"""The embedded broker as a process: ``python -m demo.broker IDENTITY_FOLDER CA_FOLDER PORT``."""
 
 from __future__ import annotations
 
@@ -9,23 +9,27 @@ import sys
 from pathlib import Path
 
 from demo.broker.broker import LoopbackBroker
+from demo.broker.doorkeeper import Doorkeeper
 from eskin.identity import Identity
 
 
-async def serve(directory: Path, port: int) -> None:
+async def serve(directory: Path, authority: Path, port: int) -> None:
     """Serve until SIGTERM or SIGINT."""
-    broker = LoopbackBroker(Identity.load(directory), port=port)
+    identity = Identity.load(directory)
+    broker = LoopbackBroker(identity, doorkeeper=Doorkeeper(identity.root, authority), port=port)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stop.set)
     await broker.start()
     logging.getLogger(__name__).info("ready: port=%d", port)
+    watch = asyncio.create_task(broker.keep_out_the_revoked(), name="revocations")
     await stop.wait()
+    watch.cancel()
     await broker.shutdown()
 
 
 if __name__ == "__main__":
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("demo").setLevel(logging.INFO)
-    asyncio.run(serve(Path(sys.argv[1]), int(sys.argv[2])))
+    asyncio.run(serve(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])))

@@ -6,6 +6,7 @@
 - Sessions are clean, so no queue grows for a client that is away.
 - A retained message goes to those who subscribed (amqtt sends every new connection whatever anybody
   else has subscribed to).
+- Whoever was revoked is refused, and an open connection ends within seconds.
 - Wills obey the access rules, as publishing and reading do (amqtt publishes wills unchecked).
 """
 
@@ -14,6 +15,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import ssl
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from amqtt.broker import Broker
@@ -30,13 +32,18 @@ if TYPE_CHECKING:
     from amqtt.adapters import ReaderAdapter, WriterAdapter
     from amqtt.session import Session
 
+    from demo.broker.doorkeeper import Doorkeeper
     from eskin.identity import Identity
 
 log = logging.getLogger(__name__)
 
 PARTY: Final = "eskin.party"
+CERTIFICATE: Final = "eskin.certificate"
+WRITER: Final = "eskin.writer"
 LOOPBACK: Final = "127.0.0.1"
 CONNECT_TIMEOUT_S: Final = 10.0
+_LOOK_S: Final = 1.0
+_CLOSE_S: Final = 2.0
 
 
 class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
@@ -44,10 +51,12 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
 
     Args:
         identity: The broker's own, of kind server.
+        doorkeeper: Tells who may come in.
         port: Where to listen.
     """
 
-    def __init__(self, identity: Identity, *, port: int) -> None:
+    def __init__(self, identity: Identity, *, doorkeeper: Doorkeeper, port: int) -> None:
+        self._doorkeeper = doorkeeper
         directory = identity.directory
         listener = ListenerConfig(
             bind=f"{LOOPBACK}:{port}",
@@ -74,13 +83,14 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         del remote_address, remote_port
         tls = writer.get_ssl_info()
         try:
-            party = Party.of(tls.getpeercert(binary_form=True) if tls else None)
+            certificate = tls.getpeercert(binary_form=True) if tls else None
+            party = self._doorkeeper.admit(certificate)
         except IdentityError as error:
             await writer.close()
             raise MQTTError(str(error)) from error
         handler, session = await self._connect(reader, writer)
         log.info("connected: party=%s client=%.200r", party.name, session.client_id)
-        session.attributes[PARTY] = party
+        session.attributes |= {PARTY: party, CERTIFICATE: certificate, WRITER: writer}
         session.client_id = f"{party.name}|{session.client_id or gen_client_id()}"
         session.clean_session = True
         session.parent = 0
@@ -89,6 +99,25 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
             raise MQTTError(f"{party.name} may not leave a will on {session.will_topic!r}")
         await self._delete_session(session.client_id)
         return handler, session
+
+    async def keep_out_the_revoked(self) -> None:
+        """Look for changed revocation lists every second, and end what they forbid."""
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            if self._doorkeeper.refresh():
+                for session, _ in list(self.sessions.values()):
+                    await self._check_again(session)
+
+    async def _check_again(self, session: Session) -> None:
+        try:
+            self._doorkeeper.admit(session.attributes[CERTIFICATE])
+        except IdentityError as error:
+            log.warning("ended: client=%.200r reason=%s", session.client_id, error)
+            # From here on nothing more is taken from it or given to it, even if it hangs.
+            session.attributes[PARTY] = None
+            with suppress(TimeoutError, OSError):
+                async with asyncio.timeout(_CLOSE_S):
+                    await session.attributes[WRITER].close()
 
     async def _connect(
         self, reader: ReaderAdapter, writer: WriterAdapter

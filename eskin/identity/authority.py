@@ -83,7 +83,11 @@ class Authority:
                 _create(directory)
             except OSError as error:
                 raise IdentityError(f"{directory}: no CA can be made here: {error}") from error
-        return cls(directory)
+        authority = cls(directory)
+        for kind in IdentityKind:
+            if not authority.revocations_file(kind).exists():
+                authority.write_revocations(kind)
+        return authority
 
     def issue(
         self,
@@ -145,6 +149,11 @@ class Authority:
                 latest[entry.serial] = entry
         return list(latest.values())
 
+    def is_revoked(self, certificate: x509.Certificate) -> bool:
+        """Whether a certificate was revoked."""
+        serial = f"{certificate.serial_number:x}"
+        return any(e.serial == serial and e.revoked is not None for e in self.issued())
+
     def revoke(self, name: str) -> list[Issued]:
         """Revoke all certificates of a name, and write its kind's revocation list anew.
 
@@ -172,13 +181,17 @@ class Authority:
             if entry.kind == kind and entry.revoked is not None:
                 builder = builder.add_revoked_certificate(_revocation(entry))
         signed = builder.sign(self._keys[kind], hashes.SHA256())
-        path = self._directory / f"{kind}.crl.pem"
+        path = self.revocations_file(kind)
         write_whole(path, signed.public_bytes(serialization.Encoding.PEM))
         return path
 
     def anchor_file(self, kind: IdentityKind) -> Path:
         """The file with the kind's anchor, for a TLS server that takes only this kind."""
         return self._directory / f"{kind}.anchor.pem"
+
+    def revocations_file(self, kind: IdentityKind) -> Path:
+        """The file with the kind's revocation list."""
+        return self._directory / f"{kind}.crl.pem"
 
     @property
     def root_file(self) -> Path:

@@ -88,7 +88,14 @@ def is_refused(
 def port(identities: Identities, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     server = identities.make(IdentityKind.SERVER, "server.broker")
     number = free_port()
-    argv = [sys.executable, "-m", "demo.broker", str(server.directory), str(number)]
+    argv = [
+        sys.executable,
+        "-m",
+        "demo.broker",
+        str(server.directory),
+        str(identities.ca),
+        str(number),
+    ]
     with Running(argv, log=tmp_path_factory.mktemp("broker") / "log") as broker:
         broker.wait_for(lambda: accepts(number), "the broker listens")
         yield number
@@ -104,7 +111,7 @@ def peers(identities: Identities, port: int) -> Iterator[dict[str, Peer]]:
         "client": Peer(port, client, root),
     }
     for name, peer in made.items():
-        wait_until(lambda peer=peer: peer.connections == 1, f"{name} connects")  # type: ignore[misc]
+        wait_until(lambda peer=peer: peer.connections == 1, f"{name} connects")  # type: ignore[misc]  # mypy infers no lambda defaults
     yield made
     for peer in made.values():
         peer.close()
@@ -234,3 +241,18 @@ def test_access_follows_kind_and_name(
     party = Party(kind, name)
     assert may_publish(party, topic) is publishes
     assert may_subscribe(party, topic) is reads
+
+
+def test_revoked_node_is_cut_off_and_kept_out_while_others_stay(
+    identities: Identities, port: int, peers: dict[str, Peer]
+) -> None:
+    root = identities.node.directory / "root.pem"
+    lost = identities.make(IdentityKind.NODE, "lost")
+    peer = Peer(port, lost, root)
+    wait_until(lambda: peer.connections == 1, "it connects")
+    identities.authority.revoke("lost")
+    wait_until(lambda: peer.losses > 0, "it is cut off", seconds=5)
+    peer.close()
+    assert is_refused(port, lost, root)
+    assert all(other.losses == 0 for other in peers.values())
+    assert not is_refused(port, identities.make(IdentityKind.NODE, "lost"), root)

@@ -244,3 +244,10 @@ def test_spool_of_newer_gateway_is_refused(tmp_path: Path) -> None:
     connection.close()
     with pytest.raises(SpoolError, match="newer gateway"):
         opened(tmp_path)
+
+
+def test_second_gateway_on_one_spool_is_refused(tmp_path: Path, spool: Spool) -> None:
+    with pytest.raises(SpoolError, match="another gateway runs on it"):
+        opened(tmp_path)
+    spool.close()
+    opened(tmp_path).close()

@@ -35,7 +35,7 @@ def test_killed_processes_lose_nothing_and_double_nothing(tmp_path: Path) -> Non
             dead = demo.children()[victim]
             dead.kill()
             wait_until(
-                lambda victim=victim, dead=dead: demo.children().get(victim, dead) != dead,  # type: ignore[misc]
+                lambda victim=victim, dead=dead: demo.children().get(victim, dead) != dead,  # type: ignore[misc]  # likewise no defaults
                 f"{victim} runs again",
                 seconds=30,
             )

@@ -11,7 +11,8 @@ from eskin.messages import Block, Encoding, Gap, Peak, Position, decode_message
 from eskin.peaks import Verdict
 from eskin.sequences import SequenceRanges
 from eskin.tube import Tube
-from sensor_node.flash import FAILED, FULL, Batch, Flash
+from sensor_node.batch import Batch
+from sensor_node.flash import FAILED, FULL, Flash
 from sensor_node.losses import MOST_SPANS
 
 if TYPE_CHECKING:
@@ -252,11 +253,11 @@ def test_long_failure_is_told_in_one_readable_gap(tmp_path: Path) -> None:
     def full(_messages: object) -> None:
         raise FlashError("disk is full")
 
-    flash._commit = full  # type: ignore[method-assign, assignment]
+    flash._commit = full  # type: ignore[method-assign, assignment]  # a fault is injected
     for _ in range(200):
         with pytest.raises(FlashError), flash.batch() as batch:
             batch.add(Gap(batch.position(), "x", (0, 1), 0, 7, ()))
-    flash._commit = commit  # type: ignore[method-assign]
+    flash._commit = commit  # type: ignore[method-assign]  # and taken back
     with flash.batch():
         pass
     (stored,) = flash.pending(None, 10)
@@ -264,3 +265,11 @@ def test_long_failure_is_told_in_one_readable_gap(tmp_path: Path) -> None:
     assert isinstance(gap, Gap)
     assert gap.messages == 200
     assert len(gap.lost) == 1
+
+
+def test_second_node_on_one_flash_is_refused(tmp_path: Path) -> None:
+    first = Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
+    with pytest.raises(FlashError, match="another node runs on this flash"):
+        Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
+    first.close()
+    Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1).close()

@@ -7,10 +7,12 @@ import signal
 import sqlite3
 import time
 from contextlib import closing
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eskin.messages import Block, Gap, Position, decode_message
 from sensor_node.node import OVERRUN
+from sensor_node.service import REBOOT
 from sensor_node.truth import Truth
 from tests.processes import ESKIN, Running, free_port, wait_until
 from tests.sensor_node.peer import Peer
@@ -94,7 +96,13 @@ def test_killed_node_keeps_what_it_committed_and_never_reuses_a_position(
     for position, body in everything.items():
         assert decode_message(body).position == position
     blocks = [p for p, body in everything.items() if isinstance(decode_message(body), Block)]
-    assert len(Truth.read(tmp_path / "truth.sqlite", blocks)) == len(blocks)
+    truth = Truth.read(tmp_path / "truth.sqlite", blocks)
+    assert len(truth) == len(blocks)
+    for earlier, later in pairwise(boots):
+        end = max(
+            t.time + t.dt * len(t.values) for t in truth.values() if t.position.boot == earlier
+        )
+        assert min(t.time for t in truth.values() if t.position.boot == later) >= end + REBOOT
 
 
 def test_node_runs_through_the_broker_and_ends_on_sigterm(

@@ -61,3 +61,21 @@ def test_seed_is_kept_when_none_is_wanted(tmp_path: Path) -> None:
 def test_missing_truth_is_a_clear_error(tmp_path: Path) -> None:
     with pytest.raises(FlashError, match="cannot be read"):
         Truth.read(tmp_path / "none.sqlite", [Position(1, 1)])
+
+
+def test_end_is_after_the_latest_sample_of_the_latest_boot(tmp_path: Path) -> None:
+    truth = Truth(tmp_path / "truth.sqlite", limit=1 << 20)
+    assert truth.end() is None
+    truth.store([block(3), block(5, n=100), block(4)])
+    assert truth.end() == 10**18 + 4 + 250 * 1_000_000
+    later = TrueBlock(Position(2, 0), "t01.area", 9 * 10**17, 1_000_000, np.zeros(10))
+    truth.store([later])
+    assert truth.end() == 10**18 + 4 + 250 * 1_000_000
+    truth.close()
+
+
+def test_second_node_on_one_truth_is_refused(tmp_path: Path) -> None:
+    first = Truth(tmp_path / "truth.sqlite", limit=1 << 20)
+    with pytest.raises(FlashError, match="another node keeps its truth here"):
+        Truth(tmp_path / "truth.sqlite", limit=1 << 20)
+    first.close()

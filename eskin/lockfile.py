@@ -1,0 +1,52 @@
+"""A lock file: what one process owns, no other may write."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+from typing import TYPE_CHECKING, Self
+
+from eskin.errors import LockedError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+class LockFile:
+    """Holds a file for this process until it is closed or the process ends, however it ends.
+
+    The lock lies beside the file, as ``NAME.lock``, and stays there: whoever removes it while it is
+    held lets a second process in.
+
+    Args:
+        path: The file to own; its folder is made if missing.
+
+    Raises:
+        LockedError: Another process owns it.
+        OSError: The folder cannot be made or written.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        lock = path.with_name(f"{path.name}.lock")
+        self._descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            self.close()
+            raise LockedError(path) from error
+        except OSError:
+            self.close()
+            raise
+
+    def close(self) -> None:
+        """Let go."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
