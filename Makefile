@@ -12,7 +12,7 @@ BIN := $(VENV)/bin
 ARGS ?=
 
 # Shows a long command's progress in one line; what it says on standard error stays.
-ON_ONE_LINE := | awk '{ printf "\r\033[K  %.100s", $$0; fflush() } END { print "\r\033[K  done" }'
+ON_ONE_LINE := | awk '{ gsub(/[^ -~]/, ""); printf "\r\033[K  %.100s", $$0; fflush() } END { print "\r\033[K  done" }'
 
 DASHBOARD := cloud/dashboard
 DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2>/dev/null) \

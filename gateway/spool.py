@@ -8,6 +8,7 @@ costs only sending again, which is always safe.
 from __future__ import annotations
 
 import hashlib
+import logging
 import sqlite3
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,6 +20,7 @@ from eskin.lockfile import LockFile
 from eskin.messages import Position
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
+from gateway.reserve import Reserve
 from gateway.schema import migrate
 
 if TYPE_CHECKING:
@@ -28,7 +30,11 @@ if TYPE_CHECKING:
     from gateway.batch import Batch
 
 
-_CHECKPOINT_PAGES: Final = 4000
+log = logging.getLogger(__name__)
+
+_CHECKPOINT_PAGES: Final = 1000
+RESERVE: Final = 8_000_000
+"""Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
 _ADD_MESSAGE: Final = "INSERT INTO messages (node, received, body) VALUES (?, ?, ?)"
 _FORGET: Final = "DELETE FROM messages WHERE id = ?"
 _KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?)"
@@ -94,6 +100,7 @@ class Spool:
             self._messages, self._used = self._intake.execute(
                 "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
             ).fetchone()
+            self._reserve = Reserve(path.with_name(f"{path.name}.reserve"), size=RESERVE)
             self._letters = self._intake.execute("SELECT count(*) FROM dead_letters").fetchone()[0]
         except LockedError as error:
             raise SpoolError(
@@ -115,6 +122,11 @@ class Spool:
         Raises:
             SpoolError: There is no room, or the file cannot be written.
         """
+        if not self._reserve.hold():
+            raise SpoolError(
+                f"spool is full: the disk of {self._path} has no room; make some, or wait until "
+                "the cloud takes messages"
+            )
         size = sum(len(entry.body) for entry in batch.entries)
         if self._used + size > self._capacity:
             raise SpoolError(
@@ -167,12 +179,18 @@ class Spool:
             SpoolError: The file cannot be written; nothing is forgotten.
         """
         with self._lock:
-            with self._transaction(self._outlet) as connection:
-                connection.executemany(_FORGET, [(message.id,) for message in stored])
-                buried = self._bury(connection, dead)
+            try:
+                buried = self._forget(stored, dead)
+            except SpoolError:
+                if not self._reserve.release():
+                    raise
+                log.warning("disk full, reserve given up to empty the spool: path=%s", self._path)
+                buried = self._forget(stored, dead)
             self._messages -= len(stored)
             self._used -= sum(len(message.body) for message in stored)
             self._count_letters(*buried)
+            if not self._reserve.held:
+                self._regain()
 
     def node(self, name: str) -> NodeRecord | None:
         """What is remembered of a node."""
@@ -215,6 +233,20 @@ class Spool:
                 return self._intake.execute(query, values).fetchall()
         except sqlite3.Error as error:
             raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
+
+    def _forget(self, stored: Sequence[Stored], dead: Sequence[DeadLetter]) -> tuple[int, int]:
+        with self._transaction(self._outlet) as connection:
+            connection.executemany(_FORGET, [(message.id,) for message in stored])
+            return self._bury(connection, dead)
+
+    def _regain(self) -> None:
+        """Fold the log into the file, which frees its room, and keep the room back again."""
+        try:
+            self._outlet.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+        except sqlite3.Error as error:
+            log.warning("spool not folded yet: path=%s error=%s", self._path, error)
+        if self._reserve.hold():
+            log.info("reserve held again: path=%s", self._path)
 
     @contextmanager
     def _transaction(self, connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import signal
 import sqlite3
+import subprocess
 import sys
 from typing import TYPE_CHECKING
 
@@ -229,6 +231,20 @@ def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Pat
     again = opened(tmp_path)
     assert len(again.take(10_000, 10**9)) == 2 * stored - 3
     again.close()
+
+
+def test_full_disk_loses_nothing_and_still_empties_into_the_cloud(tmp_path: Path) -> None:
+    command = ["unshare", "--user", "--map-root-user", "--mount", sys.executable]
+    done = subprocess.run(
+        [*command, "-m", "tests.gateway.full_disk", str(tmp_path)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    assert seen["committed"] > 500
+    assert "full" in seen["refusal"]
+    assert seen["taken"] == list(range(seen["committed"]))
+    assert seen["again"] > 100
 
 
 def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
