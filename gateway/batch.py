@@ -53,5 +53,5 @@ class Batch:
 
     @property
     def size(self) -> int:
-        """Bytes of messages and dead letters."""
-        return sum(len(e.body) for e in self.entries) + sum(len(d.body) for d in self.dead)
+        """Bytes of the messages."""
+        return sum(len(entry.body) for entry in self.entries)

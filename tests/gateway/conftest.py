@@ -19,7 +19,8 @@ from gateway.settings import (
 )
 from tests.brokers import Mosquitto
 from tests.gateway.stub_cloud import StubCloud
-from tests.gateway.wire_node import WireNode
+from tests.gateway.twins import Inside
+from tests.gateway.wire_node import Seal, WireNode
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -69,6 +70,20 @@ def gateway(settings: GatewaySettings) -> Iterator[Gateway]:
     wait_until(lambda: running.broker.connected, "the gateway is connected")
     yield running
     running.stop()
+
+
+@pytest.fixture
+def inside(tmp_path: Path, identities: Identities) -> Iterator[Inside]:
+    """A gateway's inside, without a network."""
+    made = Inside(tmp_path, identities)
+    yield made
+    made.spool.close()
+
+
+@pytest.fixture
+def seal(identities: Identities) -> Seal:
+    """Seals as the node ``fingertip`` does."""
+    return Seal(identities.node, identities.site)
 
 
 @pytest.fixture

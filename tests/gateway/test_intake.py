@@ -19,24 +19,12 @@ from tests.gateway.wire_node import Seal
 from tests.identities import Identities
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
     from pathlib import Path
 
     from eskin.identity import Identity
 
 ACKS = node_topic("fingertip", Stream.ACKS)
-
-
-@pytest.fixture
-def inside(tmp_path: Path, identities: Identities) -> Iterator[Inside]:
-    made = Inside(tmp_path, identities)
-    yield made
-    made.spool.close()
-
-
-@pytest.fixture
-def seal(identities: Identities) -> Seal:
-    return Seal(identities.node, identities.site)
 
 
 def introduce(inside: Inside, seal: Seal) -> None:

@@ -7,6 +7,7 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import time
 from typing import TYPE_CHECKING
 
 import pytest
@@ -137,7 +138,7 @@ def test_dead_letters_are_bounded_and_what_gives_way_is_counted(spool: Spool) ->
 
 
 def test_sender_and_status_survive_reopening(tmp_path: Path) -> None:
-    sender = Sender(bytes(32), 99, b"leaf", b"issuer")
+    sender = Sender(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
     record = NodeRecord(status=b"status", thumbprint=bytes(32))
     first = opened(tmp_path)
     first.commit(Batch(nodes={"n": record}, senders=[sender]))
@@ -260,6 +261,17 @@ def test_spool_of_newer_gateway_is_refused(tmp_path: Path) -> None:
     connection.close()
     with pytest.raises(SpoolError, match="newer gateway"):
         opened(tmp_path)
+
+
+def test_expired_senders_are_forgotten_at_the_start(tmp_path: Path) -> None:
+    spool = opened(tmp_path)
+    soon = int(time.time()) + 1000
+    spool.commit(Batch(senders=[Sender(b"old", 5, b"", b""), Sender(b"new", soon, b"", b"")]))
+    spool.close()
+    again = opened(tmp_path)
+    assert again.sender(b"old") is None
+    assert again.sender(b"new") is not None
+    again.close()
 
 
 def test_second_gateway_on_one_spool_is_refused(tmp_path: Path, spool: Spool) -> None:

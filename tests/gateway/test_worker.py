@@ -4,34 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import pytest
-
 from eskin.topics import Stream, live_topic, node_topic
 from tests.gateway.messages import CHANNEL, block, status
-from tests.gateway.twins import Inside
-from tests.gateway.wire_node import Seal
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
+    import pytest
 
     from gateway.batch import Batch
-    from tests.identities import Identities
+    from tests.gateway.twins import Inside
+    from tests.gateway.wire_node import Seal
 
 ACKS = node_topic("fingertip", Stream.ACKS)
-
-
-@pytest.fixture
-def inside(tmp_path: Path, identities: Identities) -> Iterator[Inside]:
-    made = Inside(tmp_path, identities)
-    yield made
-    made.spool.close()
-
-
-@pytest.fixture
-def seal(identities: Identities) -> Seal:
-    return Seal(identities.node, identities.site)
 
 
 def introduce(inside: Inside, seal: Seal) -> None:
