@@ -54,6 +54,7 @@ class Child:
         self._deaths = 0
         self._again_at = 0.0
         self._asked = False
+        self._log_before = 0
 
     def start(self) -> None:
         """Start it.
@@ -64,6 +65,7 @@ class Child:
         self._log_file.parent.mkdir(parents=True, exist_ok=True)
         try:
             with self._log_file.open("ab") as output:
+                self._log_before = output.tell()
                 # A session of its own: Ctrl-C reaches the demo alone, which ends its children in
                 # order.
                 self._process = subprocess.Popen(  # noqa: S603 - our own programs
@@ -87,7 +89,7 @@ class Child:
         """Check that it has not died.
 
         Raises:
-            ChildError: It has; shows the end of its log.
+            ChildError: It has; shows the end of its log, without earlier starts.
         """
         if self._process is not None and self._process.poll() is not None:
             raise ChildError(
@@ -130,7 +132,9 @@ class Child:
             process.wait()
 
     def _tail(self) -> str:
-        lines = self._log_file.read_text(errors="replace").splitlines()
+        with self._log_file.open("rb") as file:
+            file.seek(self._log_before)
+            lines = file.read().decode(errors="replace").splitlines()
         return "\n".join(lines[-_TAIL:])
 
 

@@ -17,6 +17,8 @@ CLOUD: Final = "server.cloud"
 GATEWAY: Final = "gateway.demo"
 SITE: Final = "site.demo"
 CLIENT: Final = "client.demo"
+NEEDED: Final = frozenset({BROKER, CLOUD, GATEWAY, SITE})
+"""Without one of these nothing runs."""
 _HOSTS: Final = ("127.0.0.1", "localhost")
 _LEFT: Final = timedelta(days=30)
 

@@ -68,6 +68,10 @@ class Layout:
         """Folder of a node: ``node.toml``, its flash, and the truth that the emulator keeps."""
         return self.nodes / name
 
+    def flash(self, name: str) -> Path:
+        """A node's outbox."""
+        return self.node(name) / "flash.sqlite"
+
     def node_settings(self, name: str) -> Path:
         """A node's settings; made at its first start, then the user's to change."""
         return self.node(name) / "node.toml"

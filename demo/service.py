@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import signal
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import timedelta
 from typing import TYPE_CHECKING, Final
 
@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from cloud.access import Scope, create_login_code, create_token
 from cloud.store import Store
 from demo.access import write_access
-from demo.identities import prepare_identities
+from demo.identities import NEEDED, prepare_identities
 from demo.layout import Layout
 from demo.ports import LOOPBACK, free_ports, require_free
 from demo.settings_files import Ports, node_names
@@ -47,6 +47,7 @@ def run_demo(
     port: int,
     speed: float | None,
     duration: float | None,
+    command: str,
     console: Console,
 ) -> None:
     """Run the whole stack until the duration is over, or SIGTERM or SIGINT.
@@ -57,6 +58,7 @@ def run_demo(
         port: Port of the dashboard.
         speed: Emulated seconds per second; ``None`` leaves it to each node's file.
         duration: Seconds to run once all is up; ``None`` runs until it is ended.
+        command: How a shell here calls ``eskin``, for hints.
         console: Takes progress and the URL.
 
     Raises:
@@ -65,10 +67,17 @@ def run_demo(
     """
     layout = Layout(data.resolve())
     with _locked(layout), _stop_on_signals():
-        try:
-            _run(layout, nodes=nodes, port=port, speed=speed, duration=duration, console=console)
-        except _Stop:
-            console.print("Stopped; the data stay in", layout.root)
+        with suppress(_Stop):
+            _run(
+                layout,
+                nodes=nodes,
+                port=port,
+                speed=speed,
+                duration=duration,
+                command=command,
+                console=console,
+            )
+        console.print(f"Stopped; the data stay in {layout.root}", soft_wrap=True, highlight=False)
 
 
 def _run(
@@ -78,6 +87,7 @@ def _run(
     port: int,
     speed: float | None,
     duration: float | None,
+    command: str,
     console: Console,
 ) -> None:
     ports = Ports(require_free(port), *free_ports(3))
@@ -87,6 +97,7 @@ def _run(
         with _progress(console) as progress:
             task = progress.add_task("identities", total=6)
             revoked = prepare_identities(layout, names)
+            _require_own(layout, NEEDED & set(revoked))
             progress.advance(task)
             stack = Stack(layout, ports, names, speed=speed, revoked=revoked)
             progress.update(task, description="store")
@@ -97,7 +108,7 @@ def _run(
                 stack.start(stage)
                 progress.advance(task)
             progress.update(task, description="all up")
-        _greet(console, layout, login)
+        _greet(console, layout, login, command)
         for name in revoked:
             console.print(f"{name} was revoked, so it is kept out.", soft_wrap=True)
         _watch(stack, duration)
@@ -105,6 +116,17 @@ def _run(
         if stack is not None:
             with _ignoring_signals(), console.status("Ending all processes in order …"):
                 stack.stop()
+
+
+def _require_own(layout: Layout, revoked: frozenset[str]) -> None:
+    """Refuse to start without a part that everything needs."""
+    if revoked:
+        name = min(revoked)
+        raise SettingsError(
+            "--data",
+            f"{name} was revoked in {layout.authority}; remove {layout.identity(name)} to have a "
+            "new certificate issued, or choose another folder",
+        )
 
 
 def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
@@ -118,12 +140,12 @@ def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
     return token, f"http://{LOOPBACK}:{ports.people}/login?code={code}"
 
 
-def _greet(console: Console, layout: Layout, login: str) -> None:
+def _greet(console: Console, layout: Layout, login: str, command: str) -> None:
     console.print("\n[bold green]eskin is running.[/] Open this once, in a browser:\n")
     console.print(f"  {login}\n", soft_wrap=True, highlight=False)
     console.print(
         f"Scripts and MQTT clients: {layout.access}\n"
-        f"Check the data: eskin audit --data {layout.root}\n"
+        f"Check the data: {command} audit --data {layout.root}\n"
         "Ctrl-C ends it; the data stay.",
         soft_wrap=True,
         highlight=False,

@@ -102,7 +102,7 @@ def write_node(layout: Layout, name: str) -> Path:
             "directory": layout.identity(name),
             "site": layout.identity(SITE) / CHAIN_FILE,
         },
-        "flash": {"path": layout.node(name) / "flash.sqlite"},
+        "flash": {"path": layout.flash(name)},
         "truth": {"path": layout.truth(name), "limit_bytes": TRUTH_BYTES},
     }
     head = (

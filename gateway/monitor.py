@@ -42,7 +42,11 @@ class Monitor:
         try:
             self._server = _Server((settings.host, settings.port), Handler)
         except OSError as error:
-            raise SettingsError("http.port", f"{settings.port} cannot be used: {error}") from error
+            raise SettingsError(
+                "http.port",
+                f"{settings.host}:{settings.port} cannot be listened on: {error.strerror}; "
+                "choose another port, or 0 for any free one",
+            ) from error
         self._thread = Thread(
             target=self._server.serve_forever, args=(0.1,), name="monitor", daemon=True
         )

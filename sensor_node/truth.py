@@ -112,6 +112,20 @@ class Truth:
         return found
 
     @classmethod
+    def positions(cls, path: Path) -> list[Position]:
+        """Positions of all blocks whose truth is there, in order.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        query = "SELECT boot, sequence FROM truth ORDER BY boot, sequence"
+        try:
+            with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
+                return [Position(*row) for row in db.execute(query)]
+        except sqlite3.Error as error:
+            raise FlashError(f"{path}: the truth cannot be read: {error}") from error
+
+    @classmethod
     def oldest(cls, path: Path) -> Position | None:
         """The position of the oldest block whose truth is still there; ``None`` if there is none.
 

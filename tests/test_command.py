@@ -2,24 +2,40 @@
 
 from __future__ import annotations
 
+import os
 import re
+import socket
 import subprocess
+import sys
+from importlib.metadata import version
 from typing import TYPE_CHECKING
 
 import pytest
 
+from cloud.store import Store
+from demo.child import Child, ChildError
 from sensor_node.profile import Profile
-from tests.processes import ESKIN
+from tests.processes import ESKIN, free_port, wait_until
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tests.identities import Identities
+
 COMMANDS = ["demo", "audit", "node", "gateway", "cloud", "pki", "pki enrol", "cloud login"]
 
 
-def run(*arguments: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+def run(
+    *arguments: str, cwd: Path | None = None, path: str | None = None
+) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [ESKIN, *arguments], capture_output=True, text=True, timeout=60, check=False, cwd=cwd
+        [ESKIN, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=90,
+        check=False,
+        cwd=cwd,
+        env=None if path is None else {**os.environ, "PATH": path},
     )
 
 
@@ -30,11 +46,34 @@ def test_help_is_everywhere(command: str) -> None:
     assert "Usage: eskin" in done.stdout
 
 
+@pytest.mark.parametrize("command", ["", "pki"])
+def test_command_alone_shows_help_and_nothing_else(command: str) -> None:
+    alone, asked = run(*command.split()), run(*command.split(), "--help")
+    assert (alone.returncode, alone.stdout, alone.stderr) == (0, asked.stdout, "")
+
+
+def test_version_is_the_installed_one() -> None:
+    done = run("--version")
+    assert (done.returncode, done.stdout) == (0, f"eskin {version('eskin')}\n")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["node"], "config"),
         (["frobnicate"], "frobnicate"),
+        (["noed"], "Did you mean 'node'? See"),
+        (["cloud"], "--config FILE.toml"),
+        (["cloud", "login"], "--config FILE.toml"),
+        (["cloud", "--config", "/none.toml", "login"], "/none.toml cannot be read"),
+        (["demo", "--data", __file__], "is a file. See"),
+        (["audit", f"--data={__file__}"], "is a file. See"),
+        (["pki", "list", "--dir", "nope"], "nope: there is no CA; `eskin pki init"),
+        (["pki", "revoke", "--dir", "nope", "--name", "n"], "nope: there is no CA"),
+        (
+            ["pki", "issue", "--dir", "nope", "--kind", "node", "--name", "n", "--out", "o"],
+            "nope: there is no CA",
+        ),
         (["demo", "--nodes", "0"], "0"),
         (["demo", "--port", "many"], "many"),
         (["demo", "--speed", "nan", "--bogus"], "bogus"),
@@ -106,3 +145,101 @@ def test_bad_configuration_is_one_line_and_status_2(
     assert done.returncode == 2, done.stderr
     assert all(word in done.stderr for word in words), done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_cloud_login_takes_its_config_before_or_after(tmp_path: Path, *, before: bool) -> None:
+    config = tmp_path / "cloud.toml"
+    config.write_text(CLOUD + "[people]\nport = 8123\n")
+    with Store(tmp_path / "x"):
+        pass
+    option = ["--config", str(config)]
+    words = ["cloud", *option, "login"] if before else ["cloud", "login", *option]
+    done = run(*words, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("http://127.0.0.1:8123/login?code=")
+
+
+def test_ca_that_exists_stays_as_it_is(tmp_path: Path) -> None:
+    ca = tmp_path / "ca"
+    assert run("pki", "init", "--dir", str(ca)).returncode == 0
+    before = {path: path.read_bytes() for path in ca.iterdir()}
+    done = run("pki", "init", "--dir", str(ca))
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"eskin: {ca}: there is a CA already, which stays as it is; "
+        "choose another folder for a new one\n"
+    )
+    assert {path: path.read_bytes() for path in ca.iterdir()} == before
+
+
+def test_ca_that_lost_its_root_is_not_made_anew(tmp_path: Path) -> None:
+    ca = tmp_path / "ca"
+    issue = ["--kind", "node", "--name", "n", "--out", str(tmp_path / "n")]
+    assert run("pki", "init", "--dir", str(ca)).returncode == 0
+    assert run("pki", "issue", "--dir", str(ca), *issue).returncode == 0
+    (ca / "root.pem").unlink()
+    key = (ca / "node.key").read_bytes()
+    done = run("pki", "init", "--dir", str(ca))
+    assert done.returncode == 2
+    assert "ledger.jsonl but no root.pem" in done.stderr
+    assert (ca / "node.key").read_bytes() == key
+
+
+def test_ca_service_without_a_folder_for_a_token_says_so(tmp_path: Path) -> None:
+    config = tmp_path / "authority.toml"
+    config.write_text(
+        '[authority]\ndirectory = "ca"\n'
+        '[[identity]]\nkind = "node"\nname = "palm"\ndirectory = "nowhere"\n'
+    )
+    done = run("pki", "serve", "--config", str(config), cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stderr == (
+        "eskin: identity.directory: nowhere, for the token of palm, is no folder; make it\n"
+    )
+
+
+def test_list_of_identities_is_whole_when_piped(identities: Identities) -> None:
+    done = run("pki", "list", "--dir", str(identities.ca))
+    assert done.returncode == 0
+    for entry in identities.authority.issued():
+        line = next(line for line in done.stdout.splitlines() if entry.serial in line)
+        assert line.split() == [entry.name, entry.kind, entry.expires, "-", entry.serial]
+
+
+def test_gateway_says_which_port_is_taken(tmp_path: Path, identities: Identities) -> None:
+    config = tmp_path / "gateway.toml"
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        config.write_text(
+            f"[identity]\ndirectory = '{identities.gateway.directory}'\n"
+            f"site = '{identities.site.directory}'\n"
+            f"[spool]\npath = '{tmp_path / 'spool.sqlite'}'\n[http]\nport = {port}\n"
+        )
+        done = run("gateway", "--config", str(config))
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"eskin: http.port: 127.0.0.1:{port} cannot be listened on: Address already in use; "
+        "choose another port, or 0 for any free one\n"
+    )
+
+
+def test_demo_says_how_to_audit_and_where_the_data_stay(tmp_path: Path) -> None:
+    data, port = tmp_path / "data", str(free_port())
+    options = ["--data", str(data), "--nodes", "1", "--port", port, "--duration", "0.1"]
+    done = run("demo", *options, path="/usr/bin:/bin")
+    assert done.returncode == 0, done.stderr
+    assert f"Check the data: {ESKIN} audit --data {data}\n" in done.stderr
+    assert done.stderr.splitlines()[-1] == f"Stopped; the data stay in {data}"
+
+
+def test_child_that_dies_shows_only_this_start(tmp_path: Path) -> None:
+    log = tmp_path / "child.log"
+    log.write_text("a line of an earlier start\n")
+    child = Child("child", [sys.executable, "-c", "print('new'); exit(3)"], log_file=log)
+    child.start()
+    wait_until(lambda: child.pid is None, "it died")
+    with pytest.raises(ChildError, match="status 3") as caught:
+        child.require_alive()
+    assert str(caught.value).splitlines()[1:] == ["new"]
+    assert "earlier" in log.read_text()

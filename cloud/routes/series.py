@@ -26,6 +26,7 @@ from cloud.routes.documents import (
 from cloud.shapes import page, segment_shape
 from cloud.state import Cloud
 from cloud.tables import WRITERS
+from eskin.errors import QueryError
 
 router = APIRouter(tags=["series"])
 
@@ -63,7 +64,7 @@ class ThresholdQuery(WindowQuery):
     @model_validator(mode="after")
     def _one_side(self) -> Self:
         if (self.above is None) == (self.below is None):
-            raise ValueError("give either above or below")
+            raise QueryError("above, below", "give either above or below")
         return self
 
     @property

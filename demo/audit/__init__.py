@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from demo.audit.audit import audit
+from demo.audit.audit import Audit, audit
 from demo.audit.channel import ChannelAudit
 
-__all__ = ["ChannelAudit", "audit"]
+__all__ = ["Audit", "ChannelAudit", "audit"]

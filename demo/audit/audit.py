@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
@@ -9,6 +10,7 @@ from sqlalchemy import func, select
 from cloud.store.engine import reading_engine
 from cloud.store.schema import blocks as table
 from demo.audit.channel import ChannelAudit
+from demo.audit.delivery import Delivery, UnderWay, deliveries
 from eskin.errors import AuditError
 from eskin.messages import Block, Position
 from sensor_node.truth import Truth
@@ -27,27 +29,47 @@ _COLUMNS: Final = [
 ]
 
 
+@dataclass(frozen=True, slots=True)
+class Audit:
+    """What the audit found.
+
+    Attributes:
+        channels: One entry a channel, by node and channel.
+        deliveries: One entry a node.
+        letters: Messages that the gateway refused to take: the node and the reason.
+    """
+
+    channels: list[ChannelAudit]
+    deliveries: list[Delivery]
+    letters: list[str]
+
+    @property
+    def passes(self) -> bool:
+        """Whether every channel keeps its promise, and nothing vanished silently."""
+        kept = all(entry.passes for entry in self.channels)
+        return kept and all(delivery.passes for delivery in self.deliveries)
+
+
 def audit(
     layout: Layout, *, progress: Callable[[int, int], None] = lambda _done, _all: None
-) -> list[ChannelAudit]:
+) -> Audit:
     """Compare all blocks in the store with the truth; also while the demo runs.
 
     Args:
         layout: The demo's data folder.
         progress: Told blocks done and blocks in all.
 
-    Returns:
-        One entry a channel, by node and channel.
-
     Raises:
         AuditError: There is no store, no block, or a block that no node's emulator knows.
     """
     if not layout.store.exists():
         raise AuditError(f"{layout.root}: no store here; has `eskin demo` run on this folder?")
+    seen = UnderWay.look(layout)
     engine = reading_engine(layout.store, readers=1)
     try:
         with engine.begin() as connection:
-            return _audit(layout, connection, progress)
+            channels = _audit(layout, connection, progress)
+            return Audit(channels, deliveries(seen, connection), seen.letters)
     finally:
         engine.dispose()
 

@@ -86,7 +86,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
             certificate = tls.getpeercert(binary_form=True) if tls else None
             party = self._doorkeeper.admit(certificate)
         except IdentityError as error:
-            await writer.close()
+            await _close(writer)
             raise MQTTError(str(error)) from error
         handler, session = await self._connect(reader, writer)
         log.info("connected: party=%s client=%.200r", party.name, session.client_id)
@@ -95,7 +95,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         session.clean_session = True
         session.parent = 0
         if session.will_flag and not may_publish(party, session.will_topic or ""):
-            await writer.close()
+            await _close(writer)
             raise MQTTError(f"{party.name} may not leave a will on {session.will_topic!r}")
         await self._delete_session(session.client_id)
         return handler, session
@@ -115,9 +115,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
             log.warning("ended: client=%.200r reason=%s", session.client_id, error)
             # From here on nothing more is taken from it or given to it, even if it hangs.
             session.attributes[PARTY] = None
-            with suppress(TimeoutError, OSError):
-                async with asyncio.timeout(_CLOSE_S):
-                    await session.attributes[WRITER].close()
+            await _close(session.attributes[WRITER])
 
     async def _connect(
         self, reader: ReaderAdapter, writer: WriterAdapter
@@ -129,10 +127,10 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
                 )
                 return handler, session
         except TimeoutError as error:
-            await writer.close()
+            await _close(writer)
             raise MQTTError(f"no CONNECT within {CONNECT_TIMEOUT_S:g} s") from error
         except (MQTTError, NoDataError):
-            await writer.close()
+            await _close(writer)
             raise
 
     async def _publish_retained_messages_for_subscription(
@@ -155,3 +153,10 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         if not allowed:
             log.warning("refused: party=%s action=%s topic=%.200r", party.name, action, topic)
         return allowed
+
+
+async def _close(writer: WriterAdapter) -> None:
+    """Close a connection, whatever its peer does or still sends."""
+    with suppress(TimeoutError, OSError):
+        async with asyncio.timeout(_CLOSE_S):
+            await writer.close()

@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from typing import TYPE_CHECKING, NoReturn
+from importlib.metadata import version as installed
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
@@ -21,19 +22,26 @@ if TYPE_CHECKING:
 
 __all__ = ["app", "main"]
 
-app = typer.Typer(
-    name="eskin",
-    help="Smart skin sensors from the physics to the pixel, every value an interval.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+app = typer.Typer(name="eskin", add_completion=False, pretty_exceptions_enable=False)
 app.command()(demo)
 app.command()(audit)
 app.command()(node)
 app.command()(gateway)
 app.add_typer(cloud, name="cloud")
 app.add_typer(pki, name="pki")
+
+
+@app.callback(invoke_without_command=True)
+def overview(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False,
+) -> None:
+    """Smart skin sensors from the physics to the pixel, every value an interval."""
+    if version:
+        typer.echo(f"eskin {installed('eskin')}")
+        raise typer.Exit
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 def main() -> NoReturn:
@@ -58,15 +66,18 @@ def _said(error: Exception) -> str:
         return str(error)
     shown = getattr(error, "format_message", error.__str__)().rstrip(".")
     given = _given(getattr(getattr(error, "param", None), "opts", []))
-    return f"{shown}{given}. See `eskin --help`, or --help after a command."
+    if given is not None and repr(given) not in shown:
+        shown += f", not {given!r}"
+    stop = "" if shown.endswith("?") else "."
+    return f"{shown}{stop} See `eskin --help`, or --help after a command."
 
 
-def _given(options: Sequence[str]) -> str:
-    """What was written after an option; typer's message leaves it out."""
+def _given(options: Sequence[str]) -> str | None:
+    """What was written after an option; typer's message often leaves it out."""
     for option in options:
         for word, after in zip(sys.argv, [*sys.argv[1:], ""], strict=True):
             if word == option:
-                return f", not {after!r}"
+                return after
             if word.startswith(f"{option}="):
-                return f", not {word.removeprefix(f'{option}=')!r}"
-    return ""
+                return word.removeprefix(f"{option}=")
+    return None

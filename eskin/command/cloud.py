@@ -4,19 +4,22 @@ from __future__ import annotations
 
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
 from eskin.command.logs import start_logs
+from eskin.errors import SettingsError
 
 if TYPE_CHECKING:
-    from cloud.settings import CloudSettings
+    from cloud.settings import CloudSettings, PeopleSection
 
 cloud = typer.Typer(help="Run a cloud, or give people and scripts access to it.")
 
+_LOOPBACK: Final = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # noqa: S104 - nothing is bound here
+
 Config = Annotated[
-    Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the cloud's settings.")
+    Path | None, typer.Option(help="TOML file with the cloud's settings; also before the command.")
 ]
 
 
@@ -29,6 +32,7 @@ def run(
 ) -> None:
     """Run a cloud: ingest, store, queries, live, dashboard."""
     if context.invoked_subcommand is not None:
+        context.obj = config
         return
     from cloud.service import run as serve
 
@@ -39,7 +43,8 @@ def run(
 
 @cloud.command()
 def login(
-    config: Config,
+    context: typer.Context,
+    config: Config = None,
     url: Annotated[
         str | None, typer.Option(help="How browsers reach it, such as https://skin.example:8080.")
     ] = None,
@@ -49,20 +54,19 @@ def login(
     from cloud.access import Scope, create_login_code
     from cloud.store import Store
 
-    settings = _load(config)
+    settings = _load(config or context.obj)
     with Store(settings.store.path) as store:
         code = create_login_code(
             store, lifetime=timedelta(minutes=minutes), scopes=(Scope.READ, Scope.OPERATE)
         )
-    people = settings.people
-    scheme = "http" if people.identity is None else "https"
-    typer.echo(f"{(url or f'{scheme}://localhost:{people.port}').rstrip('/')}/login?code={code}")
+    typer.echo(f"{(url or _origin(settings.people)).rstrip('/')}/login?code={code}")
 
 
 @cloud.command()
 def token(
-    config: Config,
+    context: typer.Context,
     name: Annotated[str, typer.Option(help="Whose token it is, for people.")],
+    config: Config = None,
     scope: Annotated[
         list[str] | None, typer.Option(help="read, operate or admin; may be repeated.")
     ] = None,
@@ -77,11 +81,20 @@ def token(
     except ValueError:
         allowed = ", ".join(Scope)
         raise typer.BadParameter(f"{scope} is not allowed; use {allowed}") from None
-    with Store(_load(config).store.path) as store:
+    with Store(_load(config or context.obj).store.path) as store:
         typer.echo(create_token(store, scopes=scopes, name=name, lifetime=timedelta(days=days)))
 
 
 def _load(config: Path | None) -> CloudSettings:
     from cloud.settings import CloudSettings
 
+    if config is None:
+        raise SettingsError("--config", "is missing; write --config FILE.toml")
     return CloudSettings.load(config)
+
+
+def _origin(people: PeopleSection) -> str:
+    """Where a browser on this machine reaches it."""
+    host = _LOOPBACK.get(people.host, people.host)
+    scheme = "http" if people.identity is None else "https"
+    return f"{scheme}://{f'[{host}]' if ':' in host else host}:{people.port}"

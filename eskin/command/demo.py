@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import shlex
+import shutil
+import sys
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from eskin.command.logs import start_logs
+from eskin.command.tables import show
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from rich.table import Table
 
-    from demo.audit import ChannelAudit
+    from demo.audit import Audit, ChannelAudit
 
-Data = Annotated[Path, typer.Option(help="Folder that keeps everything.")]
+Data = Annotated[Path, typer.Option(file_okay=False, help="Folder that keeps everything.")]
 _DATA = Path("eskin-data")
 
 
@@ -39,15 +44,22 @@ def demo(
 
     start_logs("WARNING")
     run_demo(
-        data, nodes=nodes, port=port, speed=speed, duration=duration, console=Console(stderr=True)
+        data,
+        nodes=nodes,
+        port=port,
+        speed=speed,
+        duration=duration,
+        command=_command(),
+        console=Console(stderr=True),
     )
 
 
 def audit(data: Data = _DATA) -> None:
     """Check every stored interval against the truth that the emulator kept.
 
-    Exit status 1 if one channel breaks its promise: a violation under bounded noise, or under
-    Gaussian noise more of them than the 1 - 1e-6 quantile of its coverage.
+    Exit status 1 if one channel breaks its promise (a violation under bounded noise, or under
+    Gaussian noise more of them than the 1 - 1e-6 quantile of its coverage), or if a block that a
+    node made is neither stored, nor under way, nor told as lost.
     """
     from rich.console import Console
     from rich.progress import Progress
@@ -62,20 +74,55 @@ def audit(data: Data = _DATA) -> None:
             Layout(data.resolve()),
             progress=lambda done, total: bar.update(task, completed=done, total=total),
         )
-    Console().print(_table(found))
-    failed = [entry for entry in found if not entry.passes]
-    samples = sum(entry.samples for entry in found)
-    violations = sum(entry.violations for entry in found)
-    for entry in found:
-        if _also(entry):
-            typer.echo(f"{entry.node}/{entry.channel}: {_also(entry)}")
+    show(_table(found.channels))
+    for line in _remarks(found):
+        typer.echo(line)
+    samples = sum(entry.samples for entry in found.channels)
+    violations = sum(entry.violations for entry in found.channels)
     typer.echo(
-        f"{'FAILED' if failed else 'passed'}: {samples} samples, {violations} violations, "
-        f"{len(found)} channels"
-        + "".join(f"\n  broken promise: {entry.node}/{entry.channel}" for entry in failed)
+        f"{'passed' if found.passes else 'FAILED'}: {samples} samples, {violations} violations, "
+        f"{len(found.channels)} channels"
     )
-    if failed:
+    for entry in found.channels:
+        if not entry.passes:
+            typer.echo(f"  broken promise: {entry.node}/{entry.channel}")
+    for delivery in found.deliveries:
+        if not delivery.passes:
+            first = delivery.missing[0]
+            typer.echo(
+                f"  vanished: {len(delivery.missing)} blocks of {delivery.node}, the first at "
+                f"boot {first.boot}, sequence {first.sequence}"
+            )
+    if not found.passes:
         raise typer.Exit(1)
+
+
+def _remarks(found: Audit) -> Iterator[str]:
+    for entry in found.channels:
+        if _also(entry):
+            yield f"{entry.node}/{entry.channel}: {_also(entry)}"
+    for delivery in found.deliveries:
+        yield (
+            f"{delivery.node}: of {delivery.made} blocks {delivery.stored} are stored, "
+            f"{delivery.waiting} under way, {delivery.told} told as lost, "
+            f"{delivery.unborn} not yet in flash"
+        )
+    claims = Counter(entry.coverage for entry in found.channels)
+    for coverage, count in sorted(claims.items()):
+        claim = "1" if coverage == 1.0 else f"1 - {1.0 - coverage:.2g}"
+        yield f"claimed coverage of a sample: {claim} (channels: {count})"
+    for letter, count in Counter(found.letters).items():
+        yield f"refused by the gateway: {count} of {letter}"
+
+
+def _command() -> str:
+    """How the user called ``eskin``, to be typed again."""
+    called = sys.argv[0]
+    if Path(called).name == "__main__.py":
+        return shlex.join([sys.executable, "-m", "eskin"])
+    found = shutil.which("eskin")
+    same = found is not None and Path(found).resolve() == Path(called).resolve()
+    return "eskin" if same else shlex.quote(called)
 
 
 def _table(found: Sequence[ChannelAudit]) -> Table:

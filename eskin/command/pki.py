@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated, TypeVar
 import typer
 
 from eskin.command.logs import start_logs
-from eskin.errors import IdentityError
+from eskin.command.tables import show
+from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Authority, Identity, IdentityKind, new_key
 
 if TYPE_CHECKING:
@@ -18,9 +19,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-pki = typer.Typer(help="Make, enrol, list and revoke identities.", no_args_is_help=True)
+pki = typer.Typer()
 
-Directory = Annotated[Path, typer.Option("--dir", help="Folder of the CA.")]
+Directory = Annotated[Path, typer.Option("--dir", file_okay=False, help="Folder of the CA.")]
 Url = Annotated[str, typer.Option(help="The CA service, such as https://authority:8444.")]
 EnrolDirectory = Annotated[
     Path, typer.Option(help="Folder with root.pem and NAME.token, as the CA service left them.")
@@ -29,10 +30,17 @@ Name = Annotated[str, typer.Option(help="Common name, such as fingertip or gatew
 Patience = Annotated[float, typer.Option(help="Seconds to keep trying.")]
 
 
+@pki.callback(invoke_without_command=True)
+def overview(context: typer.Context) -> None:
+    """Make, enrol, list and revoke identities."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
 @pki.command()
 def init(directory: Directory) -> None:
     """Make a CA: a root, and one issuing CA for each kind of identity."""
-    Authority.open(directory)
+    Authority.create(directory)
     typer.echo(f"CA in {directory}; its root: {directory / 'root.pem'}")
 
 
@@ -48,7 +56,7 @@ def issue(
     """Make a key and issue its certificate, on the CA's own machine."""
     if (out / "key.pem").exists():
         raise IdentityError(f"{out}: there is an identity already; choose another folder")
-    authority = Authority.open(directory)
+    authority = Authority(directory)
     key = new_key()
     chain = authority.issue(
         kind, name, key.public_key(), hosts=host or (), lifetime=timedelta(days=days)
@@ -60,13 +68,15 @@ def issue(
 @pki.command(name="list")
 def list_(directory: Directory) -> None:
     """List all certificates ever issued."""
-    from rich.console import Console
+    from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
-    table = Table("name", "kind", "expires", "revoked", "serial")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("name", "kind", "expires", "revoked", "serial"):
+        table.add_column(heading, overflow="fold")
     for entry in Authority(directory).issued():
         table.add_row(entry.name, entry.kind, entry.expires, entry.revoked or "-", entry.serial)
-    Console().print(table)
+    show(table)
 
 
 @pki.command()
@@ -85,6 +95,12 @@ def serve(
     from authority.settings import AuthoritySettings
 
     settings = AuthoritySettings.load(config)
+    for expected in settings.identity:
+        if not expected.directory.is_dir():
+            raise SettingsError(
+                "identity.directory",
+                f"{expected.directory}, for the token of {expected.name}, is no folder; make it",
+            )
     start_logs(settings.log.level)
     run(settings)
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import json
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, get_args
 
-from authority.settings import AuthoritySettings
+from authority.settings import AuthoritySettings, Expected
 from cloud.settings import CloudSettings
 from eskin.settings import table
 from gateway.settings import GatewaySettings
+from sensor_node.profile import profile_names
 from sensor_node.settings import NodeSettings
+from sensor_node.taxels import AnyTaxel, TaxelSection
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+    from pydantic import BaseModel
 
     from eskin.settings import Settings
 
@@ -30,6 +35,32 @@ Each process reads one TOML file (`--config FILE.toml`, or `ESKIN_CONFIG`). A se
 stands in the table `[section]`, or in the environment as `ESKIN_SECTION_NAME`, which wins. An
 unknown setting, a wrong type or a value out of range ends the process with status 2 and one line
 that names it.
+
+A table in double brackets, such as `[[taxel]]`, may stand more than once, and in the file only.
+
+## The demo's files
+
+`eskin demo` keeps these in its data folder (`eskin-data/`, or what `--data` names):
+
+- `nodes/NAME/node.toml` is **yours to edit**. It is made at the node's first start, read at each
+  start, and never overwritten. Delete it to have it made again.
+- `gateway/gateway.toml`, `cloud/cloud.toml` and `access.json` are the demo's: written anew at each
+  start, as ports change. What you change there is lost.
+
+To change gateway or cloud, or all processes at once, set variables before the start, as in
+`ESKIN_LOG_LEVEL=DEBUG eskin demo`; each process has its log in `logs/`. For its nodes the demo sets
+`ESKIN_BROKER_HOST` and `ESKIN_BROKER_PORT` itself, and with `--speed` also `ESKIN_NODE_SPEED`.
+"""
+
+_TAXELS = """\
+### `[[taxel]]`
+
+One table a sensing element, only in the file. Start from a packaged profile: {profiles}.
+
+A key ends in its SI unit. `X_tolerance` is relative: the true part lies anywhere inside
+`X · [1 - tolerance, 1 + tolerance]`, and the firmware knows no more. `Q_prominence_UNIT` is the
+least prominence of a peak of the quantity Q; without it, peaks of Q are not looked for. Each
+quantity is a channel, `ID.QUANTITY`.
 """
 
 
@@ -45,6 +76,61 @@ def _tables() -> Iterator[str]:
             default = "*must be given*" if row.default is None else f"`{row.default}`"
             yield f"| `{row.name}` | {default} | {row.help} |"
         yield ""
+        if settings is NodeSettings:
+            yield from _taxels()
+        if settings is AuthoritySettings:
+            yield from _keys("`[[identity]]`", Expected)
+
+
+def _taxels() -> Iterator[str]:
+    names = profile_names()
+    links = ", ".join(f"[{name}](../sensor_node/profiles/{name}.toml)" for name in names)
+    yield _TAXELS.format(profiles=links)
+    for model in get_args(AnyTaxel):
+        yield from _keys(f"`[[taxel]]`, `kind = {_kind(model)}`", model)
+    for model in get_args(TaxelSection.model_fields["noise"].annotation):
+        yield from _keys(f"`noise = {{ kind = {_kind(model)}, … }}` of a taxel", model)
+
+
+def _kind(model: type[BaseModel]) -> str:
+    return f'"{get_args(model.model_fields["kind"].annotation)[0]}"'
+
+
+def _keys(heading: str, model: type[BaseModel]) -> Iterator[str]:
+    """The keys of a table that may stand more than once."""
+    yield f"### {heading}\n\n{_oneline(model)}\n"
+    yield "| key | default | allowed | what it is |\n|---|---|---|---|"
+    for key, field in model.model_json_schema()["properties"].items():
+        if "const" in field:  # the kind, which the heading says
+            continue
+        default = _default(field)
+        yield f"| `{key}` | {default} | {_allowed(field)} | {field.get('description', '')} |"
+    yield ""
+
+
+def _default(field: dict[str, Any]) -> str:
+    if "default" not in field:
+        return "*must be given*"
+    return "*none*" if field["default"] is None else f"`{json.dumps(field['default'])}`"
+
+
+def _oneline(model: type[BaseModel]) -> str:
+    return " ".join((model.__doc__ or "").split())
+
+
+def _allowed(field: dict[str, Any]) -> str:
+    """What a JSON schema (draft 2020-12) says of one key."""
+    alternatives = field.get("anyOf", [field])
+    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
+    limits = [
+        f"{sign} {option[word]:g}"
+        for option in alternatives
+        for word, sign in signs.items()
+        if word in option
+    ]
+    if "pattern" in field:
+        limits.append(f"`{field['pattern']}`")
+    return ", ".join(limits)
 
 
 if __name__ == "__main__":

@@ -62,8 +62,12 @@ class Authority:
         """Open the folder.
 
         Raises:
-            IdentityError: A key or certificate cannot be read.
+            IdentityError: There is no CA, or a key or certificate cannot be read.
         """
+        if not (directory / "root.pem").is_file():
+            raise IdentityError(
+                f"{directory}: there is no CA; `eskin pki init --dir {directory}` makes one"
+            )
         self._directory = directory
         self.root = load_certificates(directory / "root.pem")[0]
         self._issuers = {
@@ -82,12 +86,28 @@ class Authority:
             try:
                 _create(directory)
             except OSError as error:
-                raise IdentityError(f"{directory}: no CA can be made here: {error}") from error
+                raise IdentityError(
+                    f"{directory}: no CA can be made here: {error.strerror}; choose another folder"
+                ) from error
         authority = cls(directory)
         for kind in IdentityKind:
             if not authority.revocations_file(kind).exists():
                 authority.write_revocations(kind)
         return authority
+
+    @classmethod
+    def create(cls, directory: Path) -> Self:
+        """Make a fresh authority where there is none.
+
+        Raises:
+            IdentityError: There is one, or the folder cannot be written.
+        """
+        if (directory / "root.pem").exists():
+            raise IdentityError(
+                f"{directory}: there is a CA already, which stays as it is; "
+                "choose another folder for a new one"
+            )
+        return cls.open(directory)
 
     def issue(
         self,
@@ -215,6 +235,11 @@ def _revocation(entry: Issued) -> x509.RevokedCertificate:
 
 def _create(directory: Path) -> None:
     """Make keys and certificates; the root's last, so that its presence means all is there."""
+    if (directory / _LEDGER).exists():
+        raise IdentityError(
+            f"{directory}: there is a {_LEDGER} but no root.pem; bring it back from a backup, as a "
+            "new CA would disown all that was issued"
+        )
     directory.mkdir(parents=True, exist_ok=True, mode=0o700)
     now = datetime.now(UTC)
     root_key = new_key()

@@ -72,6 +72,32 @@ def test_audit_sees_a_store_that_was_tampered_with(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "under a wrong label" in done.stdout
     assert "broken promise: palm/t01.area" in done.stdout
+    assert "vanished" not in done.stdout
+
+
+@pytest.mark.timeout(200)
+def test_audit_sees_blocks_that_vanished_and_messages_that_were_refused(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    with RunningDemo(data, "--nodes", "2") as demo:
+        demo.wait_for_more(NODES[:2])
+        assert demo.stop(seconds=60) == 0
+    with closing(sqlite3.connect(data / "gateway" / "spool.sqlite")) as db:
+        db.execute("INSERT INTO dead_letters VALUES (1, 0, 'palm', 'forged', x'00', x'00')")
+        db.commit()
+    audit = [ESKIN, "audit", "--data", str(data)]
+    done = subprocess.run(audit, capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "refused by the gateway: 1 of palm: forged" in done.stdout
+    assert "claimed coverage of a sample: 1 (channels: 6)" in done.stdout
+    with closing(sqlite3.connect(data / "cloud" / "store.sqlite")) as db:
+        rows = db.execute("SELECT boot, sequence FROM blocks WHERE node = 'palm' ORDER BY 1, 2")
+        boot, sequence = list(rows)[2]
+        db.execute("DELETE FROM blocks WHERE node = 'palm' AND sequence = ?", (sequence,))
+        db.commit()
+    done = subprocess.run(audit, capture_output=True, text=True, timeout=100, check=False)
+    assert done.returncode == 1
+    vanished = f"vanished: 1 blocks of palm, the first at boot {boot}, sequence {sequence}"
+    assert vanished in done.stdout
 
 
 @pytest.mark.timeout(200)

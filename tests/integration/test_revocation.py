@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.demos import RunningDemo
-from tests.processes import ESKIN, wait_until
+from tests.processes import ESKIN, free_port, wait_until
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,3 +33,19 @@ def test_revoked_node_is_out_and_stays_out(tmp_path: Path) -> None:
         demo.wait_for_more(["fingertip"])
         assert demo.samples()["palm"] == before["palm"]
         assert demo.stop(seconds=60) == 0
+        assert "Traceback" not in broker.read_text()
+
+
+@pytest.mark.timeout(200)
+def test_demo_says_which_of_its_own_parts_was_revoked(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    argv = [ESKIN, "demo", "--nodes", "1", "--data", str(data), "--port", str(free_port())]
+    first = subprocess.run(
+        [*argv, "--duration", "0.1"], capture_output=True, text=True, timeout=90, check=False
+    )
+    assert first.returncode == 0, first.stderr
+    revoke = [ESKIN, "pki", "revoke", "--dir", str(data / "ca"), "--name", "gateway.demo"]
+    subprocess.run(revoke, check=True, capture_output=True, timeout=30)
+    again = subprocess.run(argv, capture_output=True, text=True, timeout=30, check=False)
+    assert again.returncode == 2
+    assert "gateway.demo was revoked" in again.stderr

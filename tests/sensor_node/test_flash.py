@@ -11,13 +11,14 @@ from eskin.messages import Block, Encoding, Gap, Peak, Position, decode_message
 from eskin.peaks import Verdict
 from eskin.sequences import SequenceRanges
 from eskin.tube import Tube
-from sensor_node.batch import Batch
 from sensor_node.flash import FAILED, FULL, Flash
 from sensor_node.losses import MOST_SPANS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
+
+    from sensor_node.batch import Batch
 
 ROOM = 1 << 20
 

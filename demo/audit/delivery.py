@@ -1,0 +1,174 @@
+"""Whether every block that a node made is stored, still under way, or told as lost."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import defaultdict
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from sqlalchemy import select
+
+from cloud.store.schema import blocks, events, sequences
+from eskin.errors import AuditError
+from eskin.messages import Gap, Position, decode_message
+from eskin.sequences import SequenceRanges
+from sensor_node.truth import Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+    from demo.layout import Layout
+
+ONE_COMMIT: Final = 64 * 16
+"""Blocks of a node's largest commit: kill -9 between truth and flash leaves no more behind."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Where the blocks of one node are.
+
+    Attributes:
+        node: The node.
+        made: Blocks whose truth the emulator keeps.
+        stored: Those that the cloud stored.
+        waiting: Those that wait in flash or spool.
+        told: Those that a gap tells as lost.
+        unborn: Those at the end of a boot that never came to be committed to flash.
+        missing: All others. Not one may be.
+    """
+
+    node: str
+    made: int
+    stored: int
+    waiting: int
+    told: int
+    unborn: int
+    missing: tuple[Position, ...]
+
+    @property
+    def passes(self) -> bool:
+        """Whether nothing vanished silently."""
+        return not self.missing
+
+
+class Sightings:
+    """Positions by boot."""
+
+    def __init__(self, positions: Iterable[tuple[int, int]] = ()) -> None:
+        self._boots: dict[int, SequenceRanges] = defaultdict(SequenceRanges)
+        for boot, sequence in positions:
+            self._boots[boot].add(sequence)
+
+    def __contains__(self, position: Position) -> bool:
+        return position.sequence in self._boots[position.boot]
+
+    def span(self, boot: int, first: int, last: int) -> None:
+        """Take in a span."""
+        self._boots[boot].add(first, last)
+
+    def last(self, boot: int) -> int:
+        """The greatest sequence of a boot; -1 if there is none."""
+        return max((last for _, last in self._boots[boot]), default=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class UnderWay:
+    """What one look at truth, flash and spool showed; taken before the look at the store.
+
+    Messages only move downstream, so what has left one place by then shows up in the next.
+    """
+
+    made: dict[str, list[Position]]
+    waiting: dict[str, Sightings]
+    letters: list[str]
+
+    @classmethod
+    def look(cls, layout: Layout) -> UnderWay:
+        """Look at the demo's files, also while it runs.
+
+        Raises:
+            AuditError: One of them cannot be read.
+        """
+        nodes = [path.parent.name for path in sorted(layout.nodes.glob("*/truth.sqlite"))]
+        made = {node: Truth.positions(layout.truth(node)) for node in nodes}
+        waiting = {
+            node: Sightings(_rows(layout.flash(node), "SELECT boot, sequence FROM message"))
+            for node in nodes
+        }
+        for node, body in _rows(layout.spool, "SELECT node, body FROM messages"):
+            position = decode_message(bytes(body)).position
+            if node in waiting:
+                waiting[node].span(position.boot, position.sequence, position.sequence)
+        letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
+        return cls(made, waiting, [f"{node}: {reason}" for node, reason in letters])
+
+
+def deliveries(seen: UnderWay, connection: Connection) -> list[Delivery]:
+    """Look for every block that the nodes made, in what was seen and in the store."""
+    return [_delivery(node, seen, connection) for node in seen.made]
+
+
+def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
+    stored = _stored(node, connection)
+    told, sighted = _told(node, connection), _sighted(node, connection)
+    waiting = seen.waiting[node]
+    counts = {"stored": 0, "waiting": 0, "told": 0, "unborn": 0}
+    missing = []
+    places = (stored, told, sighted, waiting)
+    boots = {position.boot for position in seen.made[node]}
+    ends = {boot: max(place.last(boot) for place in places) for boot in boots}
+    for position in seen.made[node]:
+        beyond = position.sequence - ends[position.boot]
+        if position in stored:
+            counts["stored"] += 1
+        elif position in told:
+            counts["told"] += 1
+        elif position in waiting:
+            counts["waiting"] += 1
+        elif 0 < beyond <= ONE_COMMIT:
+            counts["unborn"] += 1
+        else:
+            missing.append(position)
+    return Delivery(node=node, made=len(seen.made[node]), missing=tuple(missing), **counts)
+
+
+def _stored(node: str, connection: Connection) -> Sightings:
+    query = select(blocks.c.boot, blocks.c.sequence).where(blocks.c.node == node)
+    rows = connection.execute(query.order_by(blocks.c.boot, blocks.c.sequence))
+    return Sightings((row[0], row[1]) for row in rows)
+
+
+def _told(node: str, connection: Connection) -> Sightings:
+    """What gaps tell as lost."""
+    told = Sightings()
+    query = select(events.c.data).where(events.c.node == node, events.c.kind == "gap")
+    for (data,) in connection.execute(query):
+        gap = decode_message(bytes(data))
+        if isinstance(gap, Gap):
+            for span in gap.lost:
+                told.span(*span)
+    return told
+
+
+def _sighted(node: str, connection: Connection) -> Sightings:
+    """What the cloud ever acknowledged, whether it still has it or not."""
+    sighted = Sightings()
+    query = select(sequences.c.boot, sequences.c.first, sequences.c.last)
+    for span in connection.execute(query.where(sequences.c.node == node)):
+        sighted.span(*span)
+    return sighted
+
+
+def _rows(path: Path, query: str) -> list[tuple[Any, ...]]:
+    if not path.exists():
+        return []
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
+            return db.execute(query).fetchall()
+    except sqlite3.Error as error:
+        raise AuditError(f"{path}: cannot be read: {error}") from error

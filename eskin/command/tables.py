@@ -1,0 +1,20 @@
+"""Tables on standard output."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+_WIDE: Final = 1000
+
+
+def show(table: Table) -> None:
+    """Print a table: as wide as the terminal, or as wide as it is where it goes to a program."""
+    from rich.console import Console
+
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=_WIDE)
+    console.print(table)
