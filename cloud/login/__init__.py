@@ -20,3 +20,8 @@ def login_page(message: str) -> bytes:
 def login_style() -> bytes:
     """The page's style sheet."""
     return (files(__package__) / "login.css").read_bytes()
+
+
+def login_script() -> bytes:
+    """The page's script: it keeps the view that the visitor wanted."""
+    return (files(__package__) / "login.js").read_bytes()

@@ -8,9 +8,10 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState, Reader
 from cloud.query.events import EventQuestion, find_events
+from cloud.query.places import find_node
 from cloud.query.window import read_moment, require_order
 from cloud.routes.answers import as_json
-from cloud.routes.documents import REFUSALS, EventDocument, PageDocument
+from cloud.routes.documents import REFUSALS_OF_PLACE, EventDocument, PageDocument
 from cloud.shapes import event_shape, page
 
 router = APIRouter(tags=["events"])
@@ -34,7 +35,7 @@ class EventsQuery(BaseModel):
     order: Literal["asc", "desc"] = Field(default="desc", description="by time; desc: latest first")
 
 
-@router.get("/events", response_model=PageDocument[EventDocument], responses=REFUSALS)
+@router.get("/events", response_model=PageDocument[EventDocument], responses=REFUSALS_OF_PLACE)
 def get_events(cloud: CloudState, _: Reader, query: Annotated[EventsQuery, Query()]) -> Response:
     """Events that overlap ``[start, end)``."""
     start, end = read_moment("start", query.start), read_moment("end", query.end)
@@ -51,5 +52,7 @@ def get_events(cloud: CloudState, _: Reader, query: Annotated[EventsQuery, Query
         order=query.order,
     )
     with cloud.store.read() as connection:
+        if query.node is not None:
+            find_node(connection, query.node)
         rows, following = find_events(connection, question)
     return as_json(page([event_shape(row) for row in rows], following))

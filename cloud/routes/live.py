@@ -1,5 +1,6 @@
 """The live stream."""
 
+import asyncio
 import re
 from typing import Annotated, Final
 
@@ -10,7 +11,9 @@ from starlette.responses import Response, StreamingResponse
 from cloud.dependencies import CloudState, Reader
 from cloud.live.stream import Selection, stream
 from cloud.problems import ProblemError
-from cloud.routes.documents import REFUSALS
+from cloud.query.places import find_node
+from cloud.routes.documents import REFUSALS_OF_PLACE
+from cloud.state import Cloud
 from eskin.errors import QueryError
 
 router = APIRouter(tags=["live"])
@@ -41,7 +44,10 @@ class EventStream(StreamingResponse):
 @router.get(
     "/live",
     response_class=EventStream,
-    responses={200: {"description": "server-sent events: block, peak, gap, status"}, **REFUSALS},
+    responses={
+        200: {"description": "server-sent events: block, peak, gap, status"},
+        **REFUSALS_OF_PLACE,
+    },
 )
 async def get_live(
     cloud: CloudState,
@@ -57,6 +63,7 @@ async def get_live(
     selection = Selection(
         frozenset(query.node), frozenset(_place(text) for text in query.channel), query.points
     )
+    await asyncio.to_thread(_require_known, cloud, selection)
     if feed.subscribers >= live.subscribers:
         raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
     told = stream(
@@ -68,6 +75,14 @@ async def get_live(
         allowed=reader.lasts,
     )
     return EventStream(told, headers={"X-Accel-Buffering": "no"})
+
+
+def _require_known(cloud: Cloud, selection: Selection) -> None:
+    nodes = selection.nodes | {node for node, _ in selection.channels}
+    if nodes:
+        with cloud.store.read() as connection:
+            for node in sorted(nodes):
+                find_node(connection, node)
 
 
 def _cursor(text: str | None, last: int) -> int:

@@ -9,7 +9,7 @@ from starlette.responses import RedirectResponse, Response
 
 from cloud.access import close_session, open_session, redeem_login_code
 from cloud.dependencies import COOKIE, CloudState
-from cloud.login import login_page, login_style
+from cloud.login import login_page, login_script, login_style
 from cloud.problems import ProblemError
 from cloud.state import Cloud
 from eskin.moment import SECOND
@@ -66,6 +66,13 @@ async def get_style() -> Response:
     """The page's style sheet."""
     headers = {"Cache-Control": "no-cache"}
     return Response(login_style(), media_type="text/css", headers=headers)
+
+
+@router.get("/login.js")
+async def get_script() -> Response:
+    """The page's script."""
+    headers = {"Cache-Control": "no-cache"}
+    return Response(login_script(), media_type="text/javascript", headers=headers)
 
 
 async def _read_token(request: Request) -> str:

@@ -178,7 +178,6 @@ async def test_events_are_listed_latest_first_and_filtered(stand: Stand) -> None
         ({"kind": "gap"}, ["gap"]),
         ({"verdict": "certain"}, ["peak"]),
         ({"channel": CHANNEL}, ["peak"]),
-        ({"node": "nobody"}, []),
         ({"start": START + 55}, ["gap"]),
         ({"end": START + 50}, ["status", "peak"]),
         ({"order": "asc"}, ["peak", "status", "gap"]),

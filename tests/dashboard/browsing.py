@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import urlsplit
 
 import pytest
+from playwright.sync_api import Error as PlaywrightError
 
 from eskin.moment import format_moment
 from tests.processes import wait_until
@@ -88,6 +89,17 @@ class Visit:
         self.page.locator(".panel.busy").wait_for(state="detached")
         self.page.evaluate(_FRAMES)
         return self.chart()
+
+    def wait_for_path(self, path: str) -> None:
+        """Wait until the address has this path; a page that is just leaving answers nothing."""
+
+        def there() -> bool:
+            try:
+                return bool(self.page.evaluate("location.pathname") == path)
+            except PlaywrightError:
+                return False
+
+        wait_until(there, f"the address is {path}")
 
     def evaluate(self, script: str, argument: Any = None) -> Any:
         """The result of a script in the page."""

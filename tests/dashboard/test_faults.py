@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from tests.dashboard.browsing import CHART, visiting
 from tests.dashboard.pixels import read_plot
@@ -11,6 +12,7 @@ from tests.processes import wait_until
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Request
 
+    from tests.dashboard.browsing import Visit
     from tests.dashboard.conftest import Session
     from tests.demos import RunningDemo
 
@@ -18,18 +20,64 @@ if TYPE_CHECKING:
 def test_session_that_ends_leads_to_the_login(
     demo: RunningDemo, browser: Browser, session: Session
 ) -> None:
-    state = session.state
-    with visiting(browser, demo.access["url"], storage_state=state) as visit:
-        visit.open("")
+    left: list[str] = []
+
+    def remember(request: Request) -> None:
+        if request.is_navigation_request() and urlsplit(request.url).path == "/login":
+            left.append(request.method)
+
+    with visiting(browser, demo.access["url"], storage_state=session.state) as visit:
+        visit.page.on("request", remember)
+        visit.open("palm/t01.area?live=30s")
         visit.page.context.clear_cookies()
-        visit.page.wait_for_url("**/login")
+        visit.wait_for_path("/login")
         visit.page.locator("input[name=token]").fill(demo.access["token"])
+        assert left == ["GET"]
         visit.page.keyboard.press("Enter")
         visit.page.locator(CHART).first.wait_for()
+        assert visit.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
         visit.page.get_by_test_id("logout").click()
-        visit.page.wait_for_url("**/login")
+        visit.wait_for_path("/login")
         visit.page.goto(f"{demo.access['url']}/")
         assert visit.page.evaluate("location.pathname") == "/login"
+
+
+def test_stranger_comes_to_the_wanted_view_after_signing_in(
+    demo: RunningDemo, browser: Browser
+) -> None:
+    with visiting(browser, demo.access["url"]) as stranger:
+        stranger.page.goto(f"{demo.access['url']}/#/palm/t01.area?live=30s")
+        stranger.page.locator("input[name=token]").fill(demo.access["token"])
+        stranger.page.keyboard.press("Enter")
+        stranger.page.locator(CHART).first.wait_for()
+        assert stranger.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
+
+
+def test_health_is_unknown_while_the_cloud_cannot_be_reached(visit: Visit) -> None:
+    visit.open("")
+    badge = visit.page.locator("[data-node=palm] [data-testid=node-health]")
+    badge.get_by_text("online", exact=True).wait_for()
+    visit.page.context.set_offline(offline=True)
+    badge.get_by_text("unknown", exact=True).wait_for()
+    visit.page.context.set_offline(offline=False)
+    badge.get_by_text("online", exact=True).wait_for()
+    visit.troubles.clear()  # the browser itself complains of each request without a network
+
+
+def test_chart_without_a_size_is_not_painted_and_comes_back(visit: Visit) -> None:
+    visit.open("palm/t01.area?live=10s")
+    visit.wait_for_chart(mode="live")
+    visit.page.set_viewport_size({"width": 30, "height": 60})
+    visit.page.evaluate(
+        "document.querySelector('.chart-host').style.cssText = 'width:41px;height:41px'"
+    )
+    entries = int(visit.chart()["entries"])
+    wait_until(lambda: int(visit.chart()["entries"]) >= entries, "it goes on")
+    visit.page.get_by_test_id("theme").dispatch_event("click")
+    visit.page.evaluate("document.querySelector('.chart-host').style.cssText = ''")
+    visit.page.set_viewport_size({"width": 1280, "height": 800})
+    wait_until(lambda: float(visit.chart()["plotWidth"]) > 300, "it is painted again")
+    assert visit.troubles == []
 
 
 def test_live_view_resumes_without_a_break_when_the_cloud_restarts(

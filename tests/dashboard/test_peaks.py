@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from eskin.moment import parse_moment
 from tests.dashboard.browsing import history
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
 
@@ -96,3 +99,17 @@ def test_listed_events_carry_different_symbols(visit: Visit) -> None:
     assert symbols["certain"]["dash"] == "none"
     assert symbols["possible"]["fill"] == "none"
     assert symbols["possible"]["dash"] != "none"
+
+
+def test_page_says_when_not_all_peaks_are_marked(visit: Visit) -> None:
+    def endless(route: Route) -> None:
+        url = urlsplit(route.request.url)
+        kept = [pair for pair in parse_qsl(url.query) if pair[0] != "cursor"]
+        answer = route.fetch(url=url._replace(query=urlencode(kept)).geturl())
+        route.fulfill(response=answer, json=answer.json() | {"next": "more"})
+
+    visit.page.route("**/api/v1/events?*", endless)
+    visit.open("fingertip/t01.capacitance?live=10s")
+    note = visit.page.get_by_test_id("events-note")
+    note.get_by_text("peaks are marked in the charts: zoom in for all").wait_for()
+    visit.page.unroute("**/api/v1/events?*")

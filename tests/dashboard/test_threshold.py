@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from eskin.moment import parse_moment
 from tests.dashboard.browsing import history
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from tests.dashboard.browsing import Visit
@@ -48,3 +49,47 @@ def test_threshold_totals_equal_the_answer_of_the_api(
     assert 0 < certain < at_most < end - start
     assert shown == [certain, at_most]
     assert "above=5e-12" in visit.page.evaluate("location.href")
+
+
+def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
+    asked: list[str] = []
+    visit.page.on(
+        "request", lambda sent: asked.append(sent.url) if "/threshold" in sent.url else None
+    )
+
+    def count() -> int:
+        visit.page.evaluate("0")  # takes in what the browser told meanwhile
+        return len(asked)
+
+    visit.open("palm/t01.energy?live=10s")
+    level = visit.page.get_by_test_id("threshold-level")
+    answer = visit.page.get_by_test_id("threshold-answer")
+    level.fill("5")
+    visit.page.get_by_test_id("threshold-ask").click()
+    wait_until(lambda: count() >= 3, "it is asked again and again")
+    level.fill("five")
+    visit.page.get_by_test_id("threshold-ask").click()
+    answer.get_by_text("is not a number").wait_for()
+    before = count()
+    end = int(visit.chart()["xMax"])
+    wait_until(lambda: int(visit.chart()["xMax"]) > end + 3 * SECOND, "three seconds of live data")
+    assert count() == before
+    assert "is not a number" in answer.inner_text()
+    level.fill("6")
+    visit.page.get_by_test_id("threshold-ask").click()
+    wait_until(lambda: count() > before, "it is asked again")
+
+
+def test_answer_leaves_out_what_there_is_none_of(
+    demo: RunningDemo, visit: Visit, recorded: int
+) -> None:
+    assert demo.samples()["palm"] > 0
+    start, end = recorded - 3 * SECOND, recorded
+    visit.open(history("palm/t01.energy", start, end))
+    visit.wait_for_chart(mode="history")
+    visit.page.get_by_test_id("threshold-level").fill("0")
+    visit.page.get_by_test_id("threshold-ask").click()
+    visit.page.get_by_test_id("total-certain").wait_for()
+    text = visit.page.get_by_test_id("threshold-answer").inner_text()
+    assert "in 1 segment" in text
+    assert "more" not in text

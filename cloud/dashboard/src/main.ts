@@ -9,8 +9,14 @@ import { ThemeChoice } from "./state/theme";
 import { Timeline } from "./time/timeline";
 import { App } from "./view/app";
 
+let leaving = false;
+
+/** Leaves for the login, once: many requests may hear of the session's end together. */
 function toLogin(): void {
-  location.assign("/login");
+  if (leaving) return;
+  leaving = true;
+  // The login comes back to the same view, which the hash names.
+  location.assign(`/login${location.hash}`);
 }
 
 function start(root: HTMLElement): void {

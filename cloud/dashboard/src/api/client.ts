@@ -73,19 +73,19 @@ export class Client {
     return this.get(address("/events", { ...query, order: "desc" }), signal);
   }
 
-  /** The latest events that a question finds, over several pages at most. */
-  async eventsOf(query: EventQuery, pages: number, signal: AbortSignal): Promise<EventItem[]> {
-    const found: EventItem[] = [];
+  /** The latest events that a question finds, over several pages at most; `complete` is false if there are more. */
+  async eventsOf(query: EventQuery, pages: number, signal: AbortSignal): Promise<{ items: EventItem[]; complete: boolean }> {
+    const items: EventItem[] = [];
     let cursor: string | undefined;
     for (let page = 0; page < pages; page += 1) {
       // Each page's address comes with the page before it.
       // oxlint-disable-next-line no-await-in-loop
       const answer = await this.events({ ...query, limit: EVENTS_AT_ONCE, cursor }, signal);
-      found.push(...answer.items);
-      if (answer.next === null) break;
+      items.push(...answer.items);
+      if (answer.next === null) return { items, complete: true };
       cursor = answer.next;
     }
-    return found;
+    return { items, complete: false };
   }
 
   async logout(): Promise<void> {

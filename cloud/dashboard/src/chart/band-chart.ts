@@ -172,6 +172,8 @@ export class BandChart {
 
   private paint(plot: uPlot): void {
     const map = this.plotMap(plot);
+    // Before the page is laid out, or in a window too small for its axes, there is nowhere to paint.
+    if (map.width <= 0 || map.height <= 0) return;
     const ratio = uPlot.pxRatio;
     const canvas: Canvas = { context: plot.ctx, palette: this.options.palette, ratio };
     const { context } = canvas;

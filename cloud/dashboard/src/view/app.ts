@@ -35,6 +35,7 @@ export class App {
   private nodes: readonly NodeItem[] | null = null;
   private dragPans = false;
   private polledAt = -Infinity;
+  private reachable = true;
   private stripAt = 0;
   private readonly status = new LiveStatus();
   private readonly strip: NodeStrip;
@@ -117,7 +118,7 @@ export class App {
     this.timebar.apply(place.view);
     if (this.page && before.node === place.node && before.channel === place.channel) this.page.apply(place);
     else this.openPage();
-    if (this.nodes) this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n);
+    this.showStrip();
   }
 
   private openPage(): void {
@@ -142,9 +143,9 @@ export class App {
       this.polledAt = at;
       void this.poll();
     }
-    if (this.nodes && at - this.stripAt > 1_000) {
+    if (at - this.stripAt > 1_000) {
       this.stripAt = at;
-      this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n);
+      this.showStrip();
     }
   }
 
@@ -152,7 +153,8 @@ export class App {
     try {
       this.nodes = await this.options.client.nodes(AbortSignal.timeout(10_000));
       this.banner.hidden = true;
-      this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n);
+      this.reachable = true;
+      this.showStrip();
       this.page?.showNodes(this.nodes);
     } catch (error) {
       if (isAbort(error)) return;
@@ -160,7 +162,13 @@ export class App {
       this.page?.showFailure(messageOf(error), again);
       this.banner.replaceChildren(`${messageOf(error).replace(/[.!]?$/, ".")} What is shown may be out of date; trying again every 2 s.`);
       this.banner.hidden = this.nodes === null;
+      this.reachable = false;
+      this.showStrip();
     }
+  }
+
+  private showStrip(): void {
+    if (this.nodes) this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n, this.reachable);
   }
 
   private announce(text: string): void {

@@ -3,7 +3,7 @@ import { isAbort, messageOf } from "../api/failure";
 import { printPlace } from "../state/place";
 import { parseInstant } from "../time/instant";
 import type { Context } from "./context";
-import { button, element } from "./element";
+import { button, element, setText } from "./element";
 import { eventRow, type EventScope } from "./event-row";
 import { notice } from "./notice";
 
@@ -23,6 +23,7 @@ const RETRY_MS = 5_000;
 export class EventList {
   readonly root: HTMLElement;
   private readonly rows = element("ol", { class: "events", "data-testid": "events" });
+  private readonly note = element("p", { class: "events-note", role: "status", "data-testid": "events-note" });
   private readonly foot = element("div", { class: "events-foot" });
   private readonly filter: Filter = { kind: "", verdict: "" };
   private readonly known = new Set<string>();
@@ -40,8 +41,13 @@ export class EventList {
     const verdicts = this.choice("verdict", "all verdicts", ["certain", "possible"]);
     const filters = element("div", { class: "filters" }, kinds, verdicts);
     const head = element("header", { class: "side-head" }, element("h2", {}, "Events"), filters);
-    this.root = element("aside", { class: "side", "aria-label": "events" }, head, this.rows, this.foot);
+    this.root = element("aside", { class: "side", "aria-label": "events" }, head, this.note, this.rows, this.foot);
     void this.load();
+  }
+
+  /** Says what the charts leave out. */
+  remark(text: string): void {
+    setText(this.note, text);
   }
 
   /** Puts a live event on top, if it passes the filters. */

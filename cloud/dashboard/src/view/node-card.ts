@@ -4,7 +4,6 @@ import { parseInstant, printClock, printDay } from "../time/instant";
 import { element } from "./element";
 import { healthSymbol } from "./symbol";
 
-const HEALTH_TEXT = { online: "online", late: "late", offline: "offline" } as const;
 
 /** Prints bytes with a binary prefix, rounded up. */
 export function formatBytes(bytes: number): string {
@@ -51,15 +50,18 @@ function fact(name: string, value: HTMLElement | string): HTMLElement[] {
 }
 
 /** A node at a glance: health by shape and text, last seen, outbox and gaps. */
-export function nodeCard(node: NodeItem, options: { href: string; current: boolean; now: bigint }): HTMLElement {
+export function nodeCard(
+  node: NodeItem,
+  options: { href: string; current: boolean; now: bigint; reachable: boolean },
+): HTMLElement {
   const seen = lastSeen(node, options.now);
-  const health = HEALTH_TEXT[node.health] ?? node.health;
+  const health = options.reachable ? node.health : "unknown";
   const head = element(
     "div",
     { class: "card-head" },
-    healthSymbol(node.health),
+    healthSymbol(health),
     element("strong", {}, node.id),
-    element("span", { class: `badge ${node.health}`, "data-testid": "node-health" }, health),
+    element("span", { class: `badge ${health}`, "data-testid": "node-health" }, health),
   );
   const gaps = element("span", { class: node.gaps > 0 ? "warn" : "" }, String(node.gaps));
   const facts = element(
@@ -78,7 +80,7 @@ export function nodeCard(node: NodeItem, options: { href: string; current: boole
       "aria-current": options.current ? "page" : null,
       "data-testid": "node",
       "data-node": node.id,
-      "data-health": node.health,
+      "data-health": health,
       title: [node.description, `last seen ${seen.title}`, outboxBytes(node)].filter(Boolean).join("\n"),
     },
     head,

@@ -11,17 +11,21 @@ export class NodeStrip {
 
   constructor(private readonly context: Context) {}
 
-  /** Draws the cards anew when anything has changed; the focus stays on its card. */
-  show(nodes: readonly NodeItem[], now: bigint): void {
+  /**
+   * Draws the cards anew when anything has changed; the focus stays on its card.
+   *
+   * @param reachable whether the cloud answers: if not, nobody knows how the nodes are
+   */
+  show(nodes: readonly NodeItem[], now: bigint, reachable: boolean): void {
     const place = this.context.place();
-    const state = JSON.stringify([nodes, place.node, printPlace({ ...place, node: null }), Number(now / 1_000_000_000n)]);
+    const state = JSON.stringify([nodes, reachable, place.node, printPlace({ ...place, node: null }), Number(now / 1_000_000_000n)]);
     if (state === this.drawn) return;
     this.drawn = state;
     const cards = nodes.map((node) => {
       const current = place.node === node.id;
       const back = current && place.channel === null;
       const target = { ...place, node: back ? null : node.id, channel: null, question: null };
-      return nodeCard(node, { href: printPlace(target), current, now });
+      return nodeCard(node, { href: printPlace(target), current, now, reachable });
     });
     const held = new Map([...this.root.children].map((card) => [card.getAttribute("data-node"), card]));
     for (const [index, card] of cards.entries()) {

@@ -244,9 +244,13 @@ export class Page {
     const { signal } = this.eventLoading;
     try {
       const lists = ["gap", "peak"].map((kind) => client.eventsOf({ ...scope, ...window, kind }, EVENT_PAGES, signal));
-      for (const event of (await Promise.all(lists)).flat().toReversed()) {
+      const found = await Promise.all(lists);
+      for (const event of found.flatMap(({ items }) => items).toReversed()) {
         this.sections.get(event.node)?.takeEvent(event);
       }
+      const most = Math.max(...found.map(({ items }) => items.length));
+      const complete = found.every((list) => list.complete);
+      this.list.remark(complete ? "" : `Only the latest ${most} peaks are marked in the charts: zoom in for all.`);
     } catch (error) {
       // The event list beside the charts tells of the same failure, with a way to try again.
       if (!isAbort(error)) this.list.fail(error);

@@ -1,14 +1,18 @@
 import type { Health, Verdict } from "../api/contract";
 import { icon } from "./element";
 
-const HEALTH: Readonly<Record<Health, { path: string; filled: boolean }>> = {
+/** A node's health as far as it is known: not at all while the cloud cannot be reached. */
+export type KnownHealth = Health | "unknown";
+
+const HEALTH: Readonly<Record<KnownHealth, { path: string; filled: boolean }>> = {
   online: { path: "M8 3a5 5 0 1 0 0 10a5 5 0 1 0 0-10z", filled: true },
   late: { path: "M8 2.5 L14 13 H2 Z M8 6.5 V9.5 M8 11 V11.4", filled: false },
   offline: { path: "M8 3a5 5 0 1 0 0 10a5 5 0 1 0 0-10z M4.6 11.4 L11.4 4.6", filled: false },
+  unknown: { path: "M6 6.2 A2.1 2.1 0 1 1 8 8.6 V9.8 M8 12 V12.4", filled: false },
 };
 
-/** A disc, a warning triangle, or a crossed ring: health without relying on colour. */
-export function healthSymbol(health: Health): SVGSVGElement {
+/** A disc, a warning triangle, a crossed ring, or a question mark: health without relying on colour. */
+export function healthSymbol(health: KnownHealth): SVGSVGElement {
   const { path, filled } = HEALTH[health] ?? HEALTH.offline;
   const symbol = icon(path, filled);
   symbol.classList.add("health", health);

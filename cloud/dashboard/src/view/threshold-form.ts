@@ -88,7 +88,7 @@ export class ThresholdForm {
   /** Asks again once the window has settled, and every other second while it moves. */
   frame(at: number): void {
     const { question, view } = this.options.context.place();
-    if (!question) return;
+    if (!question || this.invalid) return;
     const live = view.kind === "live" && at - this.askedAt > LIVE_PAUSE_MS;
     if (!live && (this.due === null || at < this.due)) return;
     const range = this.options.range();
@@ -96,6 +96,11 @@ export class ThresholdForm {
     this.due = null;
     this.askedAt = at;
     void this.ask(question, range);
+  }
+
+  /** While what was typed cannot be asked, the complaint stays, and no answer overwrites it. */
+  private get invalid(): boolean {
+    return this.level.getAttribute("aria-invalid") === "true";
   }
 
   destroy(): void {
@@ -115,12 +120,18 @@ export class ThresholdForm {
     const valid = /^[-+]?(\d+\.?\d*|\.\d+)$/.test(text) && Number.isFinite(level);
     this.level.setAttribute("aria-invalid", String(!valid));
     if (valid) this.go({ side: this.side.value === "below" ? "below" : "above", level });
-    else this.answer.textContent = `"${this.level.value}" is not a number. Type a level such as 12.5.`;
+    else {
+      this.asking?.abort();
+      this.answer.textContent = `"${this.level.value}" is not a number. Type a level such as 12.5.`;
+    }
   }
 
   private go(question: Question | null): void {
     const { context } = this.options;
-    if (question === null) this.level.value = "";
+    if (question === null) {
+      this.level.value = "";
+      this.level.removeAttribute("aria-invalid");
+    }
     context.go({ ...context.place(), question }, "replace");
   }
 
@@ -148,6 +159,7 @@ export class ThresholdForm {
 
   private tell(question: Question, segments: readonly Segment[], range: Range, complete: boolean): void {
     const certain = segments.filter((segment) => segment.verdict === "certain").length;
+    const more = segments.length - certain;
     const sums = sumSegments(segments, range);
     const unit = this.root.querySelector(".unit")?.textContent ?? "";
     const level = `${question.side} ${this.print(question.level)} ${unit}`.trim();
@@ -156,7 +168,7 @@ export class ThresholdForm {
       element("strong", { "data-testid": "total-certain", "data-ns": sums.certain }, `certainly ${formatDuration(sums.certain, "down")}`),
       element("span", {}, ` in ${certain} segment${certain === 1 ? "" : "s"}, `),
       element("strong", { "data-testid": "total-possible", "data-ns": sums.atMost }, `possibly up to ${formatDuration(sums.atMost, "up")}`),
-      element("span", {}, ` in ${segments.length - certain} more, of ${window}.`),
+      element("span", {}, more > 0 ? ` in ${more} more, of ${window}.` : `, of ${window}.`),
       complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
     ];
     if (segments.length === 0 && !this.options.known(range)) {
