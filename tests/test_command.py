@@ -204,7 +204,10 @@ def test_list_of_identities_is_whole_when_piped(identities: Identities) -> None:
     assert done.returncode == 0
     for entry in identities.authority.issued():
         line = next(line for line in done.stdout.splitlines() if entry.serial in line)
-        assert line.split() == [entry.name, entry.kind, entry.expires, "-", entry.serial]
+        assert line.split() == [
+            *(entry.name, entry.kind, entry.expires),
+            *(entry.revoked or "-", entry.serial),
+        ]
 
 
 def test_gateway_says_which_port_is_taken(tmp_path: Path, identities: Identities) -> None:

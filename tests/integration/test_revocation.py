@@ -29,7 +29,9 @@ def test_revoked_node_is_out_and_stays_out(tmp_path: Path) -> None:
         assert demo.samples()["palm"] == before["palm"]
         assert demo.stop(seconds=60) == 0
         demo.start()
-        assert "palm was revoked, so it is kept out" in demo.output()
+        demo.wait_for(
+            lambda: "palm was revoked, so it is kept out" in demo.output(), "it is told who is out"
+        )
         demo.wait_for_more(["fingertip"])
         assert demo.samples()["palm"] == before["palm"]
         assert demo.stop(seconds=60) == 0
