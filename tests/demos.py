@@ -76,7 +76,7 @@ class RunningDemo(Running):
                 found["broker"] = child
             elif "node" in line:
                 found[line[-1].split("/")[-2]] = child
-            elif line:
+            elif "eskin" in line:  # else a fork that has not become its program yet
                 found[line[line.index("eskin") + 1]] = child
         return found
 
