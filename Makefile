@@ -42,7 +42,7 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 	$(BIN)/lint-imports
 	services/npm.sh $(DASHBOARD) run lint
 
-bench: $(VENV)/.development $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
+bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	$(BIN)/python -m benchmarks $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
@@ -63,13 +63,18 @@ $(VENV)/bin/pip:
 
 $(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/bin/pip
 	@echo "Installing eskin and what it needs …"
-	@$(BIN)/pip install --disable-pip-version-check --editable . --constraint constraints.txt $(ON_ONE_LINE)
+	@$(BIN)/pip install --disable-pip-version-check --editable '.[figures]' --constraint constraints.txt $(ON_ONE_LINE)
 	@touch $@
 
 $(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
 	@echo "Installing eskin and what its tests need …"
 	@$(BIN)/pip install --disable-pip-version-check --editable '.[dev]' --constraint constraints.txt $(ON_ONE_LINE)
 	@touch $@ $(VENV)/.runtime
+
+$(VENV)/.peers: pyproject.toml constraints.txt | $(VENV)/.development
+	@echo "Installing the libraries that eskin is measured beside …"
+	@$(BIN)/pip install --disable-pip-version-check --editable '.[bench]' --constraint constraints.txt $(ON_ONE_LINE)
+	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip
 	@echo "Building the dashboard …"

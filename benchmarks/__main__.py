@@ -9,7 +9,9 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.envelope import measure_envelope
+from benchmarks.icm import measure_icm
 from benchmarks.latency import measure_latency
+from benchmarks.models import measure_models
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.report import Row, as_table, write_json
 
@@ -24,6 +26,9 @@ def main() -> None:
     if not console.is_terminal:
         console = Console(width=140)
     rows: list[Row] = []
+    with console.status("models against plain numpy and other interval libraries …"):
+        rows += measure_models()
+        rows += measure_icm()
     with tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with console.status("sealing and opening envelopes …"):

@@ -17,6 +17,7 @@
     ├── CloudError               a cloud that did not answer a gateway as agreed
     ├── StoreError               a cloud's store that cannot hold or give back
     ├── QueryError               a question that has no answer as it stands
+    ├── DesignError              a requirement, or a space of parameters, that cannot be used
     └── AuditError               a data folder that cannot be audited
 
 A message says what happened, where, with which value, and what to do. Facts that a program may
@@ -155,6 +156,10 @@ class QueryError(EskinError):
     def __init__(self, parameter: str, reason: str) -> None:
         super().__init__(f"{parameter}: {reason}")
         self.parameter = parameter
+
+
+class DesignError(EskinError, ValueError):
+    """A requirement, or a space of parameters, that cannot be used."""
 
 
 class AuditError(EskinError):

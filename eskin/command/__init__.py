@@ -12,6 +12,7 @@ import typer
 
 from eskin.command.cloud import cloud
 from eskin.command.demo import audit, demo
+from eskin.command.figures import figures
 from eskin.command.gateway import gateway
 from eskin.command.node import node
 from eskin.command.pki import pki
@@ -25,6 +26,7 @@ __all__ = ["app", "main"]
 app = typer.Typer(name="eskin", add_completion=False, pretty_exceptions_enable=False)
 app.command()(demo)
 app.command()(audit)
+app.command()(figures)
 app.command()(node)
 app.command()(gateway)
 app.add_typer(cloud, name="cloud")

@@ -73,7 +73,7 @@ class TouchInversion:
         self._area_reach = taxel.noise.reach
         self._capacitance_reach = float((self._per_area * self._area_reach).sup)
         supply = Interval.relative(taxel.supply, taxel.supply_tolerance)
-        self._half_square = supply.square() * 0.5
+        self._half_square = supply.sqr() * 0.5
 
     def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
         """Area in m², capacitance in F, energy in J."""
@@ -101,8 +101,8 @@ class InductiveInversion:
     def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
         """Frequency in Hz, inductance in H, distance in m."""
         frequency = widen(self._converter.enclose(codes["voltage"]), self._reach) * self._reference
-        square = (not_negative(frequency) * TWO_PI).square()
-        inductance = falling(frequency, square.reciprocal() / self._capacitance)
+        square = (not_negative(frequency) * TWO_PI).sqr()
+        inductance = falling(frequency, square.recip() / self._capacitance)
         return {
             "frequency": frequency,
             "inductance": inductance,
@@ -160,8 +160,11 @@ def widen(values: Interval, reach: float) -> Interval:
 
 
 def not_negative(values: Interval) -> Interval:
-    """The part at or above zero; ``[0, 0]`` where noise left none."""
-    return Interval(np.maximum(values.inf, 0.0), np.maximum(values.sup, 0.0))
+    """The part at or above zero; ``[0, inf]``, nothing known, where noise left none above it."""
+    known = values.sup > 0.0
+    return Interval(
+        np.where(known, np.maximum(values.inf, 0.0), 0.0), np.where(known, values.sup, np.inf)
+    )
 
 
 def falling(cause: Interval, effect: Interval) -> Interval:

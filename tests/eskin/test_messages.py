@@ -31,7 +31,9 @@ from eskin.peaks import Verdict
 from eskin.tube import Tube
 
 BOUND = st.floats(allow_nan=False)
-PAIR = st.tuples(BOUND, BOUND).map(sorted)
+PAIR = (
+    st.tuples(BOUND, BOUND).map(sorted).filter(lambda pair: pair[0] < np.inf and pair[1] > -np.inf)
+)
 
 
 def block_of(pairs: list[list[float]], encoding: Encoding) -> tuple[Block, Interval]:

@@ -1,0 +1,190 @@
+"""What outputs have to be, judged over whole boxes of parameters at once.
+
+A requirement that names parameters in ``for_every`` holds at a design point only if it holds for
+each of their values: a current above its limit *for every touch*.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from itertools import combinations, product
+from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
+
+import numpy as np
+
+from eskin.errors import DesignError
+from eskin.interval import Interval
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+Boxes: TypeAlias = "Mapping[str, Interval]"
+"""Parameters by name, each an `Interval` of shape ``(n,)``: n boxes."""
+Truths: TypeAlias = "NDArray[np.bool_]"
+Output: TypeAlias = "Callable[..., Interval]"
+"""A model: takes parameters by keyword, gives an `Interval` of their broadcast shape."""
+
+MOST_TOLERANCES: Final = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What is known of each box.
+
+    Attributes:
+        certain: Every point of the box meets the requirement.
+        impossible: No point of the box meets it.
+    """
+
+    certain: Truths
+    impossible: Truths
+
+
+class Requirement(Protocol):
+    """Judges boxes; a box of which neither is known is to be divided."""
+
+    def judge(self, boxes: Boxes) -> Judgement:
+        """Judge n boxes."""
+
+
+@dataclass(frozen=True, slots=True)
+class Within:
+    """An output stays inside a band.
+
+    Attributes:
+        output: The model.
+        lo: Least value allowed; ``-inf`` for none.
+        hi: Greatest value allowed; ``inf`` for none.
+        for_every: Parameters that may take any value of their interval.
+        pieces: Into how many pieces each of these is divided.
+    """
+
+    output: Output
+    lo: float = -np.inf
+    hi: float = np.inf
+    for_every: Mapping[str, Interval] = field(default_factory=dict)
+    pieces: int = 8
+
+    def __post_init__(self) -> None:
+        if not self.lo <= self.hi:
+            raise DesignError(f"the band [{self.lo}, {self.hi}] is empty; give lo <= hi")
+
+    def judge(self, boxes: Boxes) -> Judgement:
+        """Judge n boxes."""
+        whole = _call(self.output, boxes, _pieces(self.for_every, self.pieces))
+        thin = _call(self.output, boxes, _samples(self.for_every, self.pieces))
+        certain = (whole.inf >= self.lo) & (whole.sup <= self.hi)
+        impossible = (thin.sup < self.lo) | (thin.inf > self.hi)
+        return Judgement(np.all(certain, axis=1), np.any(impossible, axis=1))
+
+
+@dataclass(frozen=True, slots=True)
+class Narrower:
+    """An output's interval, under the tolerances of the parts, is narrower than a limit.
+
+    Attributes:
+        output: The model.
+        width: Greatest width allowed, in the output's unit.
+        tolerance: Relative tolerance of each part that has one: 0.01 is ±1 %.
+        for_every: Parameters that may take any value of their interval.
+        pieces: Into how many pieces each of these is divided; a piece's own extent counts as width,
+            so more pieces leave less undecided.
+    """
+
+    output: Output
+    width: float
+    tolerance: Mapping[str, float]
+    for_every: Mapping[str, Interval] = field(default_factory=dict)
+    pieces: int = 64
+
+    def __post_init__(self) -> None:
+        if not 1 <= len(self.tolerance) <= MOST_TOLERANCES:
+            raise DesignError(f"tolerances: give 1 to {MOST_TOLERANCES}, not {len(self.tolerance)}")
+        for name, share in self.tolerance.items():
+            if not 0.0 <= share < 1.0:
+                raise DesignError(f"tolerance of {name}: {share} is outside of [0, 1)")
+
+    def judge(self, boxes: Boxes) -> Judgement:
+        """Judge n boxes: by the whole of a box's tolerances, and by the ends of each tolerance."""
+        spread = {n: v * _factor(self.tolerance.get(n, 0.0)) for n, v in boxes.items()}
+        whole = _call(self.output, spread, _pieces(self.for_every, self.pieces))
+        certain: Truths = np.all(whole.wid <= self.width, axis=1)
+        samples = _samples(self.for_every, self.pieces)
+        ends = [_call(self.output, moved, samples) for moved in self._ends(boxes)]
+        impossible = np.zeros(certain.shape, dtype=bool)
+        for one, other in combinations(ends, 2):
+            impossible |= np.any((one - other).mig > self.width, axis=1)
+        return Judgement(certain, impossible)
+
+    def _ends(self, boxes: Boxes) -> list[dict[str, Interval]]:
+        names = [name for name in boxes if self.tolerance.get(name, 0.0) > 0.0]
+        moved = []
+        for signs in product((-1.0, 1.0), repeat=len(names)):
+            shares = {n: s * self.tolerance[n] for n, s in zip(names, signs, strict=True)}
+            moved.append({n: v * Interval(1.0 + shares.get(n, 0.0)) for n, v in boxes.items()})
+        return moved
+
+
+@dataclass(frozen=True, slots=True)
+class All:
+    """Several requirements at once.
+
+    Attributes:
+        parts: The requirements.
+    """
+
+    parts: tuple[Requirement, ...]
+
+    def judge(self, boxes: Boxes) -> Judgement:
+        """Judge n boxes."""
+        judged = [part.judge(boxes) for part in self.parts]
+        return Judgement(
+            np.logical_and.reduce([each.certain for each in judged]),
+            np.logical_or.reduce([each.impossible for each in judged]),
+        )
+
+
+def _factor(share: float) -> Interval:
+    return Interval.around(1.0, share)
+
+
+def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> Interval:
+    """Evaluate on n boxes times m values of the others: shape ``(n, m)``."""
+    columns: dict[str, Any] = {
+        name: Interval(value.inf[:, None], value.sup[:, None]) for name, value in boxes.items()
+    }
+    result = output(**columns, **others)
+    n = next(iter(boxes.values())).inf.shape[0]
+    if result.inf.ndim != 2 or result.inf.shape[0] != n:
+        raise DesignError(
+            f"the output has shape {result.inf.shape} for parameters of shape ({n}, 1) and (1, m); "
+            "it must follow numpy's broadcasting"
+        )
+    return result
+
+
+def _pieces(for_every: Mapping[str, Interval], pieces: int) -> dict[str, Interval]:
+    """All combinations of pieces, shape ``(1, pieces ** len(for_every))``."""
+    cuts = [_cuts(value, pieces) for value in for_every.values()]
+    lo = np.meshgrid(*(cut[:-1] for cut in cuts), indexing="ij")
+    hi = np.meshgrid(*(cut[1:] for cut in cuts), indexing="ij")
+    return {
+        name: Interval(one.reshape(1, -1), other.reshape(1, -1))
+        for name, one, other in zip(for_every, lo, hi, strict=True)
+    }
+
+
+def _samples(for_every: Mapping[str, Interval], pieces: int) -> dict[str, Interval]:
+    """All combinations of single values, the ends among them."""
+    grids = np.meshgrid(*(_cuts(value, pieces) for value in for_every.values()), indexing="ij")
+    return {
+        name: Interval(grid.reshape(1, -1)) for name, grid in zip(for_every, grids, strict=True)
+    }
+
+
+def _cuts(value: Interval, pieces: int) -> NDArray[np.float64]:
+    lo, hi = float(value.inf), float(value.sup)
+    cuts = np.linspace(lo, hi, pieces + 1)
+    return np.clip(cuts, lo, hi)

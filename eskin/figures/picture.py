@@ -1,0 +1,72 @@
+"""Draws figures with matplotlib, which is an extra: ``pip install 'eskin[figures]'``."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import TYPE_CHECKING, Final
+
+from matplotlib.figure import Figure as Canvas
+from matplotlib.ticker import EngFormatter
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from matplotlib.axes import Axes
+
+    from eskin.figures.figure import Figure, Panel
+
+COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
+"""Okabe and Ito's colours, told apart by the colour-blind, too."""
+STYLES: Final = ("-", "--", ":", "-.")
+_DPI: Final = 150
+_WIDTH: Final = 9.0
+_PANEL_HEIGHT: Final = 2.3
+_MARGIN: Final = 1.5
+
+
+def write_picture(path: Path, figure: Figure) -> None:
+    """Write a figure as PNG.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    count = len(figure.panels)
+    height = _PANEL_HEIGHT * count + (_MARGIN if count > 1 else _MARGIN + 1.5)
+    canvas = Canvas(figsize=(_WIDTH, height), layout="constrained")
+    axes = canvas.subplots(count, 1, squeeze=False)
+    for number, panel in enumerate(figure.panels):
+        _draw(axes[number, 0], figure, panel)
+    axes[-1, 0].set_xlabel(figure.xlabel)
+    canvas.suptitle(figure.title, fontweight="bold")
+    canvas.supxlabel(
+        textwrap.fill(figure.caption, 125), fontsize=8, color="#444444", x=0.02, ha="left"
+    )
+    canvas.savefig(path, dpi=_DPI, metadata={"Software": None})
+
+
+def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:
+    x = next(iter(figure.columns.values()))
+    for k, (label, (lo, hi)) in enumerate(panel.bands.items()):
+        colour = COLOURS[k % len(COLOURS)]
+        axes.fill_between(
+            x,
+            figure.columns[lo],
+            figure.columns[hi],
+            color=colour,
+            alpha=0.25,
+            linewidth=0,
+            label=label,
+        )
+    for k, (label, column) in enumerate(panel.lines.items()):
+        style, colour = STYLES[k % len(STYLES)], COLOURS[k % len(COLOURS)]
+        axes.plot(x, figure.columns[column], style, color=colour, linewidth=1.3, label=label)
+    if panel.span is not None:
+        axes.set_xlim(float(x[0]), float(x[0]) + panel.span)
+    else:
+        axes.margins(x=0)
+    axes.xaxis.set_major_formatter(EngFormatter(figure.x_unit))
+    area = panel.unit == "m2"  # prefixes of squared units mislead
+    axes.yaxis.set_major_formatter("{x:.1e} m²" if area else EngFormatter(panel.unit))
+    axes.set_ylabel(panel.ylabel)
+    axes.grid(visible=True, color="#dddddd", linewidth=0.6)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

@@ -1,0 +1,9 @@
+"""Intervals: arrays of closed bounds that enclose the truth, by the words of IEEE 1788-2015."""
+
+from __future__ import annotations
+
+from eskin.interval.answer import Answer
+from eskin.interval.conversion import Floats, round_down, round_up
+from eskin.interval.interval import Interval, as_interval
+
+__all__ = ["Answer", "Floats", "Interval", "as_interval", "round_down", "round_up"]

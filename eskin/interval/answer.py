@@ -1,0 +1,80 @@
+"""Three answers to one question: certain, possible, impossible."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from eskin.errors import IntervalError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+class Answer:
+    """What is known of a statement about numbers inside of intervals, element by element.
+
+    Combine answers with ``~``, ``&`` and ``|`` (Kleene's logic). A single answer that is decided
+    can be asked with ``if``; one that is only possible raises, so that nobody takes it for a yes.
+
+    Attributes:
+        certain: True for all numbers inside.
+        impossible: True for none.
+    """
+
+    __slots__ = ("certain", "impossible")
+    __array_ufunc__ = None
+    __hash__ = None  # type: ignore[assignment]  # answers are arrays
+
+    def __init__(self, certain: ArrayLike, impossible: ArrayLike) -> None:
+        sure, never = np.broadcast_arrays(np.asarray(certain, bool), np.asarray(impossible, bool))
+        if np.any(sure & never):
+            raise IntervalError("an answer is certain and impossible at once")
+        self.certain: NDArray[np.bool_] = sure
+        self.impossible: NDArray[np.bool_] = never
+
+    @property
+    def possible(self) -> NDArray[np.bool_]:
+        """True for some numbers inside, and not for others."""
+        return np.asarray(~self.certain & ~self.impossible)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the array of answers."""
+        return self.certain.shape
+
+    def __getitem__(self, index: Any) -> Answer:
+        return Answer(self.certain[index], self.impossible[index])
+
+    def __invert__(self) -> Answer:
+        return Answer(self.impossible, self.certain)
+
+    def __and__(self, other: Answer) -> Answer:
+        return Answer(self.certain & other.certain, self.impossible | other.impossible)
+
+    def __or__(self, other: Answer) -> Answer:
+        return Answer(self.certain | other.certain, self.impossible & other.impossible)
+
+    def all(self) -> Answer:
+        """Whether all are true."""
+        return Answer(np.all(self.certain), np.any(self.impossible))
+
+    def any(self) -> Answer:
+        """Whether one is true."""
+        return Answer(np.any(self.certain), np.all(self.impossible))
+
+    def __bool__(self) -> bool:
+        if self.certain.size != 1:
+            raise IntervalError(
+                f"{self.certain.size} answers are no single one; take .all(), .any() or .certain"
+            )
+        if np.any(self.possible):
+            raise IntervalError("only possible: ask for .certain, or for ~answer.impossible")
+        return bool(np.all(self.certain))
+
+    def __repr__(self) -> str:
+        words = np.where(
+            self.certain, "certain", np.where(self.impossible, "impossible", "possible")
+        )
+        return f"Answer({words.tolist()!r})" if self.certain.ndim else f"Answer({words.item()!r})"

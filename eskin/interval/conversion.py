@@ -1,0 +1,122 @@
+"""Numbers become bounds: exactly where a float can hold them, outward where none can."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from eskin.errors import IntervalError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+Floats: TypeAlias = "NDArray[np.float64]"
+
+_EXACT_INTEGER = 2**53
+
+
+def round_down(value: Floats, ulp: int = 1) -> Floats:
+    """Move each value ``ulp`` floats towards minus infinity."""
+    with np.errstate(over="ignore", under="ignore"):
+        for _ in range(ulp):
+            value = np.nextafter(value, -np.inf)
+    return value
+
+
+def round_up(value: Floats, ulp: int = 1) -> Floats:
+    """Move each value ``ulp`` floats towards plus infinity."""
+    with np.errstate(over="ignore", under="ignore"):
+        for _ in range(ulp):
+            value = np.nextafter(value, np.inf)
+    return value
+
+
+def enclose(value: ArrayLike, name: str) -> tuple[Floats, Floats]:
+    """The greatest floats not above real numbers, and the least not below.
+
+    Args:
+        value: Booleans, integers of any size, or real floats of any precision.
+        name: What the caller calls it, for the error.
+
+    Raises:
+        IntervalError: It holds anything else, or rows of different lengths.
+    """
+    try:
+        array = np.asarray(value)
+    except (ValueError, TypeError, OverflowError) as error:
+        raise IntervalError(f"{name} is no array of numbers: {error}") from error
+    if array.dtype.kind == "b" or array.dtype in (np.float64, np.float32, np.float16):
+        exact = array.astype(np.float64, copy=False)
+        return exact, exact
+    if array.dtype.kind in "iuO":
+        return _enclose_integers(array, name)
+    if array.dtype.kind == "f":
+        with np.errstate(over="ignore"):
+            near = array.astype(np.float64)
+        wide = near.astype(array.dtype)
+        return np.where(wide > array, round_down(near), near), np.where(
+            wide < array, round_up(near), near
+        )
+    raise IntervalError(
+        f"{name} has dtype {array.dtype}; intervals need real numbers (booleans, integers, floats)"
+    )
+
+
+def _enclose_integers(array: NDArray[Any], name: str) -> tuple[Floats, Floats]:
+    if array.dtype.kind == "O":
+        for index, item in np.ndenumerate(array):
+            if not isinstance(item, int):
+                raise IntervalError(
+                    f"{name} holds {item!r} ({type(item).__name__}) at index {index}; intervals "
+                    "need real numbers; join intervals with Interval.stack"
+                )
+    elif array.size == 0 or (
+        int(array.min()) >= -_EXACT_INTEGER and int(array.max()) <= _EXACT_INTEGER
+    ):
+        exact = array.astype(np.float64)
+        return exact, exact
+    pairs = [_enclose_integer(int(item)) for item in array.ravel().tolist()]
+    lo, hi = (
+        np.array(pairs, dtype=np.float64).reshape(*array.shape, 2).transpose(-1, *range(array.ndim))
+    )
+    return lo, hi
+
+
+def _enclose_integer(number: int) -> tuple[float, float]:
+    try:
+        near = float(number)
+    except OverflowError:
+        edge = float(np.finfo(np.float64).max)
+        return (edge, np.inf) if number > 0 else (-np.inf, -edge)
+    below = near if int(near) <= number else float(np.nextafter(near, -np.inf))
+    above = near if int(near) >= number else float(np.nextafter(near, np.inf))
+    return below, above
+
+
+def first_index(where: NDArray[np.bool_]) -> tuple[int, ...]:
+    """The first index at which something is true."""
+    return tuple(int(axis) for axis in np.argwhere(where)[0])
+
+
+def require_order(inf: Floats, sup: Floats) -> None:
+    """Check that bounds are those of intervals that are not empty.
+
+    Raises:
+        IntervalError: Somewhere they are not.
+    """
+    good = (inf <= sup) & (inf < np.inf) & (sup > -np.inf)
+    if np.all(good):
+        return
+    where = first_index(~good)
+    lo, hi = float(inf[where]), float(sup[where])
+    if np.isnan(lo) or np.isnan(hi):
+        fault = "a bound is NaN"
+    elif lo > hi:
+        fault = "lo > hi"
+    else:
+        fault = "infinity is a bound, not a number"
+    raise IntervalError(
+        f"{fault} at index {where}: lo={lo!r}, hi={hi!r}; "
+        "an interval without members is Interval.empty()"
+    )

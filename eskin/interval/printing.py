@@ -1,0 +1,74 @@
+"""Intervals as text: what is printed encloses what is meant."""
+
+from __future__ import annotations
+
+import re
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.errors import IntervalError
+
+if TYPE_CHECKING:
+    from eskin.interval.bounds import Bounds
+
+_SPEC: Final = re.compile(r"(?:\.(?P<digits>\d{1,3}))?(?P<kind>[efg])?")
+_DIGITS: Final = 6
+_SHOWN: Final = 1000
+_EDGE: Final = 3
+
+
+def text_of(x: Bounds, spec: str) -> str:
+    """Intervals with bounds to so many digits, the lower rounded down, the upper rounded up.
+
+    Args:
+        x: The intervals; of many, only the first and last of each axis are written.
+        spec: ``.4g``, ``.3f`` or ``.2e``, as for floats.
+
+    Raises:
+        IntervalError: The format is none of these.
+    """
+    match = _SPEC.fullmatch(spec)
+    if match is None:
+        raise IntervalError(f"format {spec!r} is none of .4g, .3f, .2e")
+    digits = _DIGITS if match["digits"] is None else int(match["digits"])
+    kind = match["kind"] or "g"
+    return _nested(x, kind, digits, edge=_EDGE if x.size > _SHOWN else None)
+
+
+def _nested(x: Bounds, kind: str, digits: int, edge: int | None) -> str:
+    if x.ndim == 0:
+        return _single(float(x.inf), float(x.sup), kind, digits)
+    rows = [x[index] for index in _shown(len(x), edge)]
+    texts = [_nested(row, kind, digits, edge) for row in rows]
+    if len(texts) < len(x):
+        texts.insert(_EDGE, "...")
+    return "[" + ("\n " if x.ndim > 1 else " ").join(texts) + "]"
+
+
+def _shown(length: int, edge: int | None) -> list[int]:
+    if edge is None or length <= 2 * edge:
+        return list(range(length))
+    return [*range(edge), *range(length - edge, length)]
+
+
+def _single(lo: float, hi: float, kind: str, digits: int) -> str:
+    if lo > hi:
+        return "[empty]"
+    return f"[{_bound(lo, kind, digits, ROUND_FLOOR)}, {_bound(hi, kind, digits, ROUND_CEILING)}]"
+
+
+def _bound(value: float, kind: str, digits: int, rounding: str) -> str:
+    if not np.isfinite(value):
+        return "-inf" if value < 0 else "inf"
+    exact = Decimal(value)
+    if kind == "f":
+        places = Context(prec=800, rounding=rounding)
+        return format(exact.quantize(Decimal(1).scaleb(-digits), context=places), f".{digits}f")
+    count = max(digits, 1) if kind == "g" else digits + 1
+    rounded = Context(prec=count, rounding=rounding).plus(exact)
+    if kind == "e":
+        return format(rounded, f".{digits}e")
+    plain = rounded == 0 or -5 < rounded.adjusted() < max(count, 1)
+    return format(rounded.normalize(), "f") if plain else format(rounded.normalize(), "e")

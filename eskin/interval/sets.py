@@ -1,0 +1,149 @@
+"""Intervals as sets, and the numbers that describe them; IEEE 1788-2015, 10.5.7 to 10.5.10."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from eskin.interval.arithmetic import Arithmetic
+from eskin.interval.conversion import enclose, round_up
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from eskin.interval.bounds import Bounds
+    from eskin.interval.conversion import Floats
+
+_GREATEST = float(np.finfo(np.float64).max)
+
+
+class Sets(Arithmetic):
+    """Members, relations and sizes."""
+
+    __slots__ = ()
+
+    @property
+    def is_empty(self) -> NDArray[np.bool_]:
+        """Whether each has no member."""
+        return np.asarray(self.inf > self.sup)
+
+    @property
+    def is_entire(self) -> NDArray[np.bool_]:
+        """Whether each holds all real numbers."""
+        return np.asarray((self.inf == -np.inf) & (self.sup == np.inf))
+
+    @property
+    def is_singleton(self) -> NDArray[np.bool_]:
+        """Whether each has one member."""
+        return np.asarray(self.inf == self.sup)
+
+    @property
+    def is_common(self) -> NDArray[np.bool_]:
+        """Whether each is bounded and not empty."""
+        return np.asarray(np.isfinite(self.inf) & np.isfinite(self.sup))
+
+    @property
+    def wid(self) -> Floats:
+        """Width, rounded up; NaN for the empty interval."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            width = self.sup - self.inf
+            error = self._difference_error(width)
+        rounded = np.where(error > 0.0, round_up(width), width)
+        return np.where(self.is_empty, np.nan, rounded)
+
+    def _difference_error(self, width: Floats) -> Floats:
+        """What ``sup - inf`` lost to rounding; NaN where that is unbounded."""
+        part = width - self.sup
+        error = (self.sup - (width - part)) - (self.inf + part)
+        return np.where(np.isnan(error), 0.0, error)
+
+    @property
+    def mid(self) -> Floats:
+        """A member near the middle; ±the greatest float if one side is unbounded, 0 if both are."""
+        with np.errstate(invalid="ignore"):
+            middle = np.clip(0.5 * self.inf + 0.5 * self.sup, self.inf, self.sup)
+        middle = np.where(self.inf == -np.inf, -_GREATEST, middle)
+        middle = np.where(self.sup == np.inf, _GREATEST, middle)
+        middle = np.where(self.is_entire, 0.0, middle)
+        return np.where(self.is_empty, np.nan, middle)
+
+    @property
+    def rad(self) -> Floats:
+        """Radius: the least float with every member within it of `mid`; NaN for the empty one."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.maximum(
+                self._trusted(self.inf, self.mid).wid, self._trusted(self.mid, self.sup).wid
+            )
+
+    @property
+    def mag(self) -> Floats:
+        """Greatest magnitude inside; NaN for the empty interval."""
+        return np.where(self.is_empty, np.nan, np.maximum(np.abs(self.inf), np.abs(self.sup)))
+
+    @property
+    def mig(self) -> Floats:
+        """Least magnitude inside; NaN for the empty interval."""
+        least = np.maximum(np.maximum(self.inf, -self.sup), 0.0)
+        return np.where(self.is_empty, np.nan, least)
+
+    def contains(self, value: ArrayLike) -> NDArray[np.bool_]:
+        """Whether each number is a member; infinity and NaN are none of any."""
+        below, above = enclose(value, "value")
+        return np.asarray((self.inf <= below) & (above <= self.sup) & np.isfinite(below))
+
+    def hull(self, other: Bounds | ArrayLike) -> Self:
+        """The least interval that holds both."""
+        that = self.of(other)
+        return self._trusted(np.minimum(self.inf, that.inf), np.maximum(self.sup, that.sup))
+
+    def intersection(self, other: Bounds | ArrayLike) -> Self:
+        """The common members; empty where there are none."""
+        that = self.of(other)
+        lo, hi = np.maximum(self.inf, that.inf), np.minimum(self.sup, that.sup)
+        return self._trusted(np.where(lo <= hi, lo, np.inf), np.where(lo <= hi, hi, -np.inf))
+
+    def equal(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Whether both are the same set."""
+        that = self.of(other)
+        return np.asarray((self.inf == that.inf) & (self.sup == that.sup))
+
+    def subset(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Whether every member is one of the other's."""
+        that = self.of(other)
+        return np.asarray((that.inf <= self.inf) & (self.sup <= that.sup))
+
+    def interior(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Whether it lies in the other's interior."""
+        that = self.of(other)
+        left = (that.inf < self.inf) | ((that.inf == -np.inf) & (self.inf == -np.inf))
+        right = (self.sup < that.sup) | ((that.sup == np.inf) & (self.sup == np.inf))
+        return np.asarray((left & right) | self.is_empty)
+
+    def disjoint(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Whether they have no member in common."""
+        that = self.of(other)
+        apart = (self.sup < that.inf) | (that.sup < self.inf)
+        return np.asarray(apart | self.is_empty | that.is_empty)
+
+    def less(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Weakly less: each member has one of the other's that is not less, and the reverse."""
+        that = self.of(other)
+        return np.asarray((self.inf <= that.inf) & (self.sup <= that.sup))
+
+    def strict_less(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Strictly less: each member has one of the other's that is greater, and the reverse."""
+        that = self.of(other)
+        left = (self.inf < that.inf) | ((self.inf == -np.inf) & (that.inf == -np.inf))
+        right = (self.sup < that.sup) | ((self.sup == np.inf) & (that.sup == np.inf))
+        return np.asarray((left & right) | (self.is_empty & that.is_empty))
+
+    def precedes(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Whether it lies left of the other, or touches it."""
+        that = self.of(other)
+        return np.asarray(self.sup <= that.inf)
+
+    def strict_precedes(self, other: Bounds | ArrayLike) -> NDArray[np.bool_]:
+        """Whether it lies left of the other, and does not touch it."""
+        that = self.of(other)
+        return np.asarray((self.sup < that.inf) | self.is_empty | that.is_empty)

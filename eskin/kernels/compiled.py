@@ -1,0 +1,84 @@
+"""How eskin compiles: cached on disk, strict IEEE 754 arithmetic, no interpreter lock.
+
+Never ``fastmath``: it would let the compiler reorder sums and drop infinities, and with them every
+proof of enclosure.
+"""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+import numba
+from numba.core.dispatcher import Dispatcher
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+Function = TypeVar("Function", bound="Callable[..., Any]")
+
+
+def kernel(function: Function) -> Function:
+    """Compile a function at its first call with each new type of arguments; cache it on disk.
+
+    What is cached is good as long as neither its own source nor that of a part in it changes.
+    Where nothing can be written (a read-only container without ``NUMBA_CACHE_DIR``), each process
+    compiles for itself.
+    """
+    made: Any = numba.njit(nogil=True, error_model="numpy")(function)
+    try:
+        made.enable_caching()
+    except RuntimeError:  # numba found no folder to write to
+        return cast("Function", made)
+    # numba looks at the kernel's own file alone, and would keep old parts in new kernels.
+    made._cache._cache_file._source_stamp = _Stamps(function)  # noqa: SLF001 - has no other way
+    return cast("Function", made)
+
+
+class _Stamps:
+    """Name, time and size of the files that a kernel and the parts in it come from.
+
+    Looked up when numba first asks: when a kernel is made, parts below it are still to come.
+    """
+
+    __hash__ = None  # type: ignore[assignment]  # files change
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    def __eq__(self, other: object) -> bool:
+        return self._found == other
+
+    def __reduce__(self) -> tuple[type, tuple[list[tuple[str, int, int]]]]:
+        return list, (self._found,)
+
+    @functools.cached_property
+    def _found(self) -> list[tuple[str, int, int]]:
+        known: set[Any] = set()
+        waiting: list[Any] = [self._function]
+        while waiting:
+            each = waiting.pop()
+            known.add(each)
+            used = (each.__globals__.get(name) for name in each.__code__.co_names)
+            parts = (value.py_func for value in used if isinstance(value, Dispatcher))
+            waiting += [found for found in parts if found not in known]
+        files = sorted({each.__code__.co_filename for each in known})
+        stats = ((name, Path(name).stat()) for name in files)
+        return [(name, stat.st_mtime_ns, stat.st_size) for name, stat in stats]
+
+
+def part(function: Function) -> Function:
+    """Compile a small function for kernels to call; it dissolves into their loops."""
+    made = numba.njit(nogil=True, error_model="numpy")(function)
+    return cast("Function", made)
+
+
+def inlined(function: Function) -> Function:
+    """Compile a `part` that dissolves into its callers' loops however large it is.
+
+    A loop with a call in it does not become vector instructions, and the compiler calls what it
+    finds too large or too often used.
+    """
+    made = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
+    return cast("Function", made)

@@ -1,0 +1,41 @@
+"""Machine instructions that numba does not offer by itself."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final, cast
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+def _fma(_typing: Any, _a: Any, _b: Any, _c: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.fma(*arguments)
+
+    return types.float64(types.float64, types.float64, types.float64), generate
+
+
+def _to_bits(_typing: Any, _value: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.IntType(64))
+
+    return types.int64(types.float64), generate
+
+
+def _from_bits(_typing: Any, _value: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.DoubleType())
+
+    return types.float64(types.int64), generate
+
+
+fma: Final = cast("Callable[[float, float, float], float]", intrinsic(_fma))
+"""``a·b + c``, rounded once."""
+to_bits: Final = cast("Callable[[float], int]", intrinsic(_to_bits))
+"""The bits of a float as an integer."""
+from_bits: Final = cast("Callable[[int], float]", intrinsic(_from_bits))
+"""The float that has these bits."""

@@ -1,0 +1,121 @@
+"""Current i1 of the MagFES branch (eq. 15, 26, 28): R1 in series with L at the source.
+
+``i1 = (Vm/R1)·h(t; L/R1)`` has degree -1 in (R1, L): where both slopes vanish inside the box it is
+zero, and then on the whole ray through that point. So its extremes lie on the box's four edges. In
+units of ``Vm/R1_max``: ``h`` itself on the edge of greatest R1, ``h`` times the ratio of the
+resistances on that of least R1, and ``(τ/τ_ref)·h`` on the edges of constant L.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eskin.kernels.compiled import kernel, part
+from eskin.kernels.rounding import div_down, div_up
+from eskin.models.icm.bracket import bracket_edge, work_space
+from eskin.models.icm.clock import BLOCK, REACH, ROWS, fill_clock, sample_of
+from eskin.models.icm.curvature import edge_of, test_edge
+from eskin.models.icm.response import branch, phase_parts, respond
+from eskin.models.icm.scaling import error_factor, scale_outward
+
+if TYPE_CHECKING:
+    from eskin.models.icm.bracket import Flags, Found, Indices, Work
+    from eskin.models.icm.response import Phase
+    from eskin.models.parameters import Floats
+
+
+@kernel
+def current_rows(
+    rows: Floats, clock_of: Indices, times: Floats, lo: Floats, hi: Floats
+) -> None:  # fmt: skip
+    """Bounds of i1 for rows of thin frequency and phase.
+
+    Args:
+        rows: For each row bounds of amplitude, frequency, phase, R1 and L.
+        clock_of: For each row the row of ``times``.
+        times: Rows of times in s.
+        lo: Rows of lower bounds, to be filled.
+        hi: Rows of upper bounds, to be filled.
+    """
+    table, size = np.empty((ROWS, BLOCK)), np.empty(BLOCK)
+    open_edges = np.zeros((4, BLOCK), dtype=np.uint8)
+    work = work_space()
+    for start in range(0, times.shape[1], BLOCK):
+        stop = min(start + BLOCK, times.shape[1])
+        for row in range(rows.shape[0]):
+            given, clock = rows[row], clock_of[row]
+            if row == 0 or given[2] != rows[row - 1, 2] or clock != clock_of[row - 1]:
+                fill_clock(given[2], times[clock, start:stop], table)
+            f, phase, r_a, r_b = given[2], phase_parts(given[4]), given[6], given[7]
+            taus = given[8] / r_b, given[9] / r_b, given[8] / r_a, given[9] / r_a
+            ratio = r_b / r_a
+            found = lo[row, start:stop], hi[row, start:stop], size
+            width = _corners(f, taus, ratio, phase, table, found, open_edges)
+            _open(f, taus, ratio, phase, table, open_edges, (found, work))
+            inf, sup = div_down(given[0], r_b), div_up(given[1], r_b)
+            scale_outward(inf, sup, error_factor(width), times[clock, start:stop], found)
+
+
+@part
+def _open(
+    f: float,
+    taus: tuple[float, float, float, float],
+    ratio: float,
+    phase: Phase,
+    table: Floats,
+    open_edges: Flags,
+    place: tuple[Found, Work],
+) -> None:
+    """Second pass: edge by edge, as corners 0 to 3 stand in `_corners`."""
+    found, work = place
+    bracket_edge((f, taus[0], taus[1], 1.0), 0, phase, table, open_edges[0], found, work)
+    bracket_edge((f, taus[2], taus[3], ratio), 0, phase, table, open_edges[1], found, work)
+    bracket_edge((f, taus[0], taus[2], 1.0), 1, phase, table, open_edges[2], found, work)
+    bracket_edge((f, taus[1], taus[3], 1.0), 1, phase, table, open_edges[3], found, work)
+
+
+@part
+def _corners(
+    frequency: float, taus: tuple[float, float, float, float], ratio: float, phase: Phase,
+    table: Floats, found: Found, open_edges: Flags,
+) -> float:  # fmt: skip
+    """First pass: the corners, and which edges may have an extremum between them.
+
+    No term of the sum of sizes grows faster than τ, so one sum does for all corners.
+    """
+    lo, hi, size = found
+    a, b = branch(frequency, taus[0]), branch(frequency, taus[1])
+    c, d = branch(frequency, taus[2]), branch(frequency, taus[3])
+    bottom = edge_of(a, b, taus[0], taus[1], 0, phase)
+    top = edge_of(c, d, taus[2], taus[3], 0, phase)
+    left = edge_of(a, c, taus[0], taus[2], 1, phase)
+    right = edge_of(b, d, taus[1], taus[3], 1, phase)
+    growth = ratio * (taus[3] / taus[0]) * (1.0 + 1e-9)
+    for i in range(lo.size):
+        now = sample_of(table, i)
+        h_a, d_a, size_a, s_a, _ = respond(a, phase, now)
+        h_b, d_b, _, s_b, e_b = respond(b, phase, now)
+        h_c, d_c, _, s_c, e_c = respond(c, phase, now)
+        h_d, d_d, _, s_d, e_d = respond(d, phase, now)
+        reach = min(1.0, phase[2] + phase[3] * now[REACH])
+        sure_0, over_0 = test_edge(bottom, 0, d_a, d_b, s_a, s_b, e_b, reach)
+        sure_1, over_1 = test_edge(top, 0, d_c, d_d, s_c, s_d, e_d, reach)
+        sure_2, over_2 = test_edge(left, 1, h_a + d_a, h_c + d_c, s_a, s_c, e_c, reach)
+        sure_3, over_3 = test_edge(right, 1, h_b + d_b, h_d + d_d, s_b, s_d, e_d, reach)
+        # In units of Vm/R1_max; the right edge's own unit is the weight of its first corner, 1.
+        h_c, h_d, over_1 = ratio * h_c, ratio * h_d, ratio * over_1
+        least, most = min(min(h_a, h_b), min(h_c, h_d)), max(max(h_a, h_b), max(h_c, h_d))
+        lo[i], hi[i], size[i] = least, most, size_a * growth
+        open_edges[0, i] = not (sure_0 | _within(h_a, h_b, over_0, least, most))
+        open_edges[1, i] = not (sure_1 | _within(h_c, h_d, over_1, least, most))
+        open_edges[2, i] = not (sure_2 | _within(h_a, h_c, over_2, least, most))
+        open_edges[3, i] = not (sure_3 | _within(h_b, h_d, over_3, least, most))
+    return max(bottom[0], top[0]) + max(left[0], right[0])
+
+
+@part
+def _within(first: float, last: float, over: float, least: float, most: float) -> bool:
+    """Whether an edge cannot leave what the corners span."""
+    return (max(first, last) + over <= most) & (min(first, last) - over >= least)

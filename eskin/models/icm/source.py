@@ -1,0 +1,70 @@
+"""The source ``V = Vm·sin(ωt + ψ)·1(t)``, with interval amplitude, frequency and phase."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from eskin.kernels.compiled import kernel, part
+from eskin.kernels.instructions import fma
+from eskin.kernels.sine import sincospi_of_two, unit_down, unit_up
+
+if TYPE_CHECKING:
+    from eskin.models.icm.bracket import Indices
+    from eskin.models.parameters import Floats
+
+_INVERSE_PI: Final = 0.3183098861837907
+_INVERSE_PI_LOW: Final = -1.9678676675182486e-17
+_CLOSE: Final = 1e-14  # half turns: a crest this near is taken in, which costs 1e-27 at most
+_PHASE_ERROR: Final = 2.0**-98  # of the phase: 1/π has two words
+_STEP: Final = 1.0001 * 2.0**-53
+_LEAST: Final = 5e-324
+
+
+@part
+def _half_turns(frequency: float, time: float, phase: float) -> tuple[float, float]:
+    """``2 f t + ψ/π`` in two words."""
+    turns = 2.0 * frequency * time
+    rest = fma(2.0 * frequency, time, -turns)
+    high = phase * _INVERSE_PI
+    low = fma(phase, _INVERSE_PI, -high) + phase * _INVERSE_PI_LOW
+    total = turns + high
+    part_of = total - turns
+    carry = (turns - (total - part_of)) + (high - part_of)
+    return total, carry + (rest + low)
+
+
+@part
+def _crest_between(high_a: float, low_a: float, high_b: float, low_b: float, crest: float) -> bool:
+    """Whether ``crest + 2n`` lies between two angles in half turns, or as good as."""
+    shift = 2.0 * round(0.5 * high_a)
+    a, b = (high_a - shift) + low_a, (high_b - shift) + low_b
+    behind = a - _CLOSE - crest
+    first = crest + (2.0 if behind > 0.0 else 0.0) - (2.0 if behind <= -2.0 else 0.0)
+    return first <= b + _CLOSE
+
+
+@kernel
+def source_rows(rows: Floats, clock_of: Indices, times: Floats, lo: Floats, hi: Floats) -> None:
+    """Bounds of V for rows with bounds of amplitude, frequency and phase."""
+    for row in range(rows.shape[0]):
+        given = rows[row]
+        slack = max(abs(given[4]), abs(given[5])) * _PHASE_ERROR
+        for i in range(times.shape[1]):
+            time = times[clock_of[row], i]
+            if time < 0.0:
+                lo[row, i], hi[row, i] = 0.0, 0.0
+                continue
+            high_a, low_a = _half_turns(given[2], time, given[4])
+            high_b, low_b = _half_turns(given[3], time, given[5])
+            first, last = sincospi_of_two(high_a, low_a)[0], sincospi_of_two(high_b, low_b)[0]
+            least, most = unit_down(min(first, last)) - slack, unit_up(max(first, last)) + slack
+            if (high_a != high_b) | (low_a != low_b):
+                if _crest_between(high_a, low_a, high_b, low_b, 0.5):
+                    most = 1.0
+                if _crest_between(high_a, low_a, high_b, low_b, -0.5):
+                    least = -1.0
+            inf, sup = given[0], given[1]
+            below = min(min(inf * least, sup * least), min(inf * most, sup * most))
+            above = max(max(inf * least, sup * least), max(inf * most, sup * most))
+            lo[row, i] = fma(-_STEP, abs(below), below) - _LEAST
+            hi[row, i] = fma(_STEP, abs(above), above) + _LEAST

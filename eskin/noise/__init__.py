@@ -1,0 +1,25 @@
+"""Gaussian noise on a touch, and what a threshold makes of it (Fig. 8)."""
+
+from __future__ import annotations
+
+from eskin.noise.detection import Detection, detect
+from eskin.noise.error_rates import ErrorRates, error_rates
+from eskin.noise.gaussian import (
+    GaussianNoise,
+    TouchReadings,
+    coverage_within,
+    touch_with_noise,
+    touch_within,
+)
+
+__all__ = [
+    "Detection",
+    "ErrorRates",
+    "GaussianNoise",
+    "TouchReadings",
+    "coverage_within",
+    "detect",
+    "error_rates",
+    "touch_with_noise",
+    "touch_within",
+]

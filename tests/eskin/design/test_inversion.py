@@ -1,0 +1,139 @@
+"""What set inversion calls certain holds at every sample, and what it calls never at none."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from eskin.design import All, Narrower, Paving, Region, Within, invert
+from eskin.errors import DesignError
+from eskin.interval import Interval
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from eskin.design import Requirement
+
+EPSILON_0 = 8.854e-12
+SPACE = {"distance": Interval(5e-4, 5e-3), "permittivity": Interval(1.0, 5.0)}
+TOUCH = {"area": Interval(1e-5, 1e-4)}
+
+
+def capacitance(*, distance: Interval, permittivity: Interval, area: Interval) -> Interval:
+    return permittivity * area / distance * EPSILON_0
+
+
+def plain(point: Mapping[str, float], area: float, **moved: float) -> float:
+    values = {name: value * (1.0 + moved.get(name, 0.0)) for name, value in point.items()}
+    return EPSILON_0 * values["permittivity"] * area / values["distance"]
+
+
+def meets_band(point: Mapping[str, float]) -> bool:
+    return all(plain(point, area) >= 1.5e-13 for area in np.linspace(1e-5, 1e-4, 11))
+
+
+def width(point: Mapping[str, float], area: float) -> float:
+    shares = (-0.05, 0.0, 0.05)
+    values = [plain(point, area, distance=d, permittivity=p / 2.5) for d in shares for p in shares]
+    return max(values) - min(values)
+
+
+def meets_width(point: Mapping[str, float]) -> bool:
+    return all(width(point, area) <= 3e-13 for area in np.linspace(1e-5, 1e-4, 11))
+
+
+BAND = Within(capacitance, lo=1.5e-13, for_every=TOUCH)
+WIDTH = Narrower(
+    capacitance,
+    width=3e-13,
+    tolerance={"distance": 0.05, "permittivity": 0.02},
+    for_every=TOUCH,
+)
+CASES: dict[str, tuple[Requirement, Callable[[Mapping[str, float]], bool]]] = {
+    "band": (BAND, meets_band),
+    "width": (WIDTH, meets_width),
+    "both": (All((BAND, WIDTH)), lambda point: meets_band(point) and meets_width(point)),
+}
+
+
+def samples(paving: Paving, region: Region, count: int) -> list[dict[str, float]]:
+    random = np.random.default_rng(7)
+    chosen = np.flatnonzero(paving.regions == region)
+    picked = random.choice(chosen, count)
+    points = random.uniform(paving.lo[picked], paving.hi[picked])
+    return [dict(zip(paving.space, map(float, point), strict=True)) for point in points]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_certain_boxes_hold_everywhere_and_never_boxes_nowhere(name: str) -> None:
+    requirement, meets = CASES[name]
+    paving = invert(requirement, SPACE, resolution=1 / 128)
+    assert all(meets(point) for point in samples(paving, Region.CERTAIN, 400))
+    assert not any(meets(point) for point in samples(paving, Region.NEVER, 400))
+    assert paving.share(Region.CERTAIN) > 0.03
+    assert paving.share(Region.NEVER) > 0.05
+    assert paving.share(Region.POSSIBLE) < 0.15
+    assert sum(map(paving.share, Region)) == pytest.approx(1.0, abs=1e-12)
+
+
+def test_finer_resolution_leaves_less_undecided() -> None:
+    shares = [
+        invert(BAND, SPACE, resolution=resolution).share(Region.POSSIBLE)
+        for resolution in (1 / 16, 1 / 64, 1 / 256)
+    ]
+    assert shares[0] > 2 * shares[1] > 4 * shares[2]
+
+
+def test_limit_of_boxes_is_kept_and_stays_honest() -> None:
+    paving = invert(BAND, SPACE, resolution=1e-4, most=500)
+    assert 250 < len(paving.lo) <= 500
+    assert sum(map(paving.share, Region)) == pytest.approx(1.0, abs=1e-12)
+    assert all(meets_band(point) for point in samples(paving, Region.CERTAIN, 200))
+
+
+def test_progress_rises_to_one() -> None:
+    told: list[float] = []
+    invert(BAND, SPACE, progress=told.append)
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    assert len(told) > 5
+
+
+def test_point_is_told_its_region() -> None:
+    paving = invert(BAND, SPACE)
+    assert paving.region(distance=5e-4, permittivity=5.0) is Region.CERTAIN
+    assert paving.region(distance=5e-3, permittivity=1.0) is Region.NEVER
+    with pytest.raises(DesignError, match="outside of the space"):
+        paving.region(distance=1.0, permittivity=1.0)
+    with pytest.raises(DesignError, match="give distance, permittivity"):
+        paving.region(distance=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("space", "resolution", "complaint"),
+    [
+        ({}, 0.1, "no parameter"),
+        ({"distance": Interval(1e-3)}, 0.1, "thin"),
+        ({"distance": Interval(1e-3, np.inf)}, 0.1, "no bounded interval"),
+        ({"distance": Interval([1e-3, 2e-3], [4e-3, 5e-3])}, 0.1, "no bounded interval"),
+        (SPACE, 0.0, "resolution"),
+    ],
+)
+def test_unusable_space_is_refused(
+    space: Mapping[str, Interval], resolution: float, complaint: str
+) -> None:
+    with pytest.raises(DesignError, match=complaint):
+        invert(BAND, space, resolution=resolution)
+
+
+def test_unusable_requirement_is_refused() -> None:
+    with pytest.raises(DesignError, match="empty"):
+        Within(capacitance, lo=2.0, hi=1.0)
+    with pytest.raises(DesignError, match="tolerance of distance"):
+        Narrower(capacitance, width=1.0, tolerance={"distance": 1.5})
+    with pytest.raises(DesignError, match="give 1 to 6"):
+        Narrower(capacitance, width=1.0, tolerance={})
+    with pytest.raises(DesignError, match="broadcasting"):
+        invert(Within(lambda **_: Interval(1.0)), SPACE)

@@ -1,0 +1,72 @@
+"""Comparisons have three answers, and only a decided one passes for yes or no."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eskin.errors import IntervalError
+from eskin.interval import Answer, Interval
+
+SMALL = st.integers(-4, 4).map(float)
+
+
+@st.composite
+def intervals(draw: st.DrawFn) -> Interval:
+    lo, hi = sorted((draw(SMALL), draw(SMALL)))
+    return Interval(lo, hi)
+
+
+@given(a=intervals(), b=intervals())
+def test_answer_is_that_of_all_members(a: Interval, b: Interval) -> None:
+    members = [
+        (x, y)
+        for x in np.linspace(float(a.inf), float(a.sup), 17)
+        for y in np.linspace(float(b.inf), float(b.sup), 17)
+    ]
+    for answer, truths in (
+        (a < b, {x < y for x, y in members}),
+        (a <= b, {x <= y for x, y in members}),
+        (a > b, {x > y for x, y in members}),
+        (a >= b, {x >= y for x, y in members}),
+        (a == b, {x == y for x, y in members} | ({False} if a.wid > 0 or b.wid > 0 else set())),
+        (a != b, {x != y for x, y in members} | ({True} if a.wid > 0 or b.wid > 0 else set())),
+    ):
+        if answer.certain:
+            assert truths == {True}
+        elif answer.impossible:
+            assert truths == {False}
+        elif not a.disjoint(b):
+            assert True in truths or float(min(a.wid, b.wid)) == 0.0 or a.intersection(b).wid >= 0
+
+
+def test_answers_combine_by_kleenes_logic() -> None:
+    known = Answer([True, False, False], [False, False, True])
+    flipped = ~known
+    assert np.array_equal(flipped.certain, [False, False, True])
+    assert np.array_equal(flipped.possible, [False, True, False])
+    assert np.array_equal((known & flipped).impossible, [True, False, True])
+    assert np.array_equal((known | flipped).certain, [True, False, True])
+    assert np.array_equal((known | flipped).possible, [False, True, False])
+    assert not known.any().impossible
+    assert bool(known.any())
+    assert not bool(known.all())
+    assert known[1].possible
+    with pytest.raises(IntervalError, match="at once"):
+        Answer([True], [True])
+
+
+def test_only_a_single_decided_answer_is_a_boolean() -> None:
+    assert Interval(1.0, 2.0) < 3.0
+    assert not Interval(1.0, 2.0) > 3.0
+    with pytest.raises(IntervalError, match="only possible"):
+        bool(Interval(1.0, 3.0) < 2.0)
+    with pytest.raises(IntervalError, match="2 answers"):
+        bool(Interval([1.0, 2.0]) < 3.0)
+    with pytest.raises(IntervalError, match="empty interval compares with nothing"):
+        bool(Interval.empty() < 1.0)
+    assert repr(Interval(1.0, 3.0) < 2.0) == "Answer('possible')"
+    assert 1.5 in Interval(1.0, 2.0)
+    assert 2.5 not in Interval(1.0, 2.0)

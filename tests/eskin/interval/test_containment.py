@@ -1,0 +1,158 @@
+"""Every function of intervals holds the exact results of all members, and little else."""
+
+from __future__ import annotations
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from eskin.interval import Interval
+from tests.eskin.interval.exact import (
+    BINARY,
+    EXTREME,
+    UNARY,
+    encloses,
+    intervals_with_members,
+    is_affordable,
+    is_defined,
+)
+
+MOST_ULP = 4
+SUBJECT = intervals_with_members()
+
+
+@pytest.mark.parametrize("name", UNARY)
+@settings(max_examples=150)
+@given(subject=SUBJECT)
+def test_function_encloses_the_exact_result(name: str, subject: tuple[Interval, float]) -> None:
+    ours, exact = UNARY[name]
+    assume(is_defined(name, subject[1]) and is_affordable(name, subject[1]))
+    with mpmath.workprec(1300):
+        assert encloses(ours(subject[0]), exact(mpmath.mpf(subject[1])))
+
+
+@pytest.mark.parametrize("name", BINARY)
+@settings(max_examples=200)
+@given(a=SUBJECT, b=SUBJECT)
+def test_function_of_two_encloses_the_exact_result(
+    name: str, a: tuple[Interval, float], b: tuple[Interval, float]
+) -> None:
+    ours, exact = BINARY[name]
+    assume(is_defined(name, a[1], b[1]) and is_affordable(name, a[1], b[1]))
+    with mpmath.workprec(2300 if name != "pow" else 300):
+        assert encloses(ours(a[0], b[0]), exact(mpmath.mpf(a[1]), mpmath.mpf(b[1])))
+
+
+@settings(max_examples=200)
+@given(a=SUBJECT, b=SUBJECT, c=SUBJECT)
+def test_fma_encloses_the_exact_result(
+    a: tuple[Interval, float], b: tuple[Interval, float], c: tuple[Interval, float]
+) -> None:
+    with mpmath.workprec(4400):
+        exact = mpmath.mpf(a[1]) * mpmath.mpf(b[1]) + mpmath.mpf(c[1])
+        assert encloses(a[0].fma(b[0], c[0]), exact)
+
+
+def ulps_between(lo: float, hi: float) -> int:
+    """How many floats apart two floats are."""
+    bits = np.array([lo, hi]).view(np.int64)
+    low, high = (int(b) if b >= 0 else -(int(b) & 0x7FFFFFFFFFFFFFFF) for b in bits)
+    return high - low
+
+
+@pytest.mark.parametrize("name", [*UNARY, *BINARY])
+@settings(max_examples=150)
+@given(x=EXTREME, y=EXTREME)
+def test_thin_argument_gives_at_most_four_floats(name: str, x: float, y: float) -> None:
+    numbers = (x,) if name in UNARY else (x, y)
+    assume(is_defined(name, *numbers) and is_affordable(name, *numbers))
+    if name in UNARY:
+        result = UNARY[name][0](Interval(x))
+    else:
+        result = BINARY[name][0](Interval(x), Interval(y))
+    with mpmath.workprec(2300 if name != "pow" else 300):
+        function = UNARY[name][1] if name in UNARY else BINARY[name][1]
+        exact = function(*map(mpmath.mpf, numbers))
+    lo, hi = float(result.inf), float(result.sup)
+    if np.isinf(lo) or np.isinf(hi):
+        assert abs(exact) > 1.7e308 or name == "tan"
+        return
+    assert ulps_between(lo, float(exact)) <= MOST_ULP
+    assert ulps_between(float(exact), hi) <= MOST_ULP
+
+
+@pytest.mark.parametrize("name", ["add", "sub", "mul", "div"])
+@settings(max_examples=200)
+@given(x=st.floats(-1e100, 1e100), y=st.floats(-1e100, 1e100))
+def test_arithmetic_is_tightest(name: str, x: float, y: float) -> None:
+    assume(not (name == "div" and (y == 0.0 or abs(x) < 1e-280)))
+    ours, exact = BINARY[name]
+    result = ours(Interval(x), Interval(y))
+    with mpmath.workprec(2300):
+        truth = exact(mpmath.mpf(x), mpmath.mpf(y))
+    assume(truth == 0 or abs(truth) > 1e-280)
+    apart = ulps_between(float(result.inf), float(result.sup))
+    assert apart == (0 if mpmath.mpf(float(truth)) == truth else 1)
+
+
+@pytest.mark.parametrize("name", UNARY)
+@settings(max_examples=100)
+@given(a=EXTREME, b=EXTREME, c=EXTREME)
+def test_function_is_isotonic_and_the_hull_of_its_parts(
+    name: str, a: float, b: float, c: float
+) -> None:
+    lo, middle, hi = sorted((a, b, c))
+    ours = UNARY[name][0]
+    whole, left, right = (
+        ours(Interval(lo, hi)),
+        ours(Interval(lo, middle)),
+        ours(Interval(middle, hi)),
+    )
+    assert left.subset(whole)
+    assert right.subset(whole)
+    assert whole.subset(left.hull(right)) or name in {"recip", "pown-2", "pown-3", "tan"}
+
+
+@pytest.mark.parametrize("name", BINARY)
+@settings(max_examples=100)
+@given(a=EXTREME, b=EXTREME, c=EXTREME, other=SUBJECT)
+def test_function_of_two_is_isotonic(
+    name: str, a: float, b: float, c: float, other: tuple[Interval, float]
+) -> None:
+    lo, middle, hi = sorted((a, b, c))
+    ours = BINARY[name][0]
+    whole = ours(Interval(lo, hi), other[0])
+    assert ours(Interval(lo, middle), other[0]).subset(whole)
+    assert ours(Interval(middle, hi), Interval(other[1])).subset(whole)
+
+
+@pytest.mark.parametrize("name", ["sin", "cos"])
+def test_turning_points_are_found_at_every_magnitude(name: str) -> None:
+    ours, exact = UNARY[name]
+    random = np.random.default_rng(3)
+    turns = np.concatenate([random.integers(-50, 50, 300), random.integers(-(2**40), 2**40, 300)])
+    with mpmath.workprec(200):
+        for turn in turns.tolist():
+            point = float((mpmath.mpf(turn) / 2 + (name == "sin") * mpmath.mpf(1) / 2) * mpmath.pi)
+            for below, above in ((1e-3, 1e-3), (0.0, 1e-3), (1e-3, 0.0), (1.0, 2.0)):
+                subject = Interval(point - below, point + above)
+                for member in np.linspace(float(subject.inf), float(subject.sup), 9):
+                    assert encloses(ours(subject), exact(mpmath.mpf(member)))
+
+
+def test_sum_is_exact_to_a_rounding_and_encloses() -> None:
+    random = np.random.default_rng(5)
+    for size in (0, 1, 2, 1000):
+        terms = random.standard_normal(size) * 10.0 ** random.integers(-12, 12, size)
+        result = Interval(terms).sum()
+        with mpmath.workprec(400):
+            exact = mpmath.fsum([mpmath.mpf(float(term)) for term in terms])
+        assert encloses(result, exact)
+        assert ulps_between(float(result.inf), float(result.sup)) <= 2
+    assert Interval([1e308, 1e308], [1e308, 1e308]).sum().inf == np.finfo(float).max
+    assert Interval([1.0, -np.inf], [np.inf, 5.0]).sum().is_entire
+    rows = Interval(np.arange(6.0).reshape(2, 3))
+    assert np.array_equal(rows.sum(axis=0).sup, [3.0, 5.0, 7.0])
+    assert np.array_equal(rows.sum(axis=1).inf, [3.0, 12.0])

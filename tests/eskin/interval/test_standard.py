@@ -1,0 +1,206 @@
+"""What IEEE 1788-2015 says of special cases, set-based flavour."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from eskin.interval import Interval
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+INF = math.inf
+EMPTY = Interval.empty()
+ENTIRE = Interval.entire()
+ZERO = Interval(0.0)
+TINY = 5e-324
+MOST = float(np.finfo(float).max)
+
+
+def same(result: Interval, expected: Interval) -> bool:
+    return bool(result.equal(expected))
+
+
+@pytest.mark.parametrize(
+    ("result", "expected"),
+    [
+        (EMPTY + 1.0, EMPTY),
+        (1.0 - EMPTY, EMPTY),
+        (EMPTY * ENTIRE, EMPTY),
+        (ENTIRE / EMPTY, EMPTY),
+        (Interval(1.0, INF) + Interval(-INF, 2.0), ENTIRE),
+        (Interval(1.0, INF) - Interval(1.0, INF), ENTIRE),
+        (ZERO * ENTIRE, ZERO),
+        (Interval(0.0, 1.0) * Interval(2.0, INF), Interval(0.0, INF)),
+        (Interval(-2.0, 3.0) * Interval(-INF, 0.0), ENTIRE),
+        (Interval(1.0, 2.0) / ZERO, EMPTY),
+        (ZERO / Interval(-1.0, 1.0), ZERO),
+        (Interval(1.0, 2.0) / Interval(-1.0, 1.0), ENTIRE),
+        (Interval(1.0, 2.0) / Interval(0.0, 4.0), Interval(0.25, INF)),
+        (Interval(1.0, 2.0) / Interval(-4.0, 0.0), Interval(-INF, -0.25)),
+        (Interval(-2.0, -1.0) / Interval(0.0, 4.0), Interval(-INF, -0.25)),
+        (Interval(-1.0, 2.0) / Interval(0.0, 4.0), ENTIRE),
+        (Interval(0.0, 2.0) / Interval(0.0, 4.0), Interval(0.0, INF)),
+        (Interval(1.0, INF) / Interval(1.0, INF), Interval(0.0, INF)),
+        (ENTIRE / Interval(2.0, 3.0), ENTIRE),
+        (Interval(-2.0, 4.0).recip(), ENTIRE),
+        (Interval(0.0, INF).recip(), Interval(0.0, INF)),
+        (Interval(-INF, -2.0).recip(), Interval(-0.5, 0.0)),
+        (Interval(-3.0, 2.0).sqr(), Interval(0.0, 9.0)),
+        (ENTIRE.sqr(), Interval(0.0, INF)),
+        (Interval(-4.0, 9.0).sqrt(), Interval(0.0, 3.0)),
+        (Interval(-4.0, -1.0).sqrt(), EMPTY),
+        (Interval(4.0, INF).sqrt(), Interval(2.0, INF)),
+        (abs(Interval(-3.0, 2.0)), Interval(0.0, 3.0)),
+        (abs(Interval(-3.0, -2.0)), Interval(2.0, 3.0)),
+        (abs(EMPTY), EMPTY),
+        (-EMPTY, EMPTY),
+        (Interval(2.0).pown(0), Interval(1.0)),
+        (EMPTY.pown(0), EMPTY),
+        (ZERO.pown(-1), EMPTY),
+        (ZERO.pown(-2), EMPTY),
+        (Interval(-2.0, 3.0).pown(3), Interval(-8.0, 27.0)),
+        (Interval(-2.0, 3.0).pown(4), Interval(0.0, 81.0)),
+        (Interval(-2.0, 3.0).pown(-1), ENTIRE),
+        (Interval(0.0, 2.0).pown(-1), Interval(0.5, INF)),
+        (Interval(-2.0, 0.0).pown(-1), Interval(-INF, -0.5)),
+        (Interval(0.0, 1.0).pown(-2), Interval(1.0, INF)),
+        (Interval(-1.0, 1.0).pow(0.0), Interval(1.0)),
+        (Interval(-2.0, -1.0).pow(2.0), EMPTY),
+        (ZERO.pow(Interval(-1.0, 1.0)), ZERO),
+        (ZERO.pow(-1.0), EMPTY),
+        (ZERO.pow(0.0), EMPTY),
+        (Interval(0.0, 1.0).pow(Interval(0.0, 1.0)), Interval(0.0, 1.0)),
+        (Interval(0.0, 1.0).pow(Interval(-1.0, 0.0)), Interval(1.0, INF)),
+        (Interval(1.0).pow(ENTIRE), Interval(1.0)),
+        (ENTIRE.exp(), Interval(0.0, INF)),
+        (ZERO.exp(), Interval(1.0)),
+        (Interval(1000.0).exp().intersection(Interval(MOST, INF)), Interval(MOST, INF)),
+        (Interval(0.0, 1.0).log(), Interval(-INF, 0.0)),
+        (Interval(-1.0, 0.0).log(), EMPTY),
+        (ENTIRE.log(), ENTIRE),
+        (ENTIRE.sin(), Interval(-1.0, 1.0)),
+        (ZERO.sin(), ZERO),
+        (ZERO.cos(), Interval(1.0)),
+        (Interval(1.0, 2.0).tan(), ENTIRE),
+        (ZERO.atan(), ZERO),
+        (ZERO.atan2(ZERO), EMPTY),
+        (ZERO.atan2(Interval(1.0, 2.0)), ZERO),
+        (EMPTY.atan2(1.0), EMPTY),
+        (EMPTY.sin(), EMPTY),
+        (EMPTY.exp(), EMPTY),
+        (EMPTY.min(1.0), EMPTY),
+        (Interval(1.0, 4.0).min(Interval(2.0, 3.0)), Interval(1.0, 3.0)),
+        (Interval(1.0, 4.0).max(Interval(2.0, 3.0)), Interval(2.0, 4.0)),
+        (Interval(1.0, 2.0).hull(EMPTY), Interval(1.0, 2.0)),
+        (Interval(1.0, 2.0).hull(Interval(4.0, 5.0)), Interval(1.0, 5.0)),
+        (Interval(1.0, 2.0).intersection(Interval(3.0, 4.0)), EMPTY),
+        (Interval(1.0, 3.0).intersection(Interval(2.0, 4.0)), Interval(2.0, 3.0)),
+        (Interval(0.0, 4.0) * 1.0, Interval(0.0, 4.0)),
+        (Interval(TINY) * 0.5, Interval(0.0, TINY)),
+        (Interval(MOST) * 2.0, Interval(MOST, INF)),
+    ],
+)
+def test_special_case_is_as_in_the_standard(result: Interval, expected: Interval) -> None:
+    assert same(result, expected), result
+
+
+@pytest.mark.parametrize(
+    ("y", "x", "lo", "hi"),
+    [
+        ((1.0, 2.0), (1.0, 2.0), math.atan2(1, 2), math.atan2(2, 1)),
+        ((1.0, 2.0), (-2.0, 2.0), math.atan2(1, 2), math.atan2(1, -2)),
+        ((1.0, 2.0), (-2.0, -1.0), math.atan2(2, -1), math.atan2(1, -2)),
+        ((0.0, 1.0), (-1.0, 0.0), math.pi / 2, math.pi),
+        ((0.0, 1.0), (0.0, 1.0), 0.0, math.pi / 2),
+        ((0.0, 1.0), (-1.0, 1.0), 0.0, math.pi),
+        ((-1.0, 0.0), (0.0, 1.0), -math.pi / 2, 0.0),
+        ((-1.0, 0.0), (-1.0, 1.0), -math.pi, math.pi),
+        ((-1.0, 1.0), (-1.0, 1.0), -math.pi, math.pi),
+        ((-1.0, 1.0), (0.0, 1.0), -math.pi / 2, math.pi / 2),
+        ((-2.0, -1.0), (-2.0, 2.0), math.atan2(-1, -2), math.atan2(-1, 2)),
+        ((0.0, 0.0), (-1.0, 0.0), math.pi, math.pi),
+        ((0.0, 0.0), (-1.0, 1.0), 0.0, math.pi),
+    ],
+)
+def test_angle_of_a_box_is_tight(
+    y: tuple[float, float], x: tuple[float, float], lo: float, hi: float
+) -> None:
+    result = Interval(*y).atan2(Interval(*x))
+    assert result.inf <= lo <= lo + 1e-300 <= float(result.inf) + 1e-15 * max(1.0, abs(lo)) + 1e-300
+    assert result.sup >= hi >= float(result.sup) - 1e-15 * max(1.0, abs(hi))
+
+
+RELATIONS: list[tuple[str, Callable[[Interval, Interval], object], Interval, Interval, bool]] = [
+    ("subset", Interval.subset, EMPTY, EMPTY, True),
+    ("subset", Interval.subset, EMPTY, Interval(1.0), True),
+    ("subset", Interval.subset, Interval(1.0), EMPTY, False),
+    ("subset", Interval.subset, Interval(1.0, 2.0), Interval(1.0, 3.0), True),
+    ("interior", Interval.interior, Interval(1.0, 2.0), Interval(1.0, 3.0), False),
+    ("interior", Interval.interior, Interval(1.5, 2.0), Interval(1.0, 3.0), True),
+    ("interior", Interval.interior, ENTIRE, ENTIRE, True),
+    ("interior", Interval.interior, EMPTY, EMPTY, True),
+    ("disjoint", Interval.disjoint, EMPTY, ENTIRE, True),
+    ("disjoint", Interval.disjoint, Interval(1.0, 2.0), Interval(2.0, 3.0), False),
+    ("less", Interval.less, Interval(1.0, 3.0), Interval(2.0, 4.0), True),
+    ("less", Interval.less, EMPTY, EMPTY, True),
+    ("less", Interval.less, EMPTY, Interval(1.0), False),
+    ("less", Interval.less, Interval(1.0), EMPTY, False),
+    ("strict_less", Interval.strict_less, Interval(1.0, 3.0), Interval(1.0, 4.0), False),
+    ("strict_less", Interval.strict_less, ENTIRE, ENTIRE, True),
+    ("strict_less", Interval.strict_less, EMPTY, EMPTY, True),
+    ("precedes", Interval.precedes, Interval(1.0, 2.0), Interval(2.0, 3.0), True),
+    ("precedes", Interval.precedes, EMPTY, ENTIRE, True),
+    ("strict_precedes", Interval.strict_precedes, Interval(1.0, 2.0), Interval(2.0, 3.0), False),
+    ("strict_precedes", Interval.strict_precedes, EMPTY, ENTIRE, True),
+    ("strict_precedes", Interval.strict_precedes, Interval(1.0), Interval(2.0), True),
+    ("equal", Interval.equal, EMPTY, EMPTY, True),
+    ("equal", Interval.equal, Interval(1.0, 2.0), Interval(1.0, 2.0), True),
+]
+
+
+@pytest.mark.parametrize(("name", "relation", "a", "b", "holds"), RELATIONS)
+def test_relation_is_as_in_the_standard(
+    name: str,
+    relation: Callable[[Interval, Interval], object],
+    a: Interval,
+    b: Interval,
+    *,
+    holds: bool,
+) -> None:
+    assert bool(relation(a, b)) is holds, name
+
+
+def floats(*arrays: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[float, ...]:
+    return tuple(float(array) for array in arrays)
+
+
+def test_numbers_of_an_interval_are_as_in_the_standard() -> None:
+    assert floats(EMPTY.inf, EMPTY.sup) == (INF, -INF)
+    for number in (EMPTY.mid, EMPTY.wid, EMPTY.rad, EMPTY.mag, EMPTY.mig):
+        assert np.isnan(number)
+    assert ENTIRE.mid == 0.0
+    assert Interval(0.0, INF).mid == MOST
+    assert Interval(-INF, 3.0).mid == -MOST
+    assert Interval(-MOST, MOST).mid == 0.0
+    assert floats(Interval(1.0, 4.0).mid, Interval(1.0, 4.0).rad, Interval(1.0, 4.0).wid) == (
+        2.5,
+        1.5,
+        3,
+    )
+    assert floats(ENTIRE.wid, ENTIRE.rad, ENTIRE.mag, ENTIRE.mig) == (INF, INF, INF, 0.0)
+    assert floats(Interval(-3.0, 2.0).mag, Interval(-3.0, 2.0).mig) == (3.0, 0.0)
+    assert floats(Interval(-3.0, -2.0).mag, Interval(-3.0, -2.0).mig) == (3.0, 2.0)
+    assert 0.0 <= float(Interval(0.0, TINY).mid) <= TINY
+    assert Interval(1.0).is_singleton
+    assert ENTIRE.is_entire
+    assert not Interval(0.0, INF).is_common
+    assert Interval(0.0, 1.0).is_common
+    wide = Interval(0.1, 0.30000000000000004)
+    assert wide.wid == math.nextafter(0.20000000000000004, 1.0) or wide.wid >= 0.2
+    assert np.array_equal(Interval([0.0, 1.0], [1.0, 2.0]).contains([0.5, 5.0]), [True, False])
+    assert not ENTIRE.contains(INF)

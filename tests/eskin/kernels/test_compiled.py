@@ -1,0 +1,61 @@
+"""A cached kernel is compiled again when a part in it changes, and only then."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+PART = """
+from eskin.kernels.compiled import part
+
+@part
+def inner(x):
+    return x + {added}
+"""
+MIDDLE = """
+from eskin.kernels.compiled import part
+from inner import inner
+
+@part
+def middle(x):
+    return inner(x)
+"""
+OUTER = """
+from eskin.kernels.compiled import kernel, part
+from middle import middle
+
+@kernel
+def outer(x):
+    return below(x)
+
+@part
+def below(x):
+    return middle(x)
+"""
+ASK = "from outer import outer; print(outer(1.0), sum(outer.stats.cache_hits.values()))"
+
+
+def _ask(folder: Path) -> list[str]:
+    done = subprocess.run(
+        [sys.executable, "-c", ASK],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": f"{folder}:{Path(__file__).parents[3]}"},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=True,
+    )
+    return done.stdout.split()
+
+
+def test_change_of_a_part_deep_inside_reaches_the_kernel(tmp_path: Path) -> None:
+    (tmp_path / "inner.py").write_text(PART.format(added=1.0))
+    (tmp_path / "middle.py").write_text(MIDDLE)
+    (tmp_path / "outer.py").write_text(OUTER)
+    assert _ask(tmp_path) == ["2.0", "0"]
+    assert _ask(tmp_path) == ["2.0", "1"]
+    (tmp_path / "inner.py").write_text(PART.format(added=20.0))
+    assert _ask(tmp_path) == ["21.0", "0"]
+    assert _ask(tmp_path) == ["21.0", "1"]
