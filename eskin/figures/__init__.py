@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin.figures.figure import Figure, Panel
-from eskin.figures.gallery import FIGURES, write_figures
-from eskin.figures.paper import STATEMENTS, Statement
+from eskin.figures.gallery import write_figures
+from eskin.figures.paper import Statement
 
-__all__ = ["FIGURES", "STATEMENTS", "Figure", "Panel", "Statement", "write_figures"]
+__all__ = ["Figure", "Panel", "Statement", "write_figures"]

@@ -18,6 +18,9 @@ CAPTION = (
 )
 
 
+SETTLED = " From zero the current settles within 1 µs (L/R1 = 0.1 µs)."
+
+
 def draw_fig10a() -> Figure:
     """Fig. 10a (eq. 27): the voltage of the EcFES beside the source."""
     time, nominal, uncertain = _sensors()
@@ -57,7 +60,9 @@ def draw_fig10b() -> Figure:
             bands={"parts ± 5 %": ("current_lo_A", "current_hi_A")},
         ),
     )
-    return Figure("fig10b", "Hybrid sensor: MagFES current", CAPTION, columns, "time", panels)
+    return Figure(
+        "fig10b", "Hybrid sensor: MagFES current", CAPTION + SETTLED, columns, "time", panels
+    )
 
 
 def _sensors() -> tuple[np.ndarray[tuple[int], np.dtype[np.float64]], IcmParameters, IcmParameters]:

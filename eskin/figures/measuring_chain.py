@@ -76,7 +76,8 @@ def draw_fig5b() -> Figure:
         "fig5b",
         "Three sensors with intervals",
         "As Fig. 5a, for 10–100, 20–150 and 5–50 pF; exact bounds for least and greatest "
-        "capacitances within ±5 % (the paper draws intervals and does not say how wide).",
+        "capacitances within ±5 % (the paper draws intervals and does not say how wide). "
+        "Sensors 1 and 3 swing by the same ratio, so V and I are the same.",
         columns,
         "time",
         tuple(_panel(*kind) for kind in (("capacitance", "F"), ("voltage", "V"), ("current", "A"))),

@@ -15,6 +15,7 @@ from eskin.models import (
     chain_current,
     coil_current,
     proximity_at,
+    rc_frequency,
     touch_of_area,
 )
 from eskin.models.icm import IcmParameters
@@ -32,6 +33,7 @@ _COIL: Final = {
     "damping": 10.0,
     "capacitance": 1e-6,
 }
+_RC: Final = {"resistance": 1e3, "capacitance": 100e-12}
 _SWING: Final[dict[str, Any]] = {"minimum_capacitance": 10e-12, "maximum_capacitance": 100e-12}
 
 
@@ -157,6 +159,10 @@ STATEMENTS: Final = (
     Statement(
         "inductive", "inductance that 0.75 mm add, at 30 mm", 20e-6, "H",
         lambda: _inductance_H(30e-3) - _inductance_H(29.25e-3), "factor 1.4", "28 µH by eq. 11",
+    ),
+    Statement(
+        "eq. 4", "frequency of 1 kΩ and 100 pF without 2π", 1e7, "Hz",
+        lambda: _mid(rc_frequency(**_RC)), "factor 6.28", "eq. 6 has the 2π that eq. 4 lacks",
     ),
     Statement(
         "eq. 1", "impedance Z_L of 5 Ω at 1 kHz and 10 mH", 5.0, "Ohm",

@@ -66,7 +66,11 @@ def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:
         axes.margins(x=0)
     axes.xaxis.set_major_formatter(EngFormatter(figure.x_unit))
     area = panel.unit == "m2"  # prefixes of squared units mislead
-    axes.yaxis.set_major_formatter("{x:.1e} m²" if area else EngFormatter(panel.unit))
+    axes.yaxis.set_major_formatter(_square_centimetres if area else EngFormatter(panel.unit))
     axes.set_ylabel(panel.ylabel)
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+
+
+def _square_centimetres(square_metres: float, _position: float) -> str:
+    return f"{square_metres * 1e4:.3g} cm²"

@@ -21,6 +21,9 @@ def defers(other: object) -> bool:
     return not known and getattr(other, "__array_ufunc__", None) is not None
 
 
+_GREATEST_POWER = 2**31
+
+
 class Arithmetic(Bounds):
     """Calculates outward: the exact result of any members of the operands lies in the result."""
 
@@ -69,8 +72,12 @@ class Arithmetic(Bounds):
         return self.of(other) / self
 
     def __pow__(self, exponent: Bounds | ArrayLike | int) -> Self:
-        """`pown` for a Python integer, else `pow`."""
-        return self.pown(exponent) if isinstance(exponent, int) else self.pow(exponent)
+        """`pown` for a single whole number, else `pow`, which takes no negative base."""
+        if not isinstance(exponent, Bounds) and np.ndim(exponent) == 0:
+            single = float(np.asarray(exponent, dtype=np.float64))
+            if single.is_integer() and abs(single) <= _GREATEST_POWER:
+                return self.pown(int(single))
+        return self.pow(exponent)
 
     def __rpow__(self, base: Bounds | ArrayLike) -> Self:
         return self.of(base).pow(self)
@@ -100,7 +107,7 @@ class Arithmetic(Bounds):
 
     def pown(self, exponent: int) -> Self:
         """``x^n`` for a whole number n."""
-        if abs(exponent) > 2**31 or not float(exponent).is_integer():
+        if int(exponent) != exponent or abs(exponent) > _GREATEST_POWER:
             raise IntervalError(f"pown: {exponent!r} is no integer within ±2³¹; pow takes others")
         return self._trusted(*of_one(elementary.pown, self, int(exponent)))
 

@@ -110,9 +110,10 @@ class Bounds:
     def __getitem__(self, index: Any) -> Self:
         return self._trusted(self.inf[index], self.sup[index])
 
-    def reshape(self, *shape: int) -> Self:
-        """The same intervals in another shape."""
-        return self._trusted(self.inf.reshape(shape), self.sup.reshape(shape))
+    def reshape(self, *shape: int | tuple[int, ...]) -> Self:
+        """The same intervals in another shape, given as numbers or as a tuple."""
+        wanted: Any = shape[0] if len(shape) == 1 else shape
+        return self._trusted(self.inf.reshape(wanted), self.sup.reshape(wanted))
 
     def ravel(self) -> Self:
         """The same intervals along one axis."""

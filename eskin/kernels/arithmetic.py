@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.compiled import inlined, kernel, part
 from eskin.kernels.instructions import fma
 from eskin.kernels.rounding import (
     add_down,
@@ -46,7 +46,7 @@ def block_of(values: Floats, step: int, start: int, n: int) -> Floats:
     return block
 
 
-@part
+@inlined
 def unless_empty(lo: float, hi: float, empty: bool) -> Pair:  # noqa: FBT001 - compiled code knows no keywords
     """The bounds without negative zeros, or the empty interval."""
     return (math.inf if empty else lo + 0.0), (-math.inf if empty else hi + 0.0)
@@ -58,19 +58,19 @@ def add_pair(a: float, b: float, c: float, d: float) -> Pair:
     return unless_empty(add_down(a, c), add_up(b, d), (a > b) | (c > d))
 
 
-@part
+@inlined
 def greater(a: float, b: float) -> float:
     """The greater of two numbers, neither NaN: one instruction."""
     return a if a > b else b  # noqa: FURB136 - numba's max asks for NaN first
 
 
-@part
+@inlined
 def product_up(a: float, b: float) -> float:
     """``a·b`` rounded up; zero times infinity is zero: the infinity is a bound, not a member."""
     return 0.0 if (a == 0.0) | (b == 0.0) else mul_up(a, b)
 
 
-@part
+@inlined
 def greatest_product(a: float, b: float, c: float, d: float) -> float:
     """The greatest corner of ``[a, b] · [c, d]``, rounded up."""
     return greater(
@@ -78,7 +78,7 @@ def greatest_product(a: float, b: float, c: float, d: float) -> float:
     )
 
 
-@part
+@inlined
 def mul_pair(a: float, b: float, c: float, d: float) -> Pair:
     """``[a, b] · [c, d]``; the least corner is minus the greatest of ``[-b, -a] · [c, d]``."""
     lo, hi = -greatest_product(-b, -a, c, d), greatest_product(a, b, c, d)

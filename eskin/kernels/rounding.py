@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.compiled import inlined, part
 from eskin.kernels.instructions import fma, from_bits, to_bits
 
 EXACT_PRODUCT: Final = 2.0**-960
@@ -22,7 +22,7 @@ NORMAL: Final = 2.0**-1020
 """Above this magnitude a quotient has all of its bits."""
 
 
-@part
+@inlined
 def next_up(x: float) -> float:
     """The next float towards ``inf``; ``inf`` and NaN stay."""
     bits = to_bits(x + 0.0)  # the sum turns -0.0 into 0.0
@@ -63,7 +63,7 @@ def sub_down(a: float, b: float) -> float:
     return -add_up(-a, b)
 
 
-@part
+@inlined
 def mul_up(a: float, b: float) -> float:
     """Least float ``>= a·b``; one float more where the product is below `EXACT_PRODUCT`."""
     product = a * b

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import csv
 import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from eskin.figures import FIGURES, STATEMENTS, write_figures
+from eskin.command.figures import figures
+from eskin.errors import SettingsError
+from eskin.figures import write_figures
+from eskin.figures.gallery import FIGURES
+from eskin.figures.paper import STATEMENTS
 from tests.processes import ESKIN
 
 if TYPE_CHECKING:
@@ -19,7 +24,7 @@ if TYPE_CHECKING:
     from eskin.figures.figure import Floats
 
 HEADERS = {
-    "fig4a": "time_s energy_J energy_lo_J energy_hi_J energy_corrected_lo_J energy_corrected_hi_J",
+    "fig4a": "time_s energy_J energy_lo_J energy_hi_J energy_min_euler_J energy_max_euler_J",
     "fig4b": "distance_m capacitance_F capacitance_lo_F capacitance_hi_F",
     "fig5a": "time_s capacitance_F frequency_Hz voltage_V current_A",
     "fig6": "time_s voltage_V capacitance_F current_A current_corrected_A",
@@ -86,6 +91,9 @@ def test_figures_have_the_papers_values(folder: Path) -> None:
     assert energy["energy_lo_J"][0] == pytest.approx(0.5 * 9e-3 * (0.9 / 6.0) ** 2)
     assert energy["energy_hi_J"][0] == pytest.approx(0.5 * 11e-3 * (1.1 / 4.0) ** 2)
     assert np.all(np.diff(energy["energy_J"]) < 0.0)
+    top = energy["energy_hi_J"][0] * np.exp(-2.0 * 4.0 / 11e-3 * energy["time_s"])
+    np.testing.assert_allclose(energy["energy_hi_J"], top, rtol=1e-12)
+    assert np.all(energy["energy_max_euler_J"][1:] < top[1:])  # why eq. 31 bounds nothing
     chain = read(folder, "fig5a")
     assert chain["current_A"].max() == pytest.approx(1e-3)
     assert chain["current_A"].min() == pytest.approx(1e-4)
@@ -153,3 +161,13 @@ def test_command_says_where_it_wrote_and_what_is_wrong(tmp_path: Path) -> None:
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.startswith(f"eskin: --out: {tmp_path / 'file'} cannot be written")
+
+
+def test_command_without_matplotlib_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(sys.modules, "eskin.figures.picture", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib.figure", None)
+    with pytest.raises(SettingsError, match=r"pip install 'eskin\[figures\]'"):
+        figures(tmp_path / "out")
+    assert not (tmp_path / "out").exists()

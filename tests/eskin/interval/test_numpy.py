@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ def test_shape_and_indexing_are_numpys() -> None:
     assert same(X[:, 1], Interval([2.0, 5.0], [2.5, 5.5]))
     assert same(X[X.inf > 3.0], Interval([4.0, 5.0, 6.0], [4.5, 5.5, 6.5]))
     assert X.reshape(3, 2).shape == X.reshape(-1, 2).shape == (3, 2)
+    assert X.reshape((3, 2)).shape == (3, 2)
     assert X.ravel().shape == (6,)
     assert [row.shape for row in X] == [(3,), (3,)]
     with pytest.raises(TypeError, match="no length"):
@@ -78,6 +80,17 @@ def test_numpy_arrays_and_scalars_mix_from_both_sides() -> None:
         assert np.allclose(left.sup, right.sup, rtol=1e-15)
     compared: object = array < x
     assert isinstance(compared, Answer)
+
+
+def test_whole_powers_take_negative_bases_however_they_are_written() -> None:
+    base = Interval(-3.0, 2.0)
+    for exponent in (2, 2.0, np.int64(2), np.float64(2.0), np.array(2)):
+        assert same(base**exponent, Interval(0.0, 9.0))
+        powered: Any = np.power(base, exponent)
+        assert same(powered, Interval(0.0, 9.0))
+    assert Interval(0.0, 2.0).sqrt().subset(base**0.5)
+    with pytest.raises(IntervalError, match="no integer"):
+        base.pown(2.5)  # type: ignore[arg-type]  # a wrong call on purpose
 
 
 def test_what_would_lose_bounds_says_what_to_do() -> None:

@@ -6,6 +6,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+from numba.core.dispatcher import Dispatcher
+
+from eskin.kernels.compiled import kernel
+
+if TYPE_CHECKING:
+    import pytest
 
 PART = """
 from eskin.kernels.compiled import part
@@ -59,3 +67,35 @@ def test_change_of_a_part_deep_inside_reaches_the_kernel(tmp_path: Path) -> None
     (tmp_path / "inner.py").write_text(PART.format(added=20.0))
     assert _ask(tmp_path) == ["21.0", "0"]
     assert _ask(tmp_path) == ["21.0", "1"]
+
+
+def test_kernel_runs_where_nothing_can_be_cached(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: object) -> None:
+        raise RuntimeError("cannot cache function: no locator available")
+
+    monkeypatch.setattr(Dispatcher, "enable_caching", refuse)
+    assert kernel(lambda x: x + 1.0)(2.0) == 3.0
+
+
+def test_second_start_compiles_nothing(tmp_path: Path) -> None:
+    code = (
+        "import eskin, sys\n"
+        "from numba.core import event\n"
+        "with event.install_recorder('numba:compile') as seen:\n"
+        "    x = eskin.Interval([1.0, 2.0], [2.0, 3.0])\n"
+        "    (x * x + x / 3.0).sqrt().exp().log().sin()\n"
+        "    eskin.models.capacitance(relative_permittivity=x, area=1e-4, distance=1e-3)\n"
+        "print(len(seen.buffer))\n"
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}
+    counts = [
+        int(
+            subprocess.run(
+                [sys.executable, "-c", code],
+                env=environment, capture_output=True, text=True, timeout=110, check=True,
+            ).stdout
+        )
+        for _ in range(2)
+    ]  # fmt: skip
+    assert counts[0] > 0
+    assert counts[1] == 0
