@@ -19,7 +19,7 @@ DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2
 	$(DASHBOARD)/index.html $(DASHBOARD)/package.json $(DASHBOARD)/package-lock.json
 DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 
-.PHONY: help demo test test-compose lint bench dashboard install system clean
+.PHONY: help demo test test-compose lint bench docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -44,6 +44,10 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 
 bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	$(BIN)/python -m benchmarks $(ARGS)
+
+docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
+	$(BIN)/pdoc --docformat google --output-directory build/docs \
+		eskin '!eskin.command' '!eskin.kernels' $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 

@@ -8,6 +8,7 @@ in `eskin.models.icm`.
 
 from __future__ import annotations
 
+from eskin.models import icm
 from eskin.models.alternating import (
     Swing,
     alternating_capacitance,
@@ -56,6 +57,7 @@ __all__ = [
     "coil_energy_euler_paper",
     "energy_flow",
     "harmonic_capacitance",
+    "icm",
     "lc_frequency",
     "moving_plate",
     "oscillation",

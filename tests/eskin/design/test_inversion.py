@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import io
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+from rich.console import Console
 
-from eskin.design import All, Narrower, Paving, Region, Within, invert
+from eskin.design import (
+    All,
+    Narrower,
+    Paving,
+    Region,
+    Within,
+    draw_paving,
+    invert,
+    progress_bar,
+)
+from eskin.design.picture import LOOKS
 from eskin.errors import DesignError
 from eskin.interval import Interval
 
@@ -99,6 +114,35 @@ def test_progress_rises_to_one() -> None:
     assert told == sorted(told)
     assert told[-1] == 1.0
     assert len(told) > 5
+
+
+def test_progress_bar_shows_the_share_that_is_done() -> None:
+    console = Console(file=io.StringIO(), force_terminal=True, width=80)
+    with progress_bar("looking", console=console) as progress:
+        invert(BAND, SPACE, progress=progress)
+    shown = cast("io.StringIO", console.file).getvalue()
+    assert "looking" in shown
+    assert "100%" in shown
+
+
+@pytest.mark.parametrize(("x", "y"), [("distance", "permittivity"), ("permittivity", "distance")])
+def test_picture_has_the_colour_of_each_region(x: str, y: str) -> None:
+    canvas = Figure(figsize=(4, 3), dpi=100)
+    axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
+    paving = invert(BAND, SPACE)
+    draw_paving(paving, axes, x=x, y=y)
+    legend = axes.get_legend()
+    assert legend is not None
+    legend.set_visible(False)
+    buffer = io.BytesIO()
+    canvas.savefig(buffer, format="png")
+    buffer.seek(0)
+    pixels = imread(buffer)[..., :3]
+    for region, (colour, _) in LOOKS.items():
+        near = np.all(np.abs(pixels - np.array(to_rgb(colour))) < 0.03, axis=2)
+        assert np.mean(near) == pytest.approx(paving.share(region), abs=0.05)
+    with pytest.raises(DesignError, match="a value in at"):
+        draw_paving(paving, axes, x=x, y=x)
 
 
 def test_point_is_told_its_region() -> None:
