@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sensor_node.clock import Clock
+from sensor_node.compilation import compile_firmware
 from sensor_node.constants import SECOND
-from sensor_node.firmware.inversion import build_inversion
 from sensor_node.flash import Flash
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
@@ -46,10 +46,11 @@ def run(settings: NodeSettings) -> None:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
+    # Before emulated time begins, and before flash tells that the node lives.
+    compile_firmware(settings.taxel)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
     flash = Flash(settings.flash.path, capacity=settings.flash.capacity_bytes)
     try:
-        _compile_firmware(settings)
         _serve(settings, flash, truth, stop)
     finally:
         flash.close()
@@ -89,13 +90,6 @@ def _begin(truth: Truth, start: int) -> int:
         (end + REBOOT - start) / SECOND,
     )
     return end + REBOOT
-
-
-def _compile_firmware(settings: NodeSettings) -> None:
-    """Compile what the firmware calculates with before emulated time begins: it takes seconds."""
-    codes = np.zeros(1, dtype=np.int64)
-    for taxel in settings.taxel:
-        build_inversion(taxel).measure({"current": codes, "voltage": codes})
 
 
 def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.Event) -> None:

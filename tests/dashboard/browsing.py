@@ -85,7 +85,12 @@ class Visit:
 
     def wait_for_chart(self, seconds: float = 15.0, **facts: str) -> dict[str, str]:
         """Wait until the first chart says so, and has painted it."""
-        wait_until(lambda: facts.items() <= self.chart().items(), f"{facts}", seconds=seconds)
+
+        def painted() -> bool:
+            said = self.chart()
+            return "xMin" in said and facts.items() <= said.items()
+
+        wait_until(painted, f"a painted chart with {facts}", seconds=seconds)
         self.page.locator(".panel.busy").wait_for(state="detached")
         self.page.evaluate(_FRAMES)
         return self.chart()

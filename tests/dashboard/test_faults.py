@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from tests.dashboard.browsing import CHART, visiting
 from tests.dashboard.pixels import read_plot
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser, Request
+    from playwright.sync_api import Browser, Request, Response, Route
 
     from tests.dashboard.browsing import Visit
     from tests.dashboard.conftest import Session
@@ -20,19 +19,31 @@ if TYPE_CHECKING:
 def test_session_that_ends_leads_to_the_login(
     demo: RunningDemo, browser: Browser, session: Session
 ) -> None:
-    left: list[str] = []
+    left: list[Route] = []
+    refused: list[str] = []
 
-    def remember(request: Request) -> None:
-        if request.is_navigation_request() and urlsplit(request.url).path == "/login":
-            left.append(request.method)
+    def hold(route: Route) -> None:
+        left.append(route)
+
+    def note(answer: Response) -> None:
+        if answer.status == 401:
+            refused.append(answer.url)
+
+    def refusals() -> int:
+        # Takes in what the browser told meanwhile; a page that is leaving evaluates nothing.
+        visit.page.wait_for_timeout(20)
+        return len(refused)
 
     with visiting(browser, demo.access["url"], storage_state=session.state) as visit:
-        visit.page.on("request", remember)
+        visit.page.on("response", note)
         visit.open("palm/t01.area?live=30s")
+        visit.page.route("**/login", hold)
         visit.page.context.clear_cookies()
+        wait_until(lambda: refusals() >= 3, "several requests hear of the session's end")
+        assert len(left) == 1
+        visit.page.unroute_all()  # lets it go on
         visit.wait_for_path("/login")
         visit.page.locator("input[name=token]").fill(demo.access["token"])
-        assert left == ["GET"]
         visit.page.keyboard.press("Enter")
         visit.page.locator(CHART).first.wait_for()
         assert visit.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
@@ -51,6 +62,32 @@ def test_stranger_comes_to_the_wanted_view_after_signing_in(
         stranger.page.keyboard.press("Enter")
         stranger.page.locator(CHART).first.wait_for()
         assert stranger.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
+
+
+def test_page_that_comes_back_from_the_login_can_leave_again(
+    demo: RunningDemo, browser: Browser, session: Session
+) -> None:
+    tries: list[str] = []
+
+    def stay(route: Route) -> None:
+        tries.append(route.request.url)
+        route.fulfill(status=204)
+
+    def tried() -> int:
+        visit.page.evaluate("0")  # takes in what the browser told meanwhile
+        return len(tries)
+
+    with visiting(browser, demo.access["url"], storage_state=session.state) as visit:
+        visit.open("palm/t01.area?live=30s")
+        visit.page.route("**/login", stay)
+        visit.page.context.clear_cookies()
+        wait_until(lambda: tried() > 0, "the page tries to leave")
+        visit.page.unroute("**/login", stay)
+        visit.page.evaluate(
+            "dispatchEvent(new PageTransitionEvent('pageshow', { persisted: true })) && undefined"
+        )
+        visit.wait_for_path("/login")
+        assert len(tries) == 1
 
 
 def test_health_is_unknown_while_the_cloud_cannot_be_reached(visit: Visit) -> None:
@@ -78,6 +115,24 @@ def test_chart_without_a_size_is_not_painted_and_comes_back(visit: Visit) -> Non
     visit.page.set_viewport_size({"width": 1280, "height": 800})
     wait_until(lambda: float(visit.chart()["plotWidth"]) > 300, "it is painted again")
     assert visit.troubles == []
+
+
+def test_chart_that_knows_no_window_yet_says_nothing(visit: Visit) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    for address in ("**/api/v1/series/**", "**/api/v1/live?*"):
+        visit.page.route(address, hold)
+    visit.open("palm/t01.area?live=10s")
+    wait_until(lambda: bool(visit.evaluate("1") and len(held) >= 2), "both are asked for")
+    visit.page.get_by_test_id("theme").click()
+    visit.page.evaluate("() => new Promise((done) => requestAnimationFrame(done))")
+    assert "entries" not in visit.chart()
+    assert "xMin" not in visit.chart()
+    visit.page.unroute_all()  # lets them go on
+    wait_until(lambda: int(visit.chart().get("entries", 0)) > 0, "it is painted")
 
 
 def test_live_view_resumes_without_a_break_when_the_cloud_restarts(

@@ -11,7 +11,7 @@ from tests.dashboard.conftest import NODES
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Browser
+    from playwright.sync_api import Browser, Route
 
     from tests.dashboard.browsing import Visit
     from tests.dashboard.conftest import Session
@@ -65,7 +65,7 @@ def test_every_channel_has_a_live_chart_that_moves(demo: RunningDemo, visit: Vis
     wait_until(
         lambda: (
             sorted(panels()) == sorted(channels)
-            and all(int(panel["entries"]) > 1 for panel in panels().values())
+            and all(int(panel["entries"] or 0) > 1 for panel in panels().values())
         ),
         "every channel has a chart with data",
     )
@@ -89,6 +89,30 @@ def test_phone_width_overflows_nowhere(visit: Visit, place: str) -> None:
     page, window = visit.evaluate("() => [document.documentElement.scrollWidth, innerWidth]")
     assert window == 390
     assert page <= window
+
+
+@pytest.mark.parametrize("options", [{"viewport": {"width": 1280, "height": 800}}, PHONE])
+def test_cards_of_six_nodes_are_shown_whole(visit: Visit) -> None:
+    def double(route: Route) -> None:
+        answer = route.fetch()
+        items = answer.json()["items"]
+        twins = [{**item, "id": f"{item['id']}-2"} for item in items]
+        route.fulfill(response=answer, json={"items": [*items, *twins], "next": None})
+
+    visit.page.route("**/api/v1/nodes", double)
+    visit.open("palm/t01.energy?live=10s")
+    visit.page.locator("[data-testid=node]").nth(2 * len(NODES) - 1).wait_for()
+    cut = visit.evaluate("""() => {
+      const strip = document.querySelector("[data-testid=nodes]").getBoundingClientRect();
+      return [...document.querySelectorAll("[data-testid=node]")].filter((card) => {
+        const { left, right, top, bottom } = card.getBoundingClientRect();
+        const facts = [...card.querySelectorAll("dd")];
+        const tight = facts.some((fact) => fact.scrollWidth > fact.clientWidth);
+        return tight || left < 0 || right > innerWidth || top < strip.top || bottom > strip.bottom;
+      }).map((card) => card.dataset.node);
+    }""")
+    assert cut == []
+    visit.page.unroute_all(behavior="ignoreErrors")
 
 
 @pytest.mark.parametrize("options", [{"color_scheme": "light"}])

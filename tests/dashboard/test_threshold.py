@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin.moment import parse_moment
-from tests.dashboard.browsing import history
+from tests.dashboard.browsing import CHART, history
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -78,6 +78,28 @@ def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
     level.fill("6")
     visit.page.get_by_test_id("threshold-ask").click()
     wait_until(lambda: count() > before, "it is asked again")
+
+
+def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
+    visit: Visit, recorded: int
+) -> None:
+    window = history("palm/t01.energy", recorded - 3 * SECOND, recorded)
+    visit.open(f"{window}&above=5e-12")
+    level = visit.page.get_by_test_id("threshold-level")
+    total = visit.page.get_by_test_id("total-certain")
+    total.wait_for()
+    level.fill("five")
+    visit.page.get_by_test_id("threshold-ask").click()
+    before = visit.wait_for_chart(mode="history")["xMin"]
+    visit.page.locator(CHART).focus()
+    visit.page.keyboard.press("ArrowLeft")
+    wait_until(lambda: visit.chart()["xMin"] != before, "the window moves")
+    assert "is not a number" in visit.page.get_by_test_id("threshold-answer").inner_text()
+    assert level.input_value() == "five"
+    visit.page.evaluate("(hash) => { location.hash = hash; }", f"#/{window}&above=6e-12")
+    total.wait_for()
+    assert level.input_value() == "6"
+    assert level.get_attribute("aria-invalid") is None
 
 
 def test_answer_leaves_out_what_there_is_none_of(

@@ -19,6 +19,11 @@ function toLogin(): void {
   location.assign(`/login${location.hash}`);
 }
 
+// The browser's way back may show this very page once more, which must then be able to leave again.
+addEventListener("pageshow", () => {
+  leaving = false;
+});
+
 function start(root: HTMLElement): void {
   const client = new Client({ fetch: (input, init) => fetch(input, init), onUnauthorised: toLogin });
   const timeline = new Timeline(BigInt(Math.floor(Date.now() / 1000)) * 1_000_000_000n);

@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
 import { Client } from "../src/api/client";
-import type { ChannelItem, SeriesAnswer } from "../src/api/contract";
+import type { ChannelItem, EventItem, SeriesAnswer } from "../src/api/contract";
 import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
@@ -108,5 +108,43 @@ describe("silence", () => {
     expect(hole).not.toBeNull();
     expect(data.take(series(3000, 3040), 0, true).hole).toBeNull();
     expect(data.take(series(6000, 6040), 0, true).hole).not.toBeNull();
+  });
+});
+
+function event(ms: number, kind: "peak" | "gap" = "peak"): EventItem {
+  const nothing = { height: null, prominence: null, count: null, unit: null, coverage: null, detail: null };
+  const time = { lo: iso(ms), hi: iso(ms + 1) };
+  const verdict = kind === "peak" ? "certain" : null;
+  return { id: `${kind}${ms}`, node: "n", channel: "c", kind, verdict, time, boot: 1, sequence: ms, ...nothing };
+}
+
+describe("marks", () => {
+  const WINDOW = { x0: 0, x1: 5000 * MS };
+
+  test("what the stream tells does not push out the marks of a window of history", () => {
+    const data = dataOf(channel(1000), []);
+    for (let ms = 0; ms < 2000; ms += 1) data.takeEvent(event(ms), WINDOW);
+    for (let ms = 6000; ms < 11_000; ms += 1) data.takeEvent(event(ms), WINDOW);
+    for (const ms of [100, 6000]) data.takeEvent(event(ms, "gap"), WINDOW);
+    expect(data.peaks.length).toBe(2000);
+    expect(data.gaps.length).toBe(1);
+  });
+
+  test("marks that have left a live window are forgotten", () => {
+    const data = dataOf(channel(1000), []);
+    for (const ms of [0, 100, 200]) {
+      data.takeEvent(event(ms), null);
+      data.takeEvent(event(ms, "gap"), null);
+    }
+    data.evictBefore(150 * MS);
+    expect(data.peaks.map(({ x0 }) => x0 / MS)).toEqual([200]);
+    expect(data.gaps.map(({ x0 }) => x0 / MS)).toEqual([200]);
+  });
+
+  test("their number is bounded", () => {
+    const data = dataOf(channel(1000), []);
+    for (let ms = 0; ms < 5000; ms += 1) data.takeEvent(event(ms), null);
+    expect(data.peaks.length).toBe(4000);
+    expect(data.peaks.at(-1)!.x0).toBe(4999 * MS);
   });
 });

@@ -24,7 +24,7 @@ export interface ClientOptions {
 const ROOT = "/api/v1";
 /** A list is followed over at most so many pages, so that no question runs away. */
 const MOST_PAGES = 20;
-const EVENTS_AT_ONCE = 200;
+const EVENTS_AT_ONCE = 500;
 
 /** Writes a path with its query; empty and absent values are left out. */
 export function address(path: string, query: Query = {}): string {

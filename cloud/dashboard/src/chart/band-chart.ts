@@ -163,15 +163,16 @@ export class BandChart {
     };
   }
 
-  private plotMap(plot: uPlot): PlotMap {
+  private plotMap(plot: uPlot, { min, max }: ValueRange): PlotMap {
     const { width, height } = plot.bbox;
     const { x0, x1 } = this.range;
-    const { min, max } = this.values ?? { min: 0, max: 1 };
     return { width: Math.round(width), height: Math.round(height), xMin: x0, xMax: x1, yMin: min, yMax: max };
   }
 
   private paint(plot: uPlot): void {
-    const map = this.plotMap(plot);
+    // Before the first window is shown nobody knows which values the pixels would stand for.
+    if (this.values === null) return;
+    const map = this.plotMap(plot, this.values);
     // Before the page is laid out, or in a window too small for its axes, there is nowhere to paint.
     if (map.width <= 0 || map.height <= 0) return;
     const ratio = uPlot.pxRatio;

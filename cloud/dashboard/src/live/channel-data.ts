@@ -12,7 +12,8 @@ import { Tube } from "../tube/tube";
 import type { LiveEdge } from "./edge";
 
 const CAPACITY = 16_384;
-const MOST_MARKS = 500;
+/** More than the page loads for a window, so that the stream's do not push out any of those. */
+const MOST_MARKS = 4_000;
 /** A silence so many times longer than a pause of the channel is taken for a hole. */
 const PAUSE_SLACK = 1.5;
 /** A stretch of which this share is silent holds no burst. */
@@ -26,6 +27,10 @@ export interface ChannelDataOptions {
   readonly node: string;
   readonly channel: ChannelItem;
   readonly edge: LiveEdge;
+}
+
+function apart(mark: Stretch, range: Range): boolean {
+  return mark.x1 < range.x0 || mark.x0 > range.x1;
 }
 
 function bounded<Item>(kept: Map<string, Item>): void {
@@ -163,20 +168,31 @@ export class ChannelData {
     return [this.history, this.rolling].some((run) => hullWithin(run, range.x0, range.x1).count > 0);
   }
 
+  /** Forgets the values and marks that are over before an instant. */
   evictBefore(x: number): void {
     this.tube.evictBefore(x);
+    for (const marks of [this.peakMarks, this.gapMarks]) {
+      for (const [id, mark] of marks) if (mark.x1 < x) marks.delete(id);
+    }
   }
 
-  takeEvent(event: EventItem): void {
+  /**
+   * Takes a peak or a gap.
+   *
+   * @param within the window of history that is shown, which the stream's marks must not crowd out; null for a live one
+   */
+  takeEvent(event: EventItem, within: Range | null): void {
     const { timeline } = this.options;
     const peak = readPeak(event, timeline);
     if (peak) {
+      if (within && apart(peak, within)) return;
       this.peakMarks.delete(event.id);
       this.peakMarks.set(event.id, peak);
       bounded(this.peakMarks);
     } else if (event.kind === "gap") {
-      const x0 = timeline.toX(parseInstant(event.time.lo));
-      this.gapMarks.set(event.id, { x0, x1: timeline.toX(parseInstant(event.time.hi)) });
+      const gap = { x0: timeline.toX(parseInstant(event.time.lo)), x1: timeline.toX(parseInstant(event.time.hi)) };
+      if (within && apart(gap, within)) return;
+      this.gapMarks.set(event.id, gap);
       bounded(this.gapMarks);
     }
   }

@@ -105,8 +105,8 @@ export class ChannelPanel {
   take(block: SeriesAnswer, at: number): void {
     const { block: range, hole } = this.data.take(block, at, this.visible);
     if (!this.visible) return;
-    this.dirty = true;
     if (this.view.kind === "live") {
+      this.dirty = true;
       this.notices.clear();
       if (hole) this.fillHole(hole);
     } else if (range && this.touchesView(range) && at - this.reloadAt > REFRESH_MS) {
@@ -118,12 +118,13 @@ export class ChannelPanel {
   /** Marks have changed: paint at the next frame. */
   touch(): void {
     this.dirty = true;
-    if (this.visible && this.view.kind === "history") this.showHistory();
   }
 
-  /** Paints the live window, if anything has moved by a pixel. */
+  /** Paints the window, if its marks have changed or a live one has moved by a pixel. */
   frame(at: number): void {
-    if (!this.visible || this.view.kind !== "live") return;
+    if (!this.visible) return;
+    if (this.view.kind === "history" && this.dirty) this.showHistory();
+    if (this.view.kind === "history") return;
     const { span } = this.view;
     const x1 = this.options.edge.at(at, span);
     if (x1 === null) return;
@@ -157,11 +158,8 @@ export class ChannelPanel {
   private setVisible(visible: boolean): void {
     if (visible === this.visible) return;
     this.visible = visible;
-    if (!visible) {
-      this.stopLive();
-      return;
-    }
-    if (this.view.kind === "live") this.startLive();
+    if (!visible) this.stopLive();
+    else if (this.view.kind === "live") this.startLive();
     else {
       this.showHistory();
       this.loadSoon(0);
@@ -210,6 +208,7 @@ export class ChannelPanel {
   private showHistory(): void {
     const range = this.range();
     if (range === null || this.view.kind !== "history") return;
+    this.dirty = false;
     this.chartRoot.dataset["mode"] = "history";
     this.draw(range);
     setText(this.value, describeHull(this.data.history, range, this.data.facts.unit));

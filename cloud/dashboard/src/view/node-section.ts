@@ -67,9 +67,10 @@ export class NodeSection {
   }
 
   takeEvent(event: EventItem): void {
+    const live = this.options.context.place().view.kind === "live";
     for (const [channel, panel] of this.panels) {
       if (event.channel !== null && event.channel !== channel) continue;
-      panel.data.takeEvent(event);
+      panel.data.takeEvent(event, live ? null : panel.range());
       panel.touch();
     }
   }

@@ -6,6 +6,7 @@ import { Feed, type FeedState } from "../live/feed";
 import type { StreamMessage } from "../live/stream";
 import type { Place } from "../state/place";
 import type { Range } from "../state/window";
+import { parseInstant, printClock, printDay } from "../time/instant";
 import { channelFacts, crumbs } from "./channel-detail";
 import type { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
@@ -25,7 +26,10 @@ export interface PageOptions {
 
 /** A chart shows at most so many pages of the latest peaks and gaps in its window. */
 const EVENT_PAGES = 4;
+const KINDS = ["gap", "peak"] as const;
 const SETTLE_MS = 250;
+const SECOND = 1e9;
+const DAY = 86_400e9;
 /** Buckets a block, by the length of the live window: no finer than a pixel, to save work. */
 const POINTS: readonly (readonly [number, number])[] = [[10e9, 100], [60e9, 50], [Infinity, 10]];
 
@@ -40,6 +44,8 @@ export class Page {
   private feed: Feed | null = null;
   private feedUrl = "";
   private eventLoading = new AbortController();
+  /** Of which kinds there are too many events to mark, and since when they are marked. */
+  private unmarked: { readonly kind: string; readonly since: number }[] = [];
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(private readonly options: PageOptions) {
@@ -87,6 +93,7 @@ export class Page {
     for (const section of this.sections.values()) section.frame(at);
     this.list.frame(at);
     this.form?.frame(at);
+    this.remark();
   }
 
   repaint(): void {
@@ -243,17 +250,30 @@ export class Page {
     this.eventLoading = new AbortController();
     const { signal } = this.eventLoading;
     try {
-      const lists = ["gap", "peak"].map((kind) => client.eventsOf({ ...scope, ...window, kind }, EVENT_PAGES, signal));
+      const lists = KINDS.map((kind) => client.eventsOf({ ...scope, ...window, kind }, EVENT_PAGES, signal));
       const found = await Promise.all(lists);
       for (const event of found.flatMap(({ items }) => items).toReversed()) {
         this.sections.get(event.node)?.takeEvent(event);
       }
-      const most = Math.max(...found.map(({ items }) => items.length));
-      const complete = found.every((list) => list.complete);
-      this.list.remark(complete ? "" : `Only the latest ${most} peaks are marked in the charts: zoom in for all.`);
+      this.unmarked = found.flatMap(({ items, complete }, index) => {
+        const oldest = complete ? undefined : items.at(-1);
+        return oldest ? [{ kind: KINDS[index]!, since: timeline.toX(parseInstant(oldest.time.lo)) }] : [];
+      });
     } catch (error) {
       // The event list beside the charts tells of the same failure, with a way to try again.
       if (!isAbort(error)) this.list.fail(error);
     }
+  }
+
+  /** Says from when on peaks are marked, as long as the window reaches further back. */
+  private remark(): void {
+    const range = this.range();
+    const shown = this.unmarked.filter(({ since }) => range === null || range.x0 < since);
+    const texts = shown.map(({ kind, since }) => {
+      const from = this.options.context.timeline.toInstant(Math.ceil(since / SECOND) * SECOND);
+      const day = range !== null && range.x1 - range.x0 > DAY ? `${printDay(from)} ` : "";
+      return `Only ${kind}s from ${day}${printClock(from, 0)} on are marked in the charts: zoom in for all.`;
+    });
+    this.list.remark(texts.join(" "));
   }
 }

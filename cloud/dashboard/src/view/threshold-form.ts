@@ -38,6 +38,16 @@ export function sumSegments(segments: readonly Segment[], within: Range): { cert
   return { certain, atMost: certain + possible };
 }
 
+/** Says in how many segments, and nothing where there is none. */
+export function inSegments(count: number, more: boolean): string {
+  if (count === 0) return "";
+  return ` in ${count} ${more ? "more " : ""}${count === 1 ? "segment" : "segments"}`;
+}
+
+function sameQuestion(one: Question | null, other: Question | null): boolean {
+  return one?.side === other?.side && one?.level === other?.level;
+}
+
 /** Asks when a channel passes a threshold, and says how long it certainly and possibly did. */
 export class ThresholdForm {
   readonly root: HTMLFormElement;
@@ -46,6 +56,7 @@ export class ThresholdForm {
   private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "threshold-answer" });
   private readonly prefix: number;
   private asking: AbortController | null = null;
+  private applied: Question | null = null;
   private askedAt = 0;
   private due: number | null = null;
 
@@ -72,12 +83,18 @@ export class ThresholdForm {
 
   /** Takes over a question from the address, or the change of the window. */
   apply(question: Question | null): void {
+    const same = sameQuestion(this.applied, question);
+    this.applied = question;
+    // What was typed in vain stays with its complaint, wherever the window goes.
+    if (same && this.invalid) return;
+    if (document.activeElement !== this.level) {
+      this.level.value = question ? this.print(question.level) : "";
+      this.level.removeAttribute("aria-invalid");
+    }
     if (question) {
       this.side.value = question.side;
-      if (document.activeElement !== this.level) this.level.value = this.print(question.level);
       this.due = performance.now() + SETTLE_MS;
     } else {
-      if (document.activeElement !== this.level) this.level.value = "";
       this.asking?.abort();
       this.due = null;
       this.options.onSegments([]);
@@ -166,9 +183,9 @@ export class ThresholdForm {
     const window = formatDuration(range.x1 - range.x0);
     const parts = [
       element("strong", { "data-testid": "total-certain", "data-ns": sums.certain }, `certainly ${formatDuration(sums.certain, "down")}`),
-      element("span", {}, ` in ${certain} segment${certain === 1 ? "" : "s"}, `),
+      element("span", {}, `${inSegments(certain, false)}, `),
       element("strong", { "data-testid": "total-possible", "data-ns": sums.atMost }, `possibly up to ${formatDuration(sums.atMost, "up")}`),
-      element("span", {}, more > 0 ? ` in ${more} more, of ${window}.` : `, of ${window}.`),
+      element("span", {}, `${inSegments(more, certain > 0)}, of ${window}.`),
       complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
     ];
     if (segments.length === 0 && !this.options.known(range)) {
