@@ -81,7 +81,8 @@ class StubCloud:
         self.release.set()
         if self._server is not None and self._thread is not None:
             self._server.should_exit = True
-            self._thread.join()
+            # A gateway that a failed test left running keeps its connection open.
+            self._thread.join(20.0)
             self._server = None
 
     async def _application(self, scope: Any, receive: Any, send: Any) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import orjson
@@ -234,6 +235,15 @@ def test_full_inbox_holds_the_broker_back_and_loses_nothing(
     running.stop()
 
 
+@contextmanager
+def stopping(gateway: Gateway) -> Iterator[None]:
+    """A gateway that is stopped whatever fails: the stub cloud waits for its connections."""
+    try:
+        yield
+    finally:
+        gateway.stop()
+
+
 def full_disk(batch: Batch) -> None:
     raise SpoolError(f"database or disk is full ({len(batch.entries)} messages)")
 
@@ -243,18 +253,18 @@ def test_refused_messages_are_released_at_the_broker(
 ) -> None:
     section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 1})
     running = Gateway(settings.model_copy(update={"broker": section}))
-    running.start()
-    wait_until(lambda: running.broker.connected, "the gateway is connected")
-    node.say(Stream.STATUS, status(0))
-    node.wait_for((1, 0))
-    commit = running.spool.commit
-    monkeypatch.setattr(running.spool, "commit", full_disk)
-    for number in range(1, 1500):  # more than the broker's window of 1000
-        node.say(Stream.BLOCKS, block(number))
-    wait_until(lambda: running.inbox.statistics.refused > 1000, "patience ends", seconds=30)
-    assert running.broker.connected
-    monkeypatch.setattr(running.spool, "commit", commit)
-    wait_until(lambda: running.inbox.statistics.depth == 0, "the inbox is empty")
-    node.say(Stream.STATUS, status(2000))
-    node.wait_for((1, 2000))
-    running.stop()
+    with stopping(running):
+        running.start()
+        wait_until(lambda: running.broker.connected, "the gateway is connected")
+        node.say(Stream.STATUS, status(0))
+        node.wait_for((1, 0))
+        commit = running.spool.commit
+        monkeypatch.setattr(running.spool, "commit", full_disk)
+        for number in range(1, 1500):  # more than the broker's window of 1000
+            node.say(Stream.BLOCKS, block(number))
+        wait_until(lambda: running.inbox.statistics.refused > 1000, "patience ends", seconds=30)
+        wait_until(lambda: running.broker.connected, "the gateway is still connected")
+        monkeypatch.setattr(running.spool, "commit", commit)
+        wait_until(lambda: running.inbox.statistics.depth == 0, "the inbox is empty")
+        node.say(Stream.STATUS, status(2000))
+        node.wait_for((1, 2000))
