@@ -147,7 +147,7 @@ def pown_pair(a: float, b: float, n: int) -> Pair:  # noqa: PLR0911 - one for ea
 @part
 def pow_pair(a: float, b: float, c: float, d: float) -> Pair:
     """``x^y`` for ``x >= 0``: extremes lie in the corners."""
-    a = max(a, 0.0)
+    a = max(a, 0.0) + 0.0  # a power of -0.0 may be -inf
     if b < 0.0 or (b == 0.0 and d <= 0.0):
         return math.inf, -math.inf
     if b == 0.0:

@@ -201,6 +201,8 @@ def atan2(
 ) -> None:
     """Angles of points ``(x, y)``; y comes first."""
     for k in range(lo.size):
-        some = c[k * i] <= d[k * i] and a[k * j] <= b[k * j]
-        pair = atan2_pair(c[k * i], d[k * i], a[k * j], b[k * j]) if some else (math.inf, -math.inf)
+        # Adding zero makes -0.0 a plain zero: libm tells them apart, a set of numbers does not.
+        low, high, left, right = c[k * i] + 0.0, d[k * i] + 0.0, a[k * j] + 0.0, b[k * j] + 0.0
+        some = low <= high and left <= right
+        pair = atan2_pair(low, high, left, right) if some else (math.inf, -math.inf)
         lo[k], hi[k] = pair[0] + 0.0, pair[1] + 0.0
