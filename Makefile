@@ -19,6 +19,10 @@ DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2
 	$(DASHBOARD)/index.html $(DASHBOARD)/package.json $(DASHBOARD)/package-lock.json
 DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 
+# MicroPython, on which the tests run the firmware as it stands.
+MICROPYTHON := tests/micropython
+MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
+
 .PHONY: help demo test test-compose lint bench docs dashboard install system clean
 
 help: ## List these commands
@@ -27,7 +31,7 @@ help: ## List these commands
 demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine and print a login URL
 	@exec $(BIN)/eskin demo $(ARGS)
 
-test: $(VENV)/.development $(DASHBOARD_BUILT) system ## Run all tests (installs Mosquitto and Chromium on Debian)
+test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) system ## Run all tests (installs Mosquitto and Chromium on Debian)
 	$(BIN)/pytest $(ARGS)
 	services/npm.sh $(DASHBOARD) test
 
@@ -78,6 +82,10 @@ $(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
 $(VENV)/.peers: pyproject.toml constraints.txt | $(VENV)/.development
 	@echo "Installing the libraries that eskin is measured beside …"
 	@$(BIN)/pip install --disable-pip-version-check --editable '.[bench]' --constraint constraints.txt $(ON_ONE_LINE)
+	@touch $@
+
+$(MICROPYTHON_INSTALLED): $(MICROPYTHON)/package.json $(MICROPYTHON)/package-lock.json | $(VENV)/bin/pip
+	@services/npm.sh $(MICROPYTHON) ci
 	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sensor_node.firmware import ControlUnit
+from eskin.messages import Encoding, Position
+from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.taxel import KINDS
 from sensor_node.frontend import build_frontend
+from sensor_node.machine.crystal import BILLION
+from sensor_node.machine.schedule import build_schedule
+from sensor_node.machine.sheet import data_sheet
 from sensor_node.physics import build_world
-from sensor_node.schedule import Schedule
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from types import ModuleType
 
-    from eskin.messages import ChannelInfo, Encoding, Message, Position
-    from sensor_node.clock import Clock
-    from sensor_node.schedule import Frame
+    from eskin.interval import Floats
+    from sensor_node.firmware.record import Channel, Record, Scribe
+    from sensor_node.firmware.schedule import Frame
+    from sensor_node.machine.clock import Clock
+    from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
 
 
@@ -25,13 +32,14 @@ class EmulatedTaxel:
     """Samples one taxel, frame by frame.
 
     Args:
-        taxel: Its data sheet.
+        taxel: Its settings.
         seed: Draws the true parts, the same at each boot.
         noise_seed: Draws the noise: each frame's depends on its number alone.
         clock: The node's clock.
-        block: Samples in a block.
-        encoding: How blocks write their bounds.
-        position: Gives the next message's position.
+        sampling: How samples become blocks.
+        scribe: Writes the node's messages.
+        boot: Number of this start.
+        functions: The firmware's arithmetic, or its compiled copy.
     """
 
     def __init__(
@@ -41,47 +49,63 @@ class EmulatedTaxel:
         seed: tuple[int, ...],
         noise_seed: tuple[int, ...],
         clock: Clock,
-        block: int,
-        encoding: Encoding,
-        position: Callable[[], Position],
+        sampling: SamplingSection,
+        scribe: Scribe,
+        boot: int,
+        functions: ModuleType,
     ) -> None:
         parts = np.random.default_rng(seed)
         self._world = build_world(taxel, parts)
         self._frontend = build_frontend(taxel, parts)
         self._noise_seed = noise_seed
         self._clock = clock
-        self._schedule = Schedule.of(taxel, block)
+        self._boot = boot
+        self._calibrated = KINDS[taxel.kind](data_sheet(taxel), functions)
+        self._schedule = build_schedule(taxel, sampling.block_samples)
         self._control_unit = ControlUnit(
-            taxel,
+            taxel.id,
+            self._calibrated,
             schedule=self._schedule,
-            encoding=encoding,
-            enclosure=clock.enclosure,
-            position=position,
+            coverage=taxel.noise.coverage,
+            prominences=_prominences(taxel),
+            longest=max(2, round(taxel.longest_region_s * BILLION / self._schedule.dt)),
+            encoding=int(Encoding[sampling.encoding.upper()]),
+            clock=clock.known,
+            scribe=scribe,
         )
         self.next: Frame = self._schedule.frame(0)
 
     @property
-    def channels(self) -> tuple[ChannelInfo, ...]:
+    def channels(self) -> list[Channel]:
         """What it measures."""
         return self._control_unit.channels
 
-    def sample(self) -> tuple[list[Message], list[TrueBlock]]:
+    def sample(self) -> tuple[list[Record], list[TrueBlock]]:
         """Take the next frame: what the node says of it, and the truth behind its blocks."""
         frame = self.next
         random = np.random.default_rng((*self._noise_seed, frame.number))
-        signals = self._world.signals(frame.seconds, random)
+        signals = self._world.signals(self._seconds(frame), random)
         digitised = self._frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        blocks, peaks = self._control_unit.process(frame, digitised.codes)
+        codes = [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
+        records = self._control_unit.process(frame, codes)
         time = self._clock.true_time(frame.start)
         true_blocks = [
-            TrueBlock(block.position, block.channel, time, frame.dt, truth[quantity])
-            for quantity, block in blocks.items()
+            TrueBlock(
+                Position(self._boot, record.sequence),
+                channel.name,
+                time,
+                frame.dt,
+                truth[quantity],
+            )
+            for record, channel, (quantity, _) in zip(
+                records, self.channels, self._calibrated.quantities, strict=False
+            )
         ]
         self.next = self._schedule.frame(frame.number + 1)
-        return [*blocks.values(), *peaks], true_blocks
+        return records, true_blocks
 
-    def skip(self, ticks: int) -> tuple[list[Message], int]:
+    def skip(self, ticks: int) -> tuple[list[Record], int]:
         """Pass over all frames that begin before a moment.
 
         Returns:
@@ -91,9 +115,19 @@ class EmulatedTaxel:
         while self.next.start < ticks:
             lost += self.next.n
             self.next = self._schedule.frame(self.next.number + 1)
-        peaks = self._control_unit.skip(lost)
-        return list(peaks), lost * len(self.channels)
+        return self._control_unit.skip(lost), lost * len(self.channels)
 
-    def finish(self) -> list[Message]:
+    def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
-        return list(self._control_unit.skip(0))
+        return self._control_unit.skip(0)
+
+    def _seconds(self, frame: Frame) -> Floats:
+        """True seconds since the start, or since the burst's trigger."""
+        ticks = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
+        since = self._clock.elapsed(ticks) - self._clock.elapsed(np.asarray(frame.trigger))
+        return np.asarray(since / BILLION)
+
+
+def _prominences(taxel: AnyTaxel) -> dict[str, float]:
+    found = {quantity: taxel.prominence(quantity) for quantity in taxel.units}
+    return {quantity: least for quantity, least in found.items() if least is not None}

@@ -5,7 +5,4 @@ enrol node "$ESKIN_NODE_NAME" /var/lib/eskin/identity
 [ -e /var/lib/eskin/site.pem ] ||
   eskin pki fetch --url https://authority:8444 --enrol-dir /enrol --name site.main \
     --out /var/lib/eskin/site.pem
-# What the image compiled, where numba can write beside it.
-mkdir -p "$NUMBA_CACHE_DIR"
-cp -r /opt/eskin/numba/. "$NUMBA_CACHE_DIR"
 exec "$@"

@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
-from eskin.messages import Gap, Kind, Position
+from eskin.messages import Kind, Position
 from sensor_node.batch import Batch
 from sensor_node.losses import Loss
-from sensor_node.stored import KINDS, SCHEMA, Stored, affects
+from sensor_node.stored import SCHEMA, Stored, record_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from eskin.messages import Message
+    from sensor_node.firmware.record import Record
 
 _INSERT: Final = "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?)"
 _GAP_RESERVE: Final = 2048
@@ -108,9 +108,12 @@ class Flash:
 
     def next_position(self) -> Position:
         """Give out the next position; only for use inside of a batch."""
-        position = Position(self.boot, self._sequence)
+        return Position(self.boot, self.next_sequence())
+
+    def next_sequence(self) -> int:
+        """The same, within this boot."""
         self._sequence += 1
-        return position
+        return self._sequence - 1
 
     @contextmanager
     def batch(self) -> Iterator[Batch]:
@@ -126,16 +129,19 @@ class Flash:
                 if self._unsaid.time is not None:
                     batch.add(self._unsaid.gap(batch.position()))
                 yield batch
-                self._commit(batch.messages)
+                self._commit(batch.records)
             except (sqlite3.Error, FlashError) as error:
                 told = 1 if self._unsaid.time is not None else 0
-                for gap in batch.messages[:told]:
-                    self._unsaid.skip(gap.position)
-                for message in batch.messages[told:]:
-                    moments, samples = affects(message)
-                    self._unsaid.take(time=moments, samples=samples, position=message.position)
+                for record in batch.records[:told]:
+                    self._unsaid.skip(Position(self.boot, record.sequence))
+                for record in batch.records[told:]:
+                    self._unsaid.take(
+                        time=(record.earliest, record.latest),
+                        samples=record.samples,
+                        position=Position(self.boot, record.sequence),
+                    )
                 raise FlashError(
-                    f"{self._path}: {len(batch.messages)} messages could not be stored: {error}; "
+                    f"{self._path}: {len(batch.records)} messages could not be stored: {error}; "
                     "make room, sampling goes on and a gap will tell"
                 ) from error
             self._unsaid = Loss(FAILED)
@@ -222,15 +228,15 @@ class Flash:
         except sqlite3.Error as error:
             raise FlashError(f"{self._path}: flash cannot be read: {error}") from error
 
-    def _commit(self, messages: list[Message]) -> None:
-        if not messages:
+    def _commit(self, records: list[Record]) -> None:
+        if not records:
             return
         level = _Level(self._messages, self._used, self._gaps)
         opened = deepcopy(self._open)
         self._db.execute("BEGIN IMMEDIATE")
         try:
-            for message in messages:
-                self._insert(message, level)
+            for record in records:
+                self._insert(record, level)
             if level.used > self._capacity:
                 opened = self._evict(level, opened)
             self._db.execute("UPDATE counter SET value = ? WHERE name = 'gaps'", (level.gaps,))
@@ -240,18 +246,15 @@ class Flash:
         self._messages, self._used, self._gaps = level.messages, level.used, level.gaps
         self._open = opened
 
-    def _insert(self, message: Message, level: _Level) -> None:
-        body = message.encode()
-        (earliest, latest), samples = affects(message)
-        stands_for = 1 + (message.messages if isinstance(message, Gap) else 0)
-        position = (message.position.boot, message.position.sequence)
-        kind = KINDS[type(message)]
-        weight = 0 if kind is Kind.BLOCK else 1
-        row = (*position, weight, earliest, latest, samples, stands_for, int(kind), body)
-        self._db.execute(_INSERT, row)
+    def _insert(self, record: Record, level: _Level) -> None:
+        weight = 0 if record.kind == Kind.BLOCK else 1
+        place = (self.boot, record.sequence, weight, record.earliest, record.latest)
+        self._db.execute(
+            _INSERT, (*place, record.samples, 1 + record.named, record.kind, record.body)
+        )
         level.messages += 1
-        level.used += len(body)
-        level.gaps += kind is Kind.GAP
+        level.used += len(record.body)
+        level.gaps += record.kind == Kind.GAP
 
     def _evict(self, level: _Level, opened: tuple[Position, Loss] | None) -> tuple[Position, Loss]:
         """Make room, oldest blocks first; gives the gap that tells of it and may still grow."""
@@ -267,12 +270,12 @@ class Flash:
             if row is None:
                 break
             if loss.full:
-                self._insert(loss.gap(position), level)
+                self._insert(record_of(loss.gap(position)), level)
                 position, loss = self.next_position(), Loss(FULL)
             victim = Position(row[0], row[1])
             self._remove(victim, level)
             loss.take(time=(row[2], row[3]), samples=row[4], messages=row[5], position=victim)
-        self._insert(loss.gap(position), level)
+        self._insert(record_of(loss.gap(position)), level)
         return position, loss
 
     def _remove(self, position: Position, level: _Level) -> None:

@@ -8,17 +8,19 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import FlashError
-from eskin.messages import Encoding, Gap, Status
-from sensor_node.constants import SECOND
+from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
+from sensor_node.firmware import inversion
+from sensor_node.firmware.record import Scribe
+from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
+    from types import ModuleType
 
-    from eskin.messages import Message, Position
     from sensor_node.batch import Batch
-    from sensor_node.clock import Clock
     from sensor_node.flash import Flash
+    from sensor_node.machine.clock import Clock
     from sensor_node.settings import NodeSettings
     from sensor_node.truth import Truth
 
@@ -38,26 +40,36 @@ class Node:
         flash: Its outbox; its boot number is this run's.
         truth: What the emulator keeps for the audit.
         seed: Draws true parts and noise.
+        functions: The firmware's arithmetic, or its compiled copy.
     """
 
     def __init__(
-        self, settings: NodeSettings, *, clock: Clock, flash: Flash, truth: Truth, seed: int
+        self,
+        settings: NodeSettings,
+        *,
+        clock: Clock,
+        flash: Flash,
+        truth: Truth,
+        seed: int,
+        functions: ModuleType = inversion,
     ) -> None:
         self._settings = settings
         self._clock = clock
         self._flash = flash
         self._truth = truth
-        self._overrun = int(settings.sampling.overrun_s * settings.node.speed * SECOND)
+        self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         self._failures = 0
+        self._scribe = Scribe(flash.boot, flash)
         self._taxels = [
             EmulatedTaxel(
                 taxel,
                 seed=(seed, number),
                 noise_seed=(seed, number, flash.boot),
                 clock=clock,
-                block=settings.sampling.block_samples,
-                encoding=Encoding[settings.sampling.encoding.upper()],
-                position=flash.next_position,
+                sampling=settings.sampling,
+                scribe=self._scribe,
+                boot=flash.boot,
+                functions=functions,
             )
             for number, taxel in enumerate(settings.taxel)
         ]
@@ -86,26 +98,22 @@ class Node:
         ticks = self._clock.ticks()
         own, usage = self._settings.node, self._flash.usage()
         with self._flash.batch() as batch:
-            status = Status(
-                position=batch.position(),
-                time=self._clock.enclosure(ticks),
-                profile=own.profile,
-                description=own.description or own.profile,
-                uptime=ticks,
-                messages=usage.messages,
-                used=usage.used,
-                capacity=usage.capacity,
-                gaps=usage.gaps,
-                channels=tuple(info for taxel in self._taxels for info in taxel.channels),
+            status = self._scribe.status(
+                self._clock.known.enclosure(ticks),
+                own.profile,
+                own.description or own.profile,
+                ticks,
+                (usage.messages, usage.used, usage.capacity, usage.gaps),
+                [channel for taxel in self._taxels for channel in taxel.channels],
             )
-            batch.add(status)
-        return status.position
+            batch.take([status])
+        return Position(self._flash.boot, status.sequence)
 
     def finish(self) -> None:
         """Say what stays undecided at the end."""
         with self._tolerant(), self._flash.batch() as batch:
             for taxel in self._taxels:
-                _add(batch, taxel.finish())
+                batch.take(taxel.finish())
 
     def _take(self, batch: Batch, ticks: int) -> None:
         true_blocks = []
@@ -114,8 +122,8 @@ class Node:
             if end > ticks:
                 break
             taxel = self._taxels[number]
-            messages, truth = taxel.sample()
-            _add(batch, messages)
+            records, truth = taxel.sample()
+            batch.take(records)
             true_blocks += truth
             heapq.heapreplace(self._due, (taxel.next.end, number))
         # Before the flash's commit: every stored block has its truth.
@@ -127,18 +135,19 @@ class Node:
             lost = 0
             for taxel in self._taxels:
                 peaks, samples = taxel.skip(ticks)
-                _add(batch, peaks)
+                batch.take(peaks)
                 lost += samples
             self._due = [(taxel.next.end, number) for number, taxel in enumerate(self._taxels)]
             heapq.heapify(self._due)
             again = max(taxel.next.start for taxel in self._taxels)
-            time = self._clock.enclosure(begin)[0], self._clock.enclosure(again)[1]
-            batch.add(Gap(batch.position(), OVERRUN, time, 0, lost, ()))
+            known = self._clock.known
+            time = known.enclosure(begin)[0], known.enclosure(again)[1]
+            batch.take([self._scribe.gap(OVERRUN, time, lost)])
             log.warning(
                 "samples lost: reason=%s samples=%d behind_s=%.3f",
                 OVERRUN,
                 lost,
-                (ticks - begin) / SECOND,
+                (ticks - begin) / BILLION,
             )
 
     @contextmanager
@@ -154,8 +163,3 @@ class Node:
         if self._failures:
             log.warning("flash works again: failed_commits=%d", self._failures)
             self._failures = 0
-
-
-def _add(batch: Batch, messages: Sequence[Message]) -> None:
-    for message in messages:
-        batch.add(message)

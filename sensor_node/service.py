@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sensor_node.clock import Clock
-from sensor_node.compilation import compile_firmware
-from sensor_node.constants import SECOND
 from sensor_node.flash import Flash
+from sensor_node.machine.clock import Clock
+from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
 from sensor_node.truth import Truth
@@ -25,7 +24,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-REBOOT: Final = SECOND
+REBOOT: Final = BILLION
 """Emulated ns between the last sample of one boot and the first of the next, at least."""
 _SHORTEST_TICK_S: Final = 0.05
 """A fast emulation takes several frames in one commit."""
@@ -46,8 +45,6 @@ def run(settings: NodeSettings) -> None:
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
-    # Before emulated time begins, and before flash tells that the node lives.
-    compile_firmware(settings.taxel)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
     flash = Flash(settings.flash.path, capacity=settings.flash.capacity_bytes)
     try:
@@ -71,12 +68,16 @@ def build_node(
             so that no moment is lived twice.
     """
     seed = truth.seed(settings.node.seed)
+    random = np.random.default_rng((seed, flash.boot))
+    drift = round(settings.clock.drift_ppm * 1e3)
     clock = Clock(
         start=_begin(truth, time.time_ns() if start is None else start),
         monotonic=time.monotonic_ns,
         speed=settings.node.speed,
         rtc_error=round(settings.clock.rtc_error_ms * 1e6),
-        random=np.random.default_rng((seed, flash.boot)),
+        drift=drift,
+        crystal=Crystal(drift, random),
+        random=random,
     )
     return Node(settings, clock=clock, flash=flash, truth=truth, seed=seed), clock
 
@@ -87,7 +88,7 @@ def _begin(truth: Truth, start: int) -> int:
         return start
     log.warning(
         "emulated time goes on after the latest sample: ahead_of_clock_s=%.3f",
-        (end + REBOOT - start) / SECOND,
+        (end + REBOOT - start) / BILLION,
     )
     return end + REBOOT
 

@@ -106,6 +106,9 @@ class ClockSection(Section):
     rtc_error_ms: float = Field(
         default=2.0, ge=0, le=3.6e6, description="greatest error of the real-time clock, in ms"
     )
+    drift_ppm: float = Field(
+        default=20.0, ge=0, le=1e4, description="greatest rate error of the crystal, in 1e-6"
+    )
 
 
 class LogSection(Section):

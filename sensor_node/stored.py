@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.messages import Block, Gap, Kind, Peak, Status
+from sensor_node.firmware.record import Record
 
 if TYPE_CHECKING:
     from eskin.messages import Message, Position
@@ -28,7 +29,7 @@ CREATE TABLE IF NOT EXISTS message (
 CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence);
 """
 
-KINDS: Final[dict[type, Kind]] = {
+_KINDS: Final[dict[type, Kind]] = {
     Block: Kind.BLOCK,
     Peak: Kind.PEAK,
     Gap: Kind.GAP,
@@ -51,7 +52,15 @@ class Stored:
     body: bytes
 
 
-def affects(message: Message) -> tuple[tuple[int, int], int]:
+def record_of(message: Message) -> Record:
+    """A message as the firmware would hand it over."""
+    time, samples = _affects(message)
+    kind = int(_KINDS[type(message)])
+    named = message.messages if isinstance(message, Gap) else 0
+    return Record(kind, message.position.sequence, message.encode(), time, samples, named)
+
+
+def _affects(message: Message) -> tuple[tuple[int, int], int]:
     """The time that a message tells of (UTC ns), and the samples that go with it."""
     if isinstance(message, Block):
         tube = message.tube

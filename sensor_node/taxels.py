@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator
 
 from eskin.settings import Section
-from sensor_node.constants import SECOND
+from sensor_node.machine.crystal import BILLION
 from sensor_node.noise import Noise
 
 Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
@@ -20,11 +20,11 @@ Positive: TypeAlias = Annotated[float, Field(gt=0)]
 
 def period(hertz: float) -> int:
     """Sampling period in ns."""
-    return round(SECOND / hertz)
+    return round(BILLION / hertz)
 
 
 def _whole_period(hertz: float) -> float:
-    if abs(period(hertz) * hertz - SECOND) > 1e-6 * SECOND:
+    if abs(period(hertz) * hertz - BILLION) > 1e-6 * BILLION:
         raise ValueError("the sampling period must be a whole number of nanoseconds")
     return hertz
 
@@ -55,6 +55,10 @@ class TaxelSection(Section):
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$", description="such as t01")
     noise: Noise = Field(description="disturbance of the measurement")
+    adc_bits: int = Field(default=12, ge=4, le=24, description="the converter's resolution")
+    adc_gain_error: Tolerance = 0.0
+    adc_offset_error: float = Field(default=0.0, ge=0, le=1000, description="in steps")
+    adc_nonlinearity: float = Field(default=0.0, ge=0, le=1000, description="INL, in steps")
     longest_region_s: float = Field(
         default=5.0, gt=0, description="after this time an undecided stretch is reported"
     )
@@ -75,7 +79,6 @@ class _RcSection(TaxelSection):
     reference_tolerance: Tolerance = 1e-5
     transconductance: Positive = _unit("transconductance_A_per_V", 1e-3)
     transconductance_tolerance: Tolerance = 1e-3
-    adc_bits: int = Field(default=12, ge=4, le=24)
     adc_min: float = _unit("adc_min_A", 0.0, ge=0)
     adc_max: float = _unit("adc_max_A", 1e-3)
 
@@ -149,7 +152,6 @@ class InductiveSection(TaxelSection):
     stimulus: Positive = _unit("stimulus_Hz", 1.0)
     reference: Positive = _unit("reference_Hz", 2500.0)
     reference_tolerance: Tolerance = 1e-5
-    adc_bits: int = Field(default=12, ge=4, le=24)
     adc_min: float = _unit("adc_min_V", 0.75, ge=0)
     adc_max: float = _unit("adc_max_V", 0.9)
     frequency_prominence: Positive | None = _unit("frequency_prominence_Hz", None)
@@ -201,10 +203,14 @@ class HybridSection(TaxelSection):
     current_gain_tolerance: Tolerance = 1e-3
     voltage_gain: Positive = _unit("voltage_gain_V_per_V", 0.25)
     voltage_gain_tolerance: Tolerance = 1e-3
-    adc_bits: int = Field(default=12, ge=4, le=24)
     adc_max: Positive = _unit("adc_max_V", 1.25)
     current_prominence: Positive | None = _unit("current_prominence_A", None)
     voltage_prominence: Positive | None = _unit("voltage_prominence_V", None)
+
+    @property
+    def adc_min(self) -> float:
+        """Lower end of the range, in V: the converter is bipolar."""
+        return -self.adc_max
 
     @field_validator("burst_period_s")
     @classmethod

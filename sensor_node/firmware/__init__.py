@@ -1,8 +1,6 @@
-"""The control unit: sees ADC codes and its calibration only, and says intervals and peaks."""
+"""The control unit's program: plain Python that also runs under MicroPython, unchanged.
 
-from __future__ import annotations
-
-from sensor_node.firmware.control_unit import ControlUnit
-from sensor_node.firmware.inversion import Inversion, build_inversion
-
-__all__ = ["ControlUnit", "Inversion", "build_inversion"]
+It imports nothing but `math` and `struct`, and of their functions uses only those that every port
+computes alike: square roots, floors, exact powers of two. What it knows of the world are ADC codes,
+its calibration, and its clock.
+"""

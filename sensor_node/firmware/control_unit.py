@@ -1,132 +1,103 @@
 """The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
 
-from __future__ import annotations
+from array import array
 
-import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from sensor_node.firmware.peaks import PeakDetector
+from sensor_node.firmware.record import Channel
+from sensor_node.firmware.rounding import down, up
 
-from eskin.messages import Block, ChannelInfo, Peak
-from eskin.peaks import PeakDetector
-from eskin.tube import Tube
-from sensor_node.constants import SECOND
-from sensor_node.firmware.inversion import build_inversion
-
+TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping, Sequence
 
-    from eskin.interval import Interval
-    from eskin.messages import Encoding, Position
-    from eskin.peaks import PeakEvent
-    from sensor_node.converter import Codes
-    from sensor_node.schedule import Frame, Schedule
-    from sensor_node.taxels import AnyTaxel
-
-
-@dataclass(frozen=True, slots=True)
-class _Channel:
-    """One quantity of the taxel."""
-
-    quantity: str
-    info: ChannelInfo
-    detector: PeakDetector | None
+    from sensor_node.firmware.clock import Clock
+    from sensor_node.firmware.inversion import Codes
+    from sensor_node.firmware.peaks import PeakEvent
+    from sensor_node.firmware.record import Record, Scribe
+    from sensor_node.firmware.schedule import Frame, Schedule
+    from sensor_node.firmware.taxel import Taxel
 
 
 class ControlUnit:
     """Measures one taxel.
 
     Args:
-        taxel: Its data sheet; never its true parts.
+        name: The taxel's.
+        taxel: Its calibration.
         schedule: When its samples are taken.
+        coverage: Probability that the noise stays within the calibration's reach.
+        prominences: Quantity to the least prominence of its peaks; others have none.
+        longest: Samples after which undecided peaks are reported.
         encoding: How blocks write their bounds.
-        enclosure: Gives earliest and latest UTC (ns) of a moment in ticks.
-        position: Gives the next message's position.
+        clock: What the node knows of time.
+        scribe: Writes its messages.
     """
 
     def __init__(
         self,
-        taxel: AnyTaxel,
+        name: str,
+        taxel: "Taxel",
         *,
-        schedule: Schedule,
-        encoding: Encoding,
-        enclosure: Callable[[int], tuple[int, int]],
-        position: Callable[[], Position],
+        schedule: "Schedule",
+        coverage: float,
+        prominences: "Mapping[str, float]",
+        longest: int,
+        encoding: int,
+        clock: "Clock",
+        scribe: "Scribe",
     ) -> None:
-        self._inversion = build_inversion(taxel)
+        self._taxel = taxel
         self._schedule = schedule
         self._encoding = encoding
-        self._enclosure = enclosure
-        self._position = position
-        longest = max(2, round(taxel.longest_region_s * SECOND / schedule.dt))
-        self._channels = [
-            _Channel(
-                quantity,
-                ChannelInfo(f"{taxel.id}.{quantity}", unit, schedule.dt, taxel.noise.coverage),
-                _detector(taxel.prominence(quantity), longest),
+        self._clock = clock
+        self._scribe = scribe
+        self.channels: list[Channel] = []
+        self._detectors: list[PeakDetector | None] = []
+        self._bounds: list[array[float]] = []
+        for quantity, unit in taxel.quantities:
+            self.channels.append(Channel(name + "." + quantity, unit, schedule.dt, coverage))
+            least = prominences.get(quantity)
+            self._detectors.append(None if least is None else PeakDetector(least, longest))
+            for _ in (0, 1):
+                self._bounds.append(array("d", bytes(8 * schedule.block)))
+
+    def process(self, frame: "Frame", codes: "Sequence[Codes]") -> "list[Record]":
+        """Measure one frame: a block for each quantity, then the peaks that are decided now."""
+        self._taxel.measure(codes, frame.n, self._bounds)
+        time = self._clock.enclosure(frame.start, frame.n * frame.dt)
+        records = []
+        for k in range(len(self.channels)):
+            lows, highs = self._bounds[2 * k], self._bounds[2 * k + 1]
+            records.append(
+                self._scribe.block(
+                    self.channels[k], frame.start, time, self._encoding, lows, highs, frame.n
+                )
             )
-            for quantity, unit in taxel.units.items()
-        ]
-
-    @property
-    def channels(self) -> tuple[ChannelInfo, ...]:
-        """What it measures."""
-        return tuple(channel.info for channel in self._channels)
-
-    def process(
-        self, frame: Frame, codes: Mapping[str, Codes]
-    ) -> tuple[dict[str, Block], list[Peak]]:
-        """Measure one frame.
-
-        Returns:
-            Quantity to its block, and the peaks that are decided now.
-        """
-        measured = self._inversion.measure(codes)
-        blocks = {
-            channel.quantity: self._block(channel.info, frame, measured[channel.quantity])
-            for channel in self._channels
-        }
-        peaks: list[Peak] = []
-        for channel in self._channels:
-            if channel.detector is not None:
-                values = measured[channel.quantity]
-                events = channel.detector.feed(values.inf.tolist(), values.sup.tolist())
+        for k in range(len(self.channels)):
+            detector = self._detectors[k]
+            if detector is not None:
+                lows, highs = self._bounds[2 * k], self._bounds[2 * k + 1]
+                self._tell(records, k, detector.feed(lows, highs, frame.n))
                 if frame.closes:
-                    events += channel.detector.gap()
-                peaks += [self._peak(channel.info, event) for event in events]
-        return blocks, peaks
+                    self._tell(records, k, detector.gap(0))
+        return records
 
-    def skip(self, samples: int) -> list[Peak]:
-        """Say that samples are missing here.
+    def skip(self, samples: int) -> "list[Record]":
+        """Say that samples are missing here; gives the peaks that stay undecided."""
+        records: list[Record] = []
+        for k in range(len(self.channels)):
+            detector = self._detectors[k]
+            if detector is not None:
+                self._tell(records, k, detector.gap(samples))
+        return records
 
-        Returns:
-            The peaks that stay undecided.
-        """
-        return [
-            self._peak(channel.info, event)
-            for channel in self._channels
-            if channel.detector is not None
-            for event in channel.detector.gap(samples)
-        ]
-
-    def _block(self, info: ChannelInfo, frame: Frame, values: Interval) -> Block:
-        time = self._enclosure(frame.start)
-        tube = Tube(time, frame.dt, values, info.unit, info.coverage)
-        return Block.pack(self._position(), info.channel, frame.start, tube, self._encoding)
-
-    def _peak(self, info: ChannelInfo, event: PeakEvent) -> Peak:
-        earliest = self._enclosure(self._schedule.ticks(event.first))[0]
-        latest = self._enclosure(self._schedule.ticks(event.last))[1]
-        return Peak(
-            position=self._position(),
-            channel=info.channel,
-            unit=info.unit,
-            time=(earliest, latest),
-            verdict=event.verdict,
-            count=event.count,
-            height=event.height,
-            prominence=event.prominence,
-            coverage=union_coverage(info.coverage, event.last - event.first + 1),
-        )
+    def _tell(self, records: "list[Record]", k: int, events: "list[PeakEvent]") -> None:
+        channel = self.channels[k]
+        for event in events:
+            earliest, _ = self._clock.enclosure(self._schedule.ticks(event.first))
+            _, latest = self._clock.enclosure(self._schedule.ticks(event.last))
+            coverage = union_coverage(channel.coverage, event.last - event.first + 1)
+            records.append(self._scribe.peak(channel, event, (earliest, latest), coverage))
 
 
 def union_coverage(coverage: float, samples: int) -> float:
@@ -134,11 +105,5 @@ def union_coverage(coverage: float, samples: int) -> float:
     if coverage == 1.0:
         return 1.0
     # 1 - coverage is exact (Sterbenz) for any coverage from one half on.
-    beyond = math.nextafter(samples * (1.0 - coverage), math.inf)
-    return max(0.0, math.nextafter(1.0 - beyond, 0.0))
-
-
-def _detector(prominence: float | None, longest: int) -> PeakDetector | None:
-    if prominence is None:
-        return None
-    return PeakDetector(prominence, longest_region=longest)
+    beyond = up(samples * (1.0 - coverage))
+    return max(0.0, down(1.0 - beyond))

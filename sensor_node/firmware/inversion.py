@@ -1,175 +1,174 @@
-"""From ADC codes back to the quantities: each result encloses the truth.
+"""From ADC codes back to quantities: each result encloses the truth.
 
-Known are the parts' tolerances and the noise's reach. A saturated code leaves the side open that it
-does not bound, on every quantity that follows from it.
+Known are the parts' tolerances, the converter's errors, and the noise's reach. A saturated code
+leaves the side open that it does not bound, on every quantity that follows from it.
+
+Each function fills buffers sample by sample, as an interrupt's buffer is worked off. Calibrations
+are tuples of floats that `sensor_node.firmware.calibration` makes.
 """
 
-from __future__ import annotations
+from sensor_node.firmware.logarithm import logarithm
+from sensor_node.firmware.rounding import INFINITY, TWO_PI_HI, TWO_PI_LO, down, up
 
-from typing import TYPE_CHECKING, Protocol
-
-import numpy as np
-
-from eskin.interval import Interval
-from sensor_node.constants import EPSILON_0, TWO_PI
-from sensor_node.converter import Converter
-from sensor_node.taxels import CapacitiveSection, InductiveSection, TouchSection
-
+TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import MutableSequence, Sequence
 
-    from sensor_node.converter import Codes
-    from sensor_node.taxels import AnyTaxel, HybridSection
-
-
-class Inversion(Protocol):
-    """Turns a taxel's codes into intervals."""
-
-    def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-        """Quantity to intervals, as many as there are codes."""
+    Buffer = MutableSequence[float]
+    Codes = Sequence[int]
+    Bounds = tuple[float, float]
 
 
-class RcInversion:
-    """I → C over the chain of Fig. 3: ``C = Gm / (2π·R·f_ref·I)``."""
-
-    def __init__(self, taxel: CapacitiveSection | TouchSection) -> None:
-        self._converter = Converter(taxel.adc_min, taxel.adc_max, taxel.adc_bits)
-        resistance = Interval.relative(taxel.resistance_ohm, taxel.resistance_tolerance)
-        reference = Interval.relative(taxel.reference, taxel.reference_tolerance)
-        transconductance = Interval.relative(
-            taxel.transconductance, taxel.transconductance_tolerance
-        )
-        self._factor = transconductance / (TWO_PI * resistance * reference)
-
-    def current(self, codes: Mapping[str, Codes], reach: float) -> Interval:
-        """The converter's current in A."""
-        return widen(self._converter.enclose(codes["current"]), reach)
-
-    def capacitance(self, current: Interval) -> Interval:
-        """The oscillator's capacitance in F."""
-        return falling(current, self._factor / not_negative(current))
-
-
-class CapacitiveInversion:
-    """Capacitance and current of a capacitive taxel."""
-
-    def __init__(self, taxel: CapacitiveSection) -> None:
-        self._chain = RcInversion(taxel)
-        self._reach = taxel.noise.reach
-
-    def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-        """Capacitance in F, current in A."""
-        current = self._chain.current(codes, self._reach)
-        return {"capacitance": self._chain.capacitance(current), "current": current}
-
-
-class TouchInversion:
-    """Area, capacitance and energy of a touch: ``A = C·d/ε``, ``E = ½CV²``."""
-
-    def __init__(self, taxel: TouchSection) -> None:
-        self._chain = RcInversion(taxel)
-        distance = Interval.relative(taxel.plate_distance_m, taxel.plate_distance_tolerance)
-        self._per_area = Interval(EPSILON_0) * taxel.relative_permittivity / distance
-        self._area_reach = taxel.noise.reach
-        self._capacitance_reach = float((self._per_area * self._area_reach).sup)
-        supply = Interval.relative(taxel.supply, taxel.supply_tolerance)
-        self._half_square = supply.sqr() * 0.5
-
-    def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-        """Area in m², capacitance in F, energy in J."""
-        sensed = self._chain.capacitance(self._chain.current(codes, 0.0))
-        capacitance = widen(sensed, self._capacitance_reach)
-        return {
-            "area": widen(sensed / self._per_area, self._area_reach),
-            "capacitance": capacitance,
-            "energy": capacitance * self._half_square,
-        }
-
-
-class InductiveInversion:
-    """Frequency, inductance and distance: ``L = 1/((2πf)²·C)``, ``d = -ln((L0 - L)/ΔL)/alpha``."""
-
-    def __init__(self, taxel: InductiveSection) -> None:
-        self._converter = Converter(taxel.adc_min, taxel.adc_max, taxel.adc_bits)
-        self._reach = taxel.noise.reach
-        self._reference = Interval.relative(taxel.reference, taxel.reference_tolerance)
-        self._capacitance = Interval.relative(taxel.capacitance, taxel.capacitance_tolerance)
-        self._base = Interval.relative(taxel.inductance, taxel.inductance_tolerance)
-        self._change = Interval.relative(taxel.inductance_change, taxel.inductance_change_tolerance)
-        self._damping = Interval.relative(taxel.damping_per_m, taxel.damping_tolerance)
-
-    def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-        """Frequency in Hz, inductance in H, distance in m."""
-        frequency = widen(self._converter.enclose(codes["voltage"]), self._reach) * self._reference
-        square = (not_negative(frequency) * TWO_PI).sqr()
-        inductance = falling(frequency, square.recip() / self._capacitance)
-        return {
-            "frequency": frequency,
-            "inductance": inductance,
-            "distance": falling(frequency, self._distance(inductance)),
-        }
-
-    def _distance(self, inductance: Interval) -> Interval:
-        ratio = (self._base - inductance) / self._change
-        # Before the coil the ratio lies in (0, 1]. Where it does not, something is broken or noise
-        # went beyond its reach, and nothing is known.
-        possible = (ratio.sup > 0.0) & (ratio.inf <= 1.0)
-        inside = Interval(
-            np.where(possible, np.clip(ratio.inf, 0.0, 1.0), 1.0),
-            np.where(possible, np.clip(ratio.sup, 0.0, 1.0), 1.0),
-        )
-        distance = -inside.log() / self._damping
-        return Interval(
-            np.where(possible, distance.inf, -np.inf), np.where(possible, distance.sup, np.inf)
-        )
-
-
-class HybridInversion:
-    """Current and voltage behind their amplifiers."""
-
-    def __init__(self, taxel: HybridSection) -> None:
-        self._converter = Converter(-taxel.adc_max, taxel.adc_max, taxel.adc_bits)
-        self._reach = taxel.noise.reach
-        self._gains = {
-            "current": Interval.relative(taxel.current_gain, taxel.current_gain_tolerance),
-            "voltage": Interval.relative(taxel.voltage_gain, taxel.voltage_gain_tolerance),
-        }
-
-    def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-        """Current in A, voltage in V."""
-        return {
-            quantity: widen(self._converter.enclose(codes[quantity]), self._reach) / gain
-            for quantity, gain in self._gains.items()
-        }
-
-
-def build_inversion(taxel: AnyTaxel) -> Inversion:
-    """The inversion for a taxel's kind."""
-    if isinstance(taxel, CapacitiveSection):
-        return CapacitiveInversion(taxel)
-    if isinstance(taxel, TouchSection):
-        return TouchInversion(taxel)
-    if isinstance(taxel, InductiveSection):
-        return InductiveInversion(taxel)
-    return HybridInversion(taxel)
-
-
-def widen(values: Interval, reach: float) -> Interval:
-    """Take in noise of at most ``reach``."""
-    return values + Interval(-reach, reach) if reach > 0.0 else values
-
-
-def not_negative(values: Interval) -> Interval:
-    """The part at or above zero; ``[0, inf]``, nothing known, where noise left none above it."""
-    known = values.sup > 0.0
-    return Interval(
-        np.where(known, np.maximum(values.inf, 0.0), 0.0), np.where(known, values.sup, np.inf)
+def code_bounds(
+    code: int, last: int, adc: "tuple[float, float, float, float, float]", reach: float
+) -> "Bounds":
+    """What the input may have been: ``(code + [-inl, 1 + inl])·step + offset``, and noise."""
+    step_lo, step_hi, offset_lo, offset_hi, nonlinearity = adc
+    low, high = down(code - nonlinearity), up(code + 1 + nonlinearity)
+    lo = down(low * (step_lo if low >= 0.0 else step_hi))
+    hi = up(high * (step_hi if high >= 0.0 else step_lo))
+    return (
+        -INFINITY if code <= 0 else down(down(lo + offset_lo) - reach),
+        INFINITY if code >= last else up(up(hi + offset_hi) + reach),
     )
 
 
-def falling(cause: Interval, effect: Interval) -> Interval:
-    """Leave open, on a quantity that falls with its cause, the sides that the cause leaves open."""
-    return Interval(
-        np.where(np.isinf(cause.sup), -np.inf, effect.inf),
-        np.where(np.isinf(cause.inf), np.inf, effect.sup),
+def capacitance_bounds(lo: float, hi: float, factor: "Bounds") -> "Bounds":
+    """``C = factor / I``: the oscillator's capacitance from the current of Fig. 3 (eq. 6)."""
+    floor = 0.0 if hi <= 0.0 else down(factor[0] / hi)
+    return (
+        -INFINITY if hi == INFINITY else floor,
+        INFINITY if lo <= 0.0 or hi <= 0.0 else up(factor[1] / lo),
     )
+
+
+def measure_capacitive(
+    codes: "Codes",
+    n: int,
+    last: int,
+    adc: "tuple[float, float, float, float, float]",
+    reach: float,
+    factor: "Bounds",
+    c_lo: "Buffer",
+    c_hi: "Buffer",
+    i_lo: "Buffer",
+    i_hi: "Buffer",
+) -> None:
+    """Capacitance in F, and current in A."""
+    for k in range(n):
+        lo, hi = code_bounds(codes[k], last, adc, reach)
+        i_lo[k], i_hi[k] = lo, hi
+        c_lo[k], c_hi[k] = capacitance_bounds(lo, hi, factor)
+
+
+def scaled(lo: float, hi: float, factor: "Bounds") -> "Bounds":
+    """A product with a positive factor."""
+    return (
+        down(lo * (factor[0] if lo >= 0.0 else factor[1])),
+        up(hi * (factor[1] if hi >= 0.0 else factor[0])),
+    )
+
+
+def measure_touch(
+    codes: "Codes",
+    n: int,
+    last: int,
+    adc: "tuple[float, float, float, float, float]",
+    reaches: "Bounds",
+    factor: "Bounds",
+    area_factor: "Bounds",
+    energy_factor: "Bounds",
+    a_lo: "Buffer",
+    a_hi: "Buffer",
+    c_lo: "Buffer",
+    c_hi: "Buffer",
+    e_lo: "Buffer",
+    e_hi: "Buffer",
+) -> None:
+    """Area ``C·d/ε`` in m², capacitance in F, energy ``½CV²`` in J (eq. 2, 10).
+
+    The noise lies on the plate: ``reaches`` tells how far it moves an area and a capacitance.
+    """
+    for k in range(n):
+        i_lo, i_hi = code_bounds(codes[k], last, adc, 0.0)
+        lo, hi = capacitance_bounds(i_lo, i_hi, factor)
+        low, high = scaled(lo, hi, area_factor)
+        a_lo[k], a_hi[k] = down(low - reaches[0]), up(high + reaches[0])
+        lo, hi = down(lo - reaches[1]), up(hi + reaches[1])
+        c_lo[k], c_hi[k] = lo, hi
+        e_lo[k], e_hi[k] = scaled(lo, hi, energy_factor)
+
+
+def inductance_bounds(lo: float, hi: float, capacitance: "Bounds") -> "Bounds":
+    """``L = 1 / ((2πf)²·C)`` from the frequency of eq. 12."""
+    floor, ceiling = 0.0, INFINITY
+    if hi > 0.0:
+        omega = up(TWO_PI_HI * hi)
+        floor = down(1.0 / up(up(omega * omega) * capacitance[1]))
+    if lo > 0.0 and hi > 0.0:
+        omega = down(TWO_PI_LO * lo)
+        ceiling = up(1.0 / down(down(omega * omega) * capacitance[0]))
+    return (-INFINITY if hi == INFINITY else floor), ceiling
+
+
+def distance_bounds(lo: float, hi: float, coil: "tuple[Bounds, Bounds, Bounds]") -> "Bounds":
+    """``d = -ln((L0 - L)/ΔL)/alpha`` from the inductance of eq. 11.
+
+    Before the coil the ratio lies in (0, 1]. Where it does not, something is broken or noise went
+    beyond its reach, and nothing is known.
+    """
+    base, change, damping = coil
+    most, least = up(base[1] - lo), down(base[0] - hi)
+    least = down(least / (change[1] if least >= 0.0 else change[0]))
+    most = up(most / (change[0] if most >= 0.0 else change[1]))
+    if most <= 0.0 or least > 1.0:
+        return -INFINITY, INFINITY
+    near, far = -INFINITY, INFINITY
+    if lo > -INFINITY:
+        near = 0.0 if most >= 1.0 else max(0.0, down(-logarithm(most)[1] / damping[1]))
+    if least > 0.0:
+        far = up(-logarithm(least)[0] / damping[0])
+    return near, far
+
+
+def measure_inductive(
+    codes: "Codes",
+    n: int,
+    last: int,
+    adc: "tuple[float, float, float, float, float]",
+    reach: float,
+    reference: "Bounds",
+    capacitance: "Bounds",
+    coil: "tuple[Bounds, Bounds, Bounds]",
+    f_lo: "Buffer",
+    f_hi: "Buffer",
+    l_lo: "Buffer",
+    l_hi: "Buffer",
+    d_lo: "Buffer",
+    d_hi: "Buffer",
+) -> None:
+    """Frequency in Hz, inductance in H, distance in m."""
+    for k in range(n):
+        v_lo, v_hi = code_bounds(codes[k], last, adc, reach)
+        lo, hi = scaled(v_lo, v_hi, reference)
+        f_lo[k], f_hi[k] = lo, hi
+        lo, hi = inductance_bounds(lo, hi, capacitance)
+        l_lo[k], l_hi[k] = lo, hi
+        d_lo[k], d_hi[k] = distance_bounds(lo, hi, coil)
+
+
+def measure_amplified(
+    codes: "Codes",
+    n: int,
+    last: int,
+    adc: "tuple[float, float, float, float, float]",
+    reach: float,
+    gain: "Bounds",
+    lo: "Buffer",
+    hi: "Buffer",
+) -> None:
+    """A quantity behind an amplifier: the input divided by the gain."""
+    for k in range(n):
+        v_lo, v_hi = code_bounds(codes[k], last, adc, reach)
+        lo[k] = down(v_lo / (gain[1] if v_lo >= 0.0 else gain[0]))
+        hi[k] = up(v_hi / (gain[0] if v_hi >= 0.0 else gain[1]))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from sensor_node.converter import Converter
+from sensor_node.machine.converter import Converter
 from sensor_node.physics.parameters import draw_noise, draw_part
 from sensor_node.taxels import CapacitiveSection, InductiveSection, TouchSection
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eskin.interval import Floats
-    from sensor_node.converter import Codes
+    from sensor_node.machine.converter import Codes
     from sensor_node.taxels import AnyTaxel, HybridSection
 
 
@@ -50,7 +50,7 @@ class RcFrontend:
         self._transconductance = draw_part(
             random, taxel.transconductance, taxel.transconductance_tolerance
         )
-        self._converter = Converter(taxel.adc_min, taxel.adc_max, taxel.adc_bits)
+        self._converter = Converter(taxel, random)
         # A touch is disturbed at the plate, not behind it.
         self._noise = taxel.noise if isinstance(taxel, CapacitiveSection) else None
 
@@ -71,7 +71,7 @@ class LcFrontend:
     def __init__(self, taxel: InductiveSection, random: np.random.Generator) -> None:
         self._capacitance = draw_part(random, taxel.capacitance, taxel.capacitance_tolerance)
         self._reference = draw_part(random, taxel.reference, taxel.reference_tolerance)
-        self._converter = Converter(taxel.adc_min, taxel.adc_max, taxel.adc_bits)
+        self._converter = Converter(taxel, random)
         self._noise = taxel.noise
 
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
@@ -90,7 +90,7 @@ class LinearFrontend:
             "current": draw_part(random, taxel.current_gain, taxel.current_gain_tolerance),
             "voltage": draw_part(random, taxel.voltage_gain, taxel.voltage_gain_tolerance),
         }
-        self._converter = Converter(-taxel.adc_max, taxel.adc_max, taxel.adc_bits)
+        self._converter = Converter(taxel, random)
         self._noise = taxel.noise
 
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:

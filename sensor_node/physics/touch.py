@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sensor_node.constants import EPSILON_0
+from sensor_node.firmware.calibration import EPSILON_0
 from sensor_node.physics.parameters import draw_noise, draw_part
 from sensor_node.physics.signals import Signals, raised_sine
 

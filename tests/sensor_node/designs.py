@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from array import array
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from sensor_node.clock import Clock
+from eskin.interval import Interval
+from sensor_node.firmware.taxel import KINDS as CALIBRATED
 from sensor_node.flash import Flash
+from sensor_node.machine.clock import Clock
+from sensor_node.machine.crystal import Crystal
+from sensor_node.machine.sheet import data_sheet
 from sensor_node.node import Node
 from sensor_node.profile import Profile
 from sensor_node.settings import NodeSettings
@@ -16,9 +21,10 @@ from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
+    from sensor_node.machine.converter import Codes
     from sensor_node.taxels import AnyTaxel
 
 START = 1_790_000_000_000_000_000
@@ -44,6 +50,19 @@ def taxel(kind: str, /, **changes: Any) -> AnyTaxel:
     return found
 
 
+def invert(design: AnyTaxel, codes: Mapping[str, Codes]) -> dict[str, Interval]:
+    """What the firmware says of ADC codes."""
+    calibrated = CALIBRATED[design.kind](data_sheet(design))
+    given = [array("q", codes[name].tobytes()) for name in calibrated.inputs]
+    n = len(given[0])
+    bounds = [array("d", bytes(8 * n)) for _ in range(2 * len(calibrated.quantities))]
+    calibrated.measure(given, n, bounds)
+    return {
+        quantity: Interval(np.array(bounds[2 * k]), np.array(bounds[2 * k + 1]))
+        for k, (quantity, _) in enumerate(calibrated.quantities)
+    }
+
+
 def settings(folder: Path, profile: str = "fingertip", **sections: Any) -> NodeSettings:
     """Settings of a node that lives in a folder."""
     given: dict[str, Any] = {
@@ -56,28 +75,35 @@ def settings(folder: Path, profile: str = "fingertip", **sections: Any) -> NodeS
     return NodeSettings(**given)
 
 
-def clock_at(ticks: Callable[[], int], *, rtc_error: int = 2_000_000, seed: int = 3) -> Clock:
+def clock_at(
+    ticks: Callable[[], int], *, rtc_error: int = 2_000_000, drift: int = 0, seed: int = 3
+) -> Clock:
     """A clock of which the test turns the hands."""
+    random = np.random.default_rng(seed)
     return Clock(
         start=START,
         monotonic=ticks,
         speed=1.0,
         rtc_error=rtc_error,
-        random=np.random.default_rng(seed),
+        drift=drift,
+        crystal=Crystal(drift, random),
+        random=random,
     )
 
 
 class Bench:
     """A node without a network, whose time the test turns."""
 
-    def __init__(self, folder: Path, profile: str = "fingertip", **sections: Any) -> None:
+    def __init__(
+        self, folder: Path, profile: str = "fingertip", *, drift: int = 0, **sections: Any
+    ) -> None:
         self.settings = settings(folder, profile, **sections)
         self.truth = Truth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
         self.flash = Flash(
             self.settings.flash.path, capacity=self.settings.flash.capacity_bytes, epoch=1
         )
         self.ticks = 0
-        self.clock = clock_at(lambda: self.ticks)
+        self.clock = clock_at(lambda: self.ticks, drift=drift)
         self.node = Node(
             self.settings, clock=self.clock, flash=self.flash, truth=self.truth, seed=7
         )

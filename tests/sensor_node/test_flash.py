@@ -67,7 +67,7 @@ def fill(flash: Flash, blocks: int, *, peak_every: int = 0) -> list[Position]:
             positions.append(add_block(batch).position)
             if peak_every and number % peak_every == 0:
                 add_peak(batch)
-                positions.append(batch.messages[-1].position)
+                positions.append(Position(flash.boot, batch.records[-1].sequence))
     return positions
 
 
@@ -251,7 +251,7 @@ def test_long_failure_is_told_in_one_readable_gap(tmp_path: Path) -> None:
     flash = Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
     commit = flash._commit
 
-    def full(_messages: object) -> None:
+    def full(_records: object) -> None:
         raise FlashError("disk is full")
 
     flash._commit = full  # type: ignore[method-assign, assignment]  # a fault is injected

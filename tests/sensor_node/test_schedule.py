@@ -5,12 +5,12 @@ from itertools import pairwise
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sensor_node.schedule import Schedule
+from sensor_node.machine.schedule import build_schedule
 from tests.sensor_node.designs import SECOND, taxel
 
 
 def test_continuous_frames_join_without_a_hole() -> None:
-    schedule = Schedule.of(taxel("capacitive"), 250)
+    schedule = build_schedule(taxel("capacitive"), 250)
     frames = [schedule.frame(number) for number in range(9)]
     assert all(a.end == b.start and a.first + a.n == b.first for a, b in pairwise(frames))
     assert frames[0].end == SECOND // 4
@@ -18,7 +18,7 @@ def test_continuous_frames_join_without_a_hole() -> None:
 
 @given(st.integers(1, 1000), st.integers(0, 400))
 def test_burst_is_4000_samples_at_100_khz_once_a_second(block: int, number: int) -> None:
-    schedule = Schedule.of(taxel("hybrid"), block)
+    schedule = build_schedule(taxel("hybrid"), block)
     frame = schedule.frame(number)
     assert schedule.ticks(frame.first) == frame.start
     assert schedule.ticks(frame.first + frame.n - 1) == frame.end - frame.dt
@@ -26,4 +26,3 @@ def test_burst_is_4000_samples_at_100_khz_once_a_second(block: int, number: int)
     assert 0 <= frame.start - frame.trigger < 40_000_000
     assert frame.closes == (frame.end - frame.trigger == 40_000_000)
     assert frame.trigger % SECOND == 0
-    assert frame.seconds[0] == (frame.start - frame.trigger) / SECOND

@@ -1,28 +1,34 @@
-"""The node's clock: ticks since its start, and an enclosure of their UTC time."""
+"""The machine's clock: emulated time, and what a real-time clock told the firmware of it."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sensor_node.constants import SECOND
+from sensor_node.firmware.clock import Clock as FirmwareClock
+from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     import numpy as np
+    from numpy.typing import NDArray
+
+    from sensor_node.machine.crystal import Crystal
 
 
 class Clock:
     """Emulated time: starts at the present and runs ``speed`` times as fast as real time.
 
-    The crystal is exact; the real-time clock that was read at the start was wrong by a true offset
-    inside its bound, which the node does not know.
+    The real-time clock that was read at the start was wrong by a true offset inside its bound,
+    which the node does not know; nor does it know how wrong its crystal is.
 
     Args:
         start: True UTC at the start, ns since 1970.
         monotonic: Real time in ns from any origin.
         speed: Emulated seconds in a real second.
         rtc_error: Bound of the real-time clock's error, in ns.
+        drift: Bound of the crystal's rate error, in parts of 1e9.
+        crystal: The crystal.
         random: Draws the true offset.
     """
 
@@ -33,28 +39,31 @@ class Clock:
         monotonic: Callable[[], int],
         speed: float,
         rtc_error: int,
+        drift: int,
+        crystal: Crystal,
         random: np.random.Generator,
     ) -> None:
         self._start = start
         self._monotonic = monotonic
         self._origin = monotonic()
         self._speed = speed
-        self._error = rtc_error
-        self._reading = start + int(random.integers(-rtc_error, rtc_error, endpoint=True))
+        self._crystal = crystal
+        reading = start + int(random.integers(-rtc_error, rtc_error, endpoint=True))
+        self.known = FirmwareClock(reading, rtc_error, drift)
+        """What the firmware knows."""
 
     def ticks(self) -> int:
-        """Emulated ns since the start."""
+        """Emulated ns since the start, as the crystal counts them."""
         return int((self._monotonic() - self._origin) * self._speed)
+
+    def elapsed(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """True ns since the start."""
+        return self._crystal.elapsed(ticks)
 
     def true_time(self, ticks: int) -> int:
         """True UTC in ns; for the audit, not for the firmware."""
-        return self._start + ticks
-
-    def enclosure(self, ticks: int) -> tuple[int, int]:
-        """Earliest and latest UTC in ns of a moment, as the firmware knows it."""
-        middle = self._reading + ticks
-        return middle - self._error, middle + self._error
+        return self._start + int(self._crystal.elapsed(ticks))
 
     def seconds_until(self, ticks: int) -> float:
         """Real seconds until a moment; negative when it is over."""
-        return (ticks - self.ticks()) / self._speed / SECOND
+        return (ticks - self.ticks()) / self._speed / BILLION

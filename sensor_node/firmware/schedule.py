@@ -1,21 +1,6 @@
 """When a taxel's samples are taken, and which of them make a block."""
 
-from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Self
-
-import numpy as np
-
-from sensor_node.constants import SECOND
-from sensor_node.taxels import HybridSection, period
-
-if TYPE_CHECKING:
-    from eskin.interval import Floats
-    from sensor_node.taxels import AnyTaxel
-
-
-@dataclass(frozen=True, slots=True)
 class Frame:
     """The samples of one block.
 
@@ -29,54 +14,40 @@ class Frame:
         closes: Whether sampling pauses after it.
     """
 
-    number: int
-    first: int
-    start: int
-    trigger: int
-    n: int
-    dt: int
-    closes: bool
+    __slots__ = ("closes", "dt", "first", "n", "number", "start", "trigger")
+
+    def __init__(
+        self, number: int, first: int, start: int, trigger: int, n: int, dt: int, *, closes: bool
+    ) -> None:
+        self.number = number
+        self.first = first
+        self.start = start
+        self.trigger = trigger
+        self.n = n
+        self.dt = dt
+        self.closes = closes
 
     @property
     def end(self) -> int:
         """Ticks at which the frame is complete."""
         return self.start + self.n * self.dt
 
-    @property
-    def seconds(self) -> Floats:
-        """Instants since the trigger."""
-        ticks = self.start - self.trigger + self.dt * np.arange(self.n, dtype=np.int64)
-        return np.asarray(ticks / SECOND)
 
-
-@dataclass(frozen=True, slots=True)
 class Schedule:
     """Equally spaced samples, without end or in bursts.
 
-    Attributes:
+    Args:
         dt: Sampling period in ns.
         block: Samples in a block.
         burst: Samples in a burst; 0 where sampling never pauses.
         pause: ns from trigger to trigger.
     """
 
-    dt: int
-    block: int
-    burst: int = 0
-    pause: int = 0
-
-    @classmethod
-    def of(
-        cls,
-        taxel: AnyTaxel,
-        block: int,
-    ) -> Self:
-        """The schedule of a taxel."""
-        dt = period(taxel.sampling)
-        if not isinstance(taxel, HybridSection):
-            return cls(dt, block)
-        burst = max(1, round(taxel.burst_s * SECOND / dt))
-        return cls(dt, block, burst, max(burst * dt, round(taxel.burst_period_s * SECOND)))
+    def __init__(self, dt: int, block: int, burst: int = 0, pause: int = 0) -> None:
+        self.dt = dt
+        self.block = block
+        self.burst = burst
+        self.pause = max(pause, burst * dt)
 
     def frame(self, number: int) -> Frame:
         """The frame of a number."""

@@ -1,0 +1,78 @@
+"""What a data sheet says of parts, as bounds to calculate with.
+
+A part of value v and tolerance t lies in ``v·[1 - t, 1 + t]``; a sheet is a map of SI values.
+"""
+
+from sensor_node.firmware.rounding import TWO_PI_HI, TWO_PI_LO, down, up
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    Bounds = tuple[float, float]
+    Sheet = Mapping[str, float]
+
+EPSILON_0 = 8854 / 1000000000000000
+"""Permittivity of vacuum in F/m, with the paper's digits (below eq. 9)."""
+_EMULATION = 1.0 / 281474976710656
+"""2^-48: a real chain does not round, an emulated one does, by a few digits of binary64. As a part
+of the greater end of the converter's range."""
+
+
+def part(sheet: "Sheet", name: str) -> "Bounds":
+    """A positive part with its tolerance."""
+    value, tolerance = sheet[name], sheet[name + "_tolerance"]
+    if tolerance == 0.0:
+        return value, value
+    return down(value * down(1.0 - tolerance)), up(value * up(1.0 + tolerance))
+
+
+def product(a: "Bounds", b: "Bounds") -> "Bounds":
+    """A product of positive bounds."""
+    return down(a[0] * b[0]), up(a[1] * b[1])
+
+
+def quotient(a: "Bounds", b: "Bounds") -> "Bounds":
+    """A quotient of positive bounds."""
+    return down(a[0] / b[1]), up(a[1] / b[0])
+
+
+def converter(sheet: "Sheet") -> "tuple[float, float, float, float, float]":
+    """Step and offset of the ADC with their errors, and its nonlinearity in steps.
+
+    Code c stands for inputs of ``(c + [-inl, 1 + inl])·step + offset``.
+    """
+    lowest, highest = sheet["adc_min"], sheet["adc_max"]
+    codes, gain = 1 << int(sheet["adc_bits"]), sheet["adc_gain_error"]
+    step_lo, step_hi = down(highest - lowest) / codes, up(highest - lowest) / codes
+    slack = up(_EMULATION * max(abs(lowest), abs(highest)))
+    slack = up(slack + up(sheet["adc_offset_error"] * step_hi))
+    return (
+        down(step_lo * down(1.0 - gain)),
+        up(step_hi * up(1.0 + gain)),
+        down(lowest - slack),
+        up(lowest + slack),
+        sheet["adc_nonlinearity"],
+    )
+
+
+def oscillator(sheet: "Sheet") -> "Bounds":
+    """``Gm / (2π·R·f_ref)``: a capacitance times the current that it makes (eq. 6)."""
+    below = product(
+        (TWO_PI_LO, TWO_PI_HI), product(part(sheet, "resistance"), part(sheet, "reference"))
+    )
+    return quotient(part(sheet, "transconductance"), below)
+
+
+def plate(sheet: "Sheet") -> "Bounds":
+    """``ε/d``: a plate's capacitance for each area (eq. 2)."""
+    permittivity = EPSILON_0 * sheet["relative_permittivity"]
+    bounds = down(permittivity), up(permittivity)
+    return quotient(bounds, part(sheet, "plate_distance"))
+
+
+def half_square(sheet: "Sheet") -> "Bounds":
+    """``½V²``: the energy for each capacitance."""
+    supply = part(sheet, "supply")
+    lo, hi = product(supply, supply)
+    return 0.5 * lo, 0.5 * hi

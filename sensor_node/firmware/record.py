@@ -1,0 +1,210 @@
+"""What the control unit says: messages as bytes, written for `eskin.messages` to read."""
+
+from sensor_node.firmware.cbor import Writer
+from sensor_node.firmware.encoding import Q16, TAGS, write
+from sensor_node.firmware.rounding import up
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Protocol
+
+    from sensor_node.firmware.peaks import PeakEvent
+
+    class Numbers(Protocol):
+        """Counts messages."""
+
+        def next_sequence(self) -> int:
+            """The next number; never given out again."""
+
+
+BLOCK = 1
+PEAK = 2
+GAP = 3
+STATUS = 4
+
+
+class Channel:
+    """One quantity of one taxel.
+
+    Attributes:
+        name: ``{taxel}.{quantity}``.
+        unit: UCUM code.
+        dt: Sampling period in ns.
+        coverage: Probability that a sample's interval encloses the truth.
+    """
+
+    __slots__ = ("coverage", "dt", "name", "unit")
+
+    def __init__(self, name: str, unit: str, dt: int, coverage: float) -> None:
+        self.name = name
+        self.unit = unit
+        self.dt = dt
+        self.coverage = coverage
+
+
+class Record:
+    """A message with what flash must know of it.
+
+    Attributes:
+        kind: `BLOCK`, `PEAK`, `GAP` or `STATUS`.
+        sequence: Its place in what this boot says.
+        body: Its bytes.
+        earliest: UTC ns that it tells of.
+        latest: The same, at the end.
+        samples: How many samples it holds, or for a gap: how many were lost.
+        named: How many lost messages it names.
+    """
+
+    __slots__ = ("body", "earliest", "kind", "latest", "named", "samples", "sequence")
+
+    def __init__(
+        self,
+        kind: int,
+        sequence: int,
+        body: bytes,
+        time: "tuple[int, int]",
+        samples: int,
+        named: int = 0,
+    ) -> None:
+        self.kind = kind
+        self.sequence = sequence
+        self.body = body
+        self.earliest, self.latest = time
+        self.samples = samples
+        self.named = named
+
+
+class Scribe:
+    """Writes messages, numbered one after the other.
+
+    Args:
+        boot: Number of this start.
+        numbers: Gives the sequence numbers.
+    """
+
+    def __init__(self, boot: int, numbers: "Numbers") -> None:
+        self._boot = boot
+        self._numbers = numbers
+
+    def block(
+        self,
+        channel: Channel,
+        ticks: int,
+        time: "tuple[int, int]",
+        encoding: int,
+        lows: "Sequence[float]",
+        highs: "Sequence[float]",
+        n: int,
+    ) -> Record:
+        """Samples of one channel."""
+        written = write(encoding, lows, highs, n)
+        out, sequence = self._begin(BLOCK, 17 if encoding == Q16 else 15)
+        _text(out, 4, channel.name)
+        _text(out, 5, channel.unit)
+        _integer(out, 6, ticks)
+        _integers(out, 7, time)
+        _integer(out, 8, channel.dt)
+        _integer(out, 9, n)
+        _real(out, 10, channel.coverage)
+        _integer(out, 11, encoding)
+        for key, content in ((12, written.lo), (13, written.hi)):
+            out.integer(key)
+            out.typed_array(TAGS[encoding], content)
+        _reals(out, 14, (written.lowest, written.highest))
+        if encoding == Q16:
+            _integer(out, 15, written.exponent)
+            _integer(out, 16, written.offset)
+        _real(out, 17, up(written.widening) if written.widening > 0.0 else 0.0)
+        until = time[0], time[1] + channel.dt * (n - 1)
+        return Record(BLOCK, sequence, bytes(out.buffer), until, n)
+
+    def peak(
+        self, channel: Channel, event: "PeakEvent", time: "tuple[int, int]", coverage: float
+    ) -> Record:
+        """A peak, or a region of possible ones."""
+        out, sequence = self._begin(PEAK, 11)
+        _text(out, 4, channel.name)
+        _text(out, 5, channel.unit)
+        _integers(out, 6, time)
+        _integer(out, 7, event.verdict)
+        _integers(out, 8, event.count)
+        _reals(out, 9, event.height)
+        _reals(out, 10, event.prominence)
+        _real(out, 11, coverage)
+        return Record(PEAK, sequence, bytes(out.buffer), time, 0)
+
+    def gap(self, reason: str, time: "tuple[int, int]", samples: int) -> Record:
+        """Samples that were never taken."""
+        out, sequence = self._begin(GAP, 8)
+        _text(out, 4, reason)
+        _integers(out, 5, time)
+        _integer(out, 6, 0)
+        _integer(out, 7, samples)
+        out.integer(8)
+        out.array(0)
+        return Record(GAP, sequence, bytes(out.buffer), time, samples)
+
+    def status(
+        self,
+        time: "tuple[int, int]",
+        profile: str,
+        description: str,
+        uptime: int,
+        storage: "tuple[int, int, int, int]",
+        channels: "Sequence[Channel]",
+    ) -> Record:
+        """How the node fares; ``storage``: messages, bytes, capacity in bytes, gaps ever."""
+        out, sequence = self._begin(STATUS, 12)
+        _integers(out, 4, time)
+        _text(out, 5, profile)
+        _text(out, 6, description)
+        _integer(out, 7, uptime)
+        for key in (8, 9, 10, 11):
+            _integer(out, key, storage[key - 8])
+        out.integer(12)
+        out.array(len(channels))
+        for channel in channels:
+            out.array(4)
+            out.text(channel.name)
+            out.text(channel.unit)
+            out.integer(channel.dt)
+            out.real(channel.coverage)
+        return Record(STATUS, sequence, bytes(out.buffer), time, 0)
+
+    def _begin(self, kind: int, fields: int) -> "tuple[Writer, int]":
+        out, sequence = Writer(), self._numbers.next_sequence()
+        out.map(fields)
+        _integer(out, 1, kind)
+        _integer(out, 2, self._boot)
+        _integer(out, 3, sequence)
+        return out, sequence
+
+
+def _integer(out: Writer, key: int, value: int) -> None:
+    out.integer(key)
+    out.integer(value)
+
+
+def _integers(out: Writer, key: int, values: "Sequence[int]") -> None:
+    out.integer(key)
+    out.array(len(values))
+    for value in values:
+        out.integer(value)
+
+
+def _real(out: Writer, key: int, value: float) -> None:
+    out.integer(key)
+    out.real(value)
+
+
+def _reals(out: Writer, key: int, values: "Sequence[float]") -> None:
+    out.integer(key)
+    out.array(len(values))
+    for value in values:
+        out.real(value)
+
+
+def _text(out: Writer, key: int, value: str) -> None:
+    out.integer(key)
+    out.text(value)

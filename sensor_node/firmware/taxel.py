@@ -1,0 +1,155 @@
+"""What the control unit knows of each kind of taxel: inputs, quantities, calibration."""
+
+from sensor_node.firmware import inversion
+from sensor_node.firmware.calibration import (
+    converter,
+    half_square,
+    oscillator,
+    part,
+    plate,
+    quotient,
+)
+from sensor_node.firmware.rounding import up
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from types import ModuleType
+
+    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.inversion import Buffer, Codes
+
+
+class Taxel:
+    """One sensing element.
+
+    Args:
+        sheet: Its data sheet: SI values by name.
+        functions: `sensor_node.firmware.inversion`, or a compiled copy of it.
+    """
+
+    quantities: "tuple[tuple[str, str], ...]" = ()
+    """Quantity and UCUM unit, in the order of the channels."""
+    inputs: "tuple[str, ...]" = ()
+    """Inputs of the converter, in the order of their codes."""
+
+    def __init__(self, sheet: "Sheet", functions: "ModuleType" = inversion) -> None:
+        self._functions = functions
+        self._adc = converter(sheet)
+        self._last = (1 << int(sheet["adc_bits"])) - 1
+        self._reach = sheet["reach"]
+        self._calibrate(sheet)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        raise NotImplementedError
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Fill buffers, a lower and an upper one for each quantity, from each input's codes."""
+        raise NotImplementedError
+
+
+class CapacitiveTaxel(Taxel):
+    """Capacitance and current over the chain of Fig. 3."""
+
+    quantities = (("capacitance", "F"), ("current", "A"))
+    inputs = ("current",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._factor = oscillator(sheet)
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Capacitance in F, current in A."""
+        self._functions.measure_capacitive(
+            codes[0], n, self._last, self._adc, self._reach, self._factor, *bounds
+        )
+
+
+class TouchTaxel(Taxel):
+    """Area, capacitance and energy of a touch."""
+
+    quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
+    inputs = ("current",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._factor = oscillator(sheet)
+        per_area = plate(sheet)
+        self._area_factor = quotient((1.0, 1.0), per_area)
+        self._energy_factor = half_square(sheet)
+        self._reaches = self._reach, up(per_area[1] * self._reach)
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Area in m², capacitance in F, energy in J."""
+        self._functions.measure_touch(
+            codes[0],
+            n,
+            self._last,
+            self._adc,
+            self._reaches,
+            self._factor,
+            self._area_factor,
+            self._energy_factor,
+            *bounds,
+        )
+
+
+class InductiveTaxel(Taxel):
+    """Frequency, inductance, and distance of a metal object."""
+
+    quantities = (("frequency", "Hz"), ("inductance", "H"), ("distance", "m"))
+    inputs = ("voltage",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._reference = part(sheet, "reference")
+        self._capacitance = part(sheet, "capacitance")
+        self._coil = (
+            part(sheet, "inductance"),
+            part(sheet, "inductance_change"),
+            part(sheet, "damping"),
+        )
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Frequency in Hz, inductance in H, distance in m."""
+        self._functions.measure_inductive(
+            codes[0],
+            n,
+            self._last,
+            self._adc,
+            self._reach,
+            self._reference,
+            self._capacitance,
+            self._coil,
+            *bounds,
+        )
+
+
+class HybridTaxel(Taxel):
+    """MagFES current and EcFES voltage, each behind an amplifier."""
+
+    quantities = (("current", "A"), ("voltage", "V"))
+    inputs = ("current", "voltage")
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._gains = part(sheet, "current_gain"), part(sheet, "voltage_gain")
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Current in A, voltage in V."""
+        for k in (0, 1):
+            self._functions.measure_amplified(
+                codes[k],
+                n,
+                self._last,
+                self._adc,
+                self._reach,
+                self._gains[k],
+                bounds[2 * k],
+                bounds[2 * k + 1],
+            )
+
+
+KINDS: "Mapping[str, type[Taxel]]" = {
+    "capacitive": CapacitiveTaxel,
+    "touch": TouchTaxel,
+    "inductive": InductiveTaxel,
+    "hybrid": HybridTaxel,
+}
+"""Class of each kind that a data sheet may name."""

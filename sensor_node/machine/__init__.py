@@ -1,0 +1,1 @@
+"""The emulated microcontroller: what stands between the world and the firmware."""

@@ -1,0 +1,42 @@
+"""An analogue-to-digital converter with its true errors."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from eskin.interval import Floats
+    from sensor_node.taxels import AnyTaxel
+
+Codes: TypeAlias = "NDArray[np.int64]"
+
+
+class Converter:
+    """Code c stands for inputs of ``lo + offset + (c + [0, 1] - inl)·step·(1 + gain error)``.
+
+    The end codes saturate. The integral nonlinearity bows over the range and back, as that of a
+    capacitor array does, within the data sheet's bound.
+
+    Args:
+        taxel: The data sheet: range, resolution, bounds of the errors.
+        random: Draws the true errors.
+    """
+
+    def __init__(self, taxel: AnyTaxel, random: np.random.Generator) -> None:
+        codes = 1 << taxel.adc_bits
+        step = (taxel.adc_max - taxel.adc_min) / codes
+        self.last = codes - 1
+        self._codes = codes
+        self._step = step * (1.0 + taxel.adc_gain_error * random.uniform(-1.0, 1.0))
+        self._zero = taxel.adc_min + taxel.adc_offset_error * step * random.uniform(-1.0, 1.0)
+        self._bow = taxel.adc_nonlinearity * random.uniform(-1.0, 1.0)
+
+    def convert(self, values: Floats) -> Codes:
+        """Quantise; what lies outside of the range takes the end codes."""
+        steps = (values - self._zero) / self._step
+        bowed = steps + self._bow * np.sin(2.0 * np.pi * steps / self._codes)
+        return np.clip(np.floor(bowed), 0, self.last).astype(np.int64)

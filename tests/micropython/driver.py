@@ -1,0 +1,91 @@
+"""Lets the firmware work off a recorded job; runs under CPython and MicroPython alike.
+
+A job is JSON in which every float is the hexadecimal form of its eight bytes, so that no port has
+to parse a decimal, and every great integer is a text.
+"""
+
+import struct
+from array import array
+
+from sensor_node.firmware.clock import Clock
+from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.record import Scribe
+from sensor_node.firmware.schedule import Schedule
+from sensor_node.firmware.taxel import KINDS
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
+    from sensor_node.firmware.record import Record
+
+    Table = Mapping[str, Any]
+
+
+class Counter:
+    """Counts messages."""
+
+    def __init__(self) -> None:
+        self.next = 0
+
+    def next_sequence(self) -> int:
+        """The next number."""
+        self.next += 1
+        return self.next - 1
+
+
+def real(text: str) -> float:
+    value: float
+    (value,) = struct.unpack("<d", bytes.fromhex(text))
+    return value
+
+
+def reals(table: "Table") -> "dict[str, float]":
+    return {name: real(text) for name, text in table.items()}
+
+
+def control_unit(taxel: "Table", clock: Clock, scribe: Scribe) -> ControlUnit:
+    return ControlUnit(
+        taxel["id"],
+        KINDS[taxel["kind"]](reals(taxel["sheet"])),
+        schedule=Schedule(*taxel["schedule"]),
+        coverage=real(taxel["coverage"]),
+        prominences=reals(taxel["prominences"]),
+        longest=taxel["longest"],
+        encoding=taxel["encoding"],
+        clock=clock,
+        scribe=scribe,
+    )
+
+
+def run(job: "Table") -> "list[str]":
+    """Give the bytes of every message, in hexadecimal."""
+    clock = Clock(int(job["reading"]), job["error"], job["drift"])
+    scribe = Scribe(job["boot"], Counter())
+    units = [control_unit(taxel, clock, scribe) for taxel in job["taxels"]]
+    schedules = [Schedule(*taxel["schedule"]) for taxel in job["taxels"]]
+    said: list[Record] = []
+    for step in job["steps"]:
+        said += work(step, units, schedules, scribe)
+    return [bytes(record.body).hex() for record in said]
+
+
+def work(
+    step: "Table", units: "Sequence[ControlUnit]", schedules: "Sequence[Schedule]", scribe: Scribe
+) -> "list[Record]":
+    if "gap" in step:
+        return [scribe.gap(step["gap"], times(step), step["samples"])]
+    if "status" in step:
+        channels = [channel for unit in units for channel in unit.channels]
+        uptime, storage = int(step["uptime"]), step["storage"]
+        told = (step["status"], step["description"], uptime, storage, channels)
+        return [scribe.status(times(step), *told)]
+    unit, schedule = units[step["taxel"]], schedules[step["taxel"]]
+    if "skip" in step:
+        return unit.skip(step["skip"])
+    return unit.process(schedule.frame(step["frame"]), [array("i", each) for each in step["codes"]])
+
+
+def times(step: "Table") -> "tuple[int, int]":
+    return int(step["time"][0]), int(step["time"][1])

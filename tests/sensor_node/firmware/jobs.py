@@ -1,0 +1,115 @@
+"""Records what a node's firmware is given, so that another port can be given the same."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any
+
+from sensor_node.firmware.clock import Clock
+from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.record import Scribe
+from sensor_node.firmware.taxel import KINDS, Taxel
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    import pytest
+
+    from sensor_node.firmware.inversion import Codes
+    from sensor_node.firmware.record import Channel, Record
+    from sensor_node.firmware.schedule import Frame
+
+
+class Recorder:
+    """Stands between a machine and its firmware, and writes down what the firmware gets."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.job: dict[str, Any] = {"boot": 1, "taxels": [], "steps": []}
+        self._units: list[ControlUnit] = []
+        self._sheets: list[tuple[str, Mapping[str, float]]] = []
+        self._watch_making(monkeypatch)
+        self._watch_working(monkeypatch)
+
+    def _watch_making(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        kinds = {made: name for name, made in KINDS.items()}
+        make_clock, make_taxel, make_unit = Clock.__init__, Taxel.__init__, ControlUnit.__init__
+
+        def clock(made: Clock, reading: int, error: int, drift: int) -> None:
+            self.job |= {"reading": str(reading), "error": error, "drift": drift}
+            make_clock(made, reading, error, drift)
+
+        def taxel(made: Taxel, sheet: Mapping[str, float], *rest: Any) -> None:
+            self._sheets.append((kinds[type(made)], sheet))
+            make_taxel(made, sheet, *rest)
+
+        def unit(made: ControlUnit, name: str, calibrated: Taxel, **given: Any) -> None:
+            self._units.append(made)
+            self.job["taxels"].append(self._described(name, given))
+            make_unit(made, name, calibrated, **given)
+
+        monkeypatch.setattr(Clock, "__init__", clock)
+        monkeypatch.setattr(Taxel, "__init__", taxel)
+        monkeypatch.setattr(ControlUnit, "__init__", unit)
+
+    def _watch_working(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        process, skip = ControlUnit.process, ControlUnit.skip
+
+        def processed(unit: ControlUnit, frame: Frame, codes: Sequence[Codes]) -> list[Record]:
+            self._note(unit, frame=frame.number, codes=[list(each) for each in codes])
+            return process(unit, frame, codes)
+
+        def skipped(unit: ControlUnit, samples: int) -> list[Record]:
+            self._note(unit, skip=samples)
+            return skip(unit, samples)
+
+        monkeypatch.setattr(ControlUnit, "process", processed)
+        monkeypatch.setattr(ControlUnit, "skip", skipped)
+        gap, status = Scribe.gap, Scribe.status
+
+        def told_gap(scribe: Scribe, reason: str, time: tuple[int, int], samples: int) -> Record:
+            step = {"gap": reason, "time": [str(each) for each in time], "samples": samples}
+            self.job["steps"].append(step)
+            return gap(scribe, reason, time, samples)
+
+        def told_status(
+            scribe: Scribe,
+            time: tuple[int, int],
+            profile: str,
+            description: str,
+            uptime: int,
+            storage: tuple[int, int, int, int],
+            channels: Sequence[Channel],
+        ) -> Record:
+            given = {"status": profile, "description": description, "storage": storage}
+            moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
+            self.job["steps"].append(given | moment)
+            return status(scribe, time, profile, description, uptime, storage, channels)
+
+        monkeypatch.setattr(Scribe, "gap", told_gap)
+        monkeypatch.setattr(Scribe, "status", told_status)
+
+    def _note(self, unit: ControlUnit, **step: Any) -> None:
+        self.job["steps"].append({"taxel": self._units.index(unit), **step})
+
+    def _described(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
+        kind, sheet = self._sheets[-1]
+        schedule = given["schedule"]
+        return {
+            "id": name,
+            "kind": kind,
+            "sheet": _hexadecimals(sheet),
+            "schedule": [schedule.dt, schedule.block, schedule.burst, schedule.pause],
+            "coverage": _hexadecimal(given["coverage"]),
+            "prominences": _hexadecimals(given["prominences"]),
+            "longest": given["longest"],
+            "encoding": given["encoding"],
+        }
+
+
+def _hexadecimal(value: float) -> str:
+    """A float that every port reads alike."""
+    return struct.pack("<d", value).hex()
+
+
+def _hexadecimals(values: Mapping[str, float]) -> dict[str, str]:
+    return {name: _hexadecimal(value) for name, value in values.items()}

@@ -1,0 +1,40 @@
+"""The firmware's arithmetic gives the same bits whether interpreted or compiled."""
+
+from __future__ import annotations
+
+from array import array
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sensor_node.firmware import inversion
+from sensor_node.firmware.taxel import KINDS
+from sensor_node.machine.compilation import compiled_inversion
+from sensor_node.machine.sheet import data_sheet
+from tests.sensor_node.designs import taxel
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+CODES = st.lists(st.integers(0, 4095), min_size=1, max_size=50)
+
+
+def measured(kind: str, codes: list[int], functions: ModuleType, inl: float) -> list[bytes]:
+    calibrated = KINDS[kind](data_sheet(taxel(kind, adc_nonlinearity=inl)), functions)
+    given_codes = [array("q", codes) for _ in calibrated.inputs]
+    bounds = [array("d", bytes(8 * len(codes))) for _ in range(2 * len(calibrated.quantities))]
+    calibrated.measure(given_codes, len(codes), bounds)
+    return [each.tobytes() for each in bounds]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_compiled_gives_the_same_bits(kind: str) -> None:
+    @settings(deadline=None)
+    @given(CODES, st.sampled_from([0.0, 0.5, 3.0]))
+    def check(codes: list[int], inl: float) -> None:
+        plain = measured(kind, [0, *codes, 4095], inversion, inl)
+        assert measured(kind, [0, *codes, 4095], compiled_inversion(), inl) == plain
+
+    check()
