@@ -1,10 +1,25 @@
-"""Fixtures that several rooms share."""
+"""Fixtures that several rooms share, and which tests may run side by side."""
 
 from __future__ import annotations
+
+from pathlib import Path
 
 import pytest
 
 from tests.identities import Identities
+
+HERE = Path(__file__).parent
+CALCULATING = ("eskin", "sensor_node")
+"""Rooms whose tests only calculate: beside them, brokers, browsers and demos have their peace."""
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Keep all tests that start real parts together, one after the other on one worker."""
+    for item in items:
+        room = item.path.relative_to(HERE).parts[0]
+        group = str(item.path.relative_to(HERE)) if room in CALCULATING else "parts"
+        item.add_marker(pytest.mark.xdist_group(group))
 
 
 @pytest.fixture(scope="session")
