@@ -9,6 +9,7 @@ import numpy as np
 
 from eskin.messages import Encoding, Position
 from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.record import BLOCK
 from sensor_node.firmware.taxel import KINDS
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.crystal import BILLION
@@ -34,7 +35,7 @@ class EmulatedTaxel:
     Args:
         taxel: Its settings.
         seed: Draws the true parts, the same at each boot.
-        noise_seed: Draws the noise: each frame's depends on its number alone.
+        noise_seed: Draws the noise: each frame's depends on its start alone.
         clock: The node's clock.
         sampling: How samples become blocks.
         scribe: Writes the node's messages.
@@ -61,49 +62,66 @@ class EmulatedTaxel:
         self._clock = clock
         self._boot = boot
         self._calibrated = KINDS[taxel.kind](data_sheet(taxel), functions)
-        self._schedule = build_schedule(taxel, sampling.block_samples)
-        self._control_unit = ControlUnit(
+        self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,
-            schedule=self._schedule,
+            schedule=build_schedule(taxel, sampling.block_samples),
             coverage=taxel.noise.coverage,
             prominences=_prominences(taxel),
-            longest=max(2, round(taxel.longest_region_s * BILLION / self._schedule.dt)),
+            longest=round(taxel.longest_region_s * BILLION),
             encoding=int(Encoding[sampling.encoding.upper()]),
             clock=clock.known,
             scribe=scribe,
         )
-        self.next: Frame = self._schedule.frame(0)
+        self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
+        self.next: Frame = self.control_unit.schedule.frame(0)
 
     @property
     def channels(self) -> list[Channel]:
         """What it measures."""
-        return self._control_unit.channels
+        return self.control_unit.channels
 
     def sample(self) -> tuple[list[Record], list[TrueBlock]]:
         """Take the next frame: what the node says of it, and the truth behind its blocks."""
         frame = self.next
-        random = np.random.default_rng((*self._noise_seed, frame.number))
+        random = np.random.default_rng((*self._noise_seed, frame.start))
         signals = self._world.signals(self._seconds(frame), random)
         digitised = self._frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
         codes = [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
-        records = self._control_unit.process(frame, codes)
+        records = self.control_unit.process(frame, codes)
         time = self._clock.true_time(frame.start)
         true_blocks = [
             TrueBlock(
                 Position(self._boot, record.sequence),
-                channel.name,
+                record.channel,
                 time,
                 frame.dt,
-                truth[quantity],
+                truth[self._quantities[record.channel]],
             )
-            for record, channel, (quantity, _) in zip(
-                records, self.channels, self._calibrated.quantities, strict=False
-            )
+            for record in records
+            if record.kind == BLOCK
         ]
-        self.next = self._schedule.frame(frame.number + 1)
+        self.next = self.control_unit.schedule.frame(frame.number + 1)
         return records, true_blocks
+
+    def amplify(self, gain: float) -> list[Record]:
+        """Set the amplifier before the converter; gives undecided peaks."""
+        self._frontend.amplify(gain)
+        return self.control_unit.amplify(gain)
+
+    def sample_every(self, dt: int) -> list[Record]:
+        """Sample with another period, ns, from the next frame on; gives undecided peaks."""
+        records = self.control_unit.sample_every(dt, self.next.start)
+        self.next = self.control_unit.schedule.frame(0)
+        return records
+
+    def reset(self) -> list[Record]:
+        """Go back to the design; gives undecided peaks."""
+        self._frontend.amplify(1.0)
+        records = self.control_unit.reset(self.next.start)
+        self.next = self.control_unit.schedule.frame(0)
+        return records
 
     def skip(self, ticks: int) -> tuple[list[Record], int]:
         """Pass over all frames that begin before a moment.
@@ -114,12 +132,12 @@ class EmulatedTaxel:
         lost = 0
         while self.next.start < ticks:
             lost += self.next.n
-            self.next = self._schedule.frame(self.next.number + 1)
-        return self._control_unit.skip(lost), lost * len(self.channels)
+            self.next = self.control_unit.schedule.frame(self.next.number + 1)
+        return self.control_unit.skip(lost), lost * len(self.channels)
 
     def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
-        return self._control_unit.skip(0)
+        return self.control_unit.skip(0)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the start, or since the burst's trigger."""

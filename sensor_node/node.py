@@ -60,7 +60,7 @@ class Node:
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         self._failures = 0
         self._scribe = Scribe(flash.boot, flash)
-        self._taxels = [
+        self.taxels = [
             EmulatedTaxel(
                 taxel,
                 seed=(seed, number),
@@ -73,7 +73,7 @@ class Node:
             )
             for number, taxel in enumerate(settings.taxel)
         ]
-        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self._taxels)]
+        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
         heapq.heapify(self._due)
 
     @property
@@ -104,7 +104,7 @@ class Node:
                 own.description or own.profile,
                 ticks,
                 (usage.messages, usage.used, usage.capacity, usage.gaps),
-                [channel for taxel in self._taxels for channel in taxel.channels],
+                [channel for taxel in self.taxels for channel in taxel.channels],
             )
             batch.take([status])
         return Position(self._flash.boot, status.sequence)
@@ -112,7 +112,7 @@ class Node:
     def finish(self) -> None:
         """Say what stays undecided at the end."""
         with self._tolerant(), self._flash.batch() as batch:
-            for taxel in self._taxels:
+            for taxel in self.taxels:
                 batch.take(taxel.finish())
 
     def _take(self, batch: Batch, ticks: int) -> None:
@@ -121,7 +121,7 @@ class Node:
             end, number = self._due[0]
             if end > ticks:
                 break
-            taxel = self._taxels[number]
+            taxel = self.taxels[number]
             records, truth = taxel.sample()
             batch.take(records)
             true_blocks += truth
@@ -130,16 +130,16 @@ class Node:
         self._truth.store(true_blocks)
 
     def _pass_over(self, ticks: int) -> None:
-        begin = min(taxel.next.start for taxel in self._taxels)
+        begin = min(taxel.next.start for taxel in self.taxels)
         with self._tolerant(), self._flash.batch() as batch:
             lost = 0
-            for taxel in self._taxels:
+            for taxel in self.taxels:
                 peaks, samples = taxel.skip(ticks)
                 batch.take(peaks)
                 lost += samples
-            self._due = [(taxel.next.end, number) for number, taxel in enumerate(self._taxels)]
+            self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
             heapq.heapify(self._due)
-            again = max(taxel.next.start for taxel in self._taxels)
+            again = max(taxel.next.start for taxel in self.taxels)
             known = self._clock.known
             time = known.enclosure(begin)[0], known.enclosure(again)[1]
             batch.take([self._scribe.gap(OVERRUN, time, lost)])

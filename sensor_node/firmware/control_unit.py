@@ -1,10 +1,7 @@
 """The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
 
-from array import array
-
-from sensor_node.firmware.peaks import PeakDetector
+from sensor_node.firmware.channel import SAMPLES, ChannelUnit
 from sensor_node.firmware.record import Channel
-from sensor_node.firmware.rounding import down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -12,14 +9,13 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.clock import Clock
     from sensor_node.firmware.inversion import Codes
-    from sensor_node.firmware.peaks import PeakEvent
     from sensor_node.firmware.record import Record, Scribe
     from sensor_node.firmware.schedule import Frame, Schedule
     from sensor_node.firmware.taxel import Taxel
 
 
 class ControlUnit:
-    """Measures one taxel.
+    """Measures one taxel, as it is set.
 
     Args:
         name: The taxel's.
@@ -27,7 +23,7 @@ class ControlUnit:
         schedule: When its samples are taken.
         coverage: Probability that the noise stays within the calibration's reach.
         prominences: Quantity to the least prominence of its peaks; others have none.
-        longest: Samples after which undecided peaks are reported.
+        longest: ns after which undecided peaks are reported.
         encoding: How blocks write their bounds.
         clock: What the node knows of time.
         scribe: Writes its messages.
@@ -46,64 +42,90 @@ class ControlUnit:
         clock: "Clock",
         scribe: "Scribe",
     ) -> None:
+        self.name = name
+        self.mode = SAMPLES
+        self.gain = 1.0
+        self.smoothing = 0.0
+        self.schedule = self._designed = schedule
         self._taxel = taxel
-        self._schedule = schedule
+        self._prominences = prominences
         self._encoding = encoding
-        self._clock = clock
-        self._scribe = scribe
-        self.channels: list[Channel] = []
-        self._detectors: list[PeakDetector | None] = []
-        self._bounds: list[array[float]] = []
+        self.units: list[ChannelUnit] = []
+        self._bounds = []
         for quantity, unit in taxel.quantities:
-            self.channels.append(Channel(name + "." + quantity, unit, schedule.dt, coverage))
-            least = prominences.get(quantity)
-            self._detectors.append(None if least is None else PeakDetector(least, longest))
-            for _ in (0, 1):
-                self._bounds.append(array("d", bytes(8 * schedule.block)))
+            made = ChannelUnit(
+                Channel(name + "." + quantity, unit, schedule.dt, coverage),
+                schedule=schedule,
+                threshold=prominences.get(quantity, 0.0),
+                longest=longest,
+                clock=clock,
+                scribe=scribe,
+            )
+            self.units.append(made)
+            self._bounds += [made.lows, made.highs]
+
+    @property
+    def channels(self) -> "list[Channel]":
+        """What it measures."""
+        return [unit.channel for unit in self.units]
 
     def process(self, frame: "Frame", codes: "Sequence[Codes]") -> "list[Record]":
-        """Measure one frame: a block for each quantity, then the peaks that are decided now."""
+        """Measure one frame: each channel's block, and the peaks that are decided now."""
         self._taxel.measure(codes, frame.n, self._bounds)
-        time = self._clock.enclosure(frame.start, frame.n * frame.dt)
-        records = []
-        for k in range(len(self.channels)):
-            lows, highs = self._bounds[2 * k], self._bounds[2 * k + 1]
-            records.append(
-                self._scribe.block(
-                    self.channels[k], frame.start, time, self._encoding, lows, highs, frame.n
-                )
-            )
-        for k in range(len(self.channels)):
-            detector = self._detectors[k]
-            if detector is not None:
-                lows, highs = self._bounds[2 * k], self._bounds[2 * k + 1]
-                self._tell(records, k, detector.feed(lows, highs, frame.n))
-                if frame.closes:
-                    self._tell(records, k, detector.gap(0))
+        records: list[Record] = []
+        for unit in self.units:
+            records += unit.tell(frame, self.mode, self._encoding)
         return records
 
     def skip(self, samples: int) -> "list[Record]":
         """Say that samples are missing here; gives the peaks that stay undecided."""
         records: list[Record] = []
-        for k in range(len(self.channels)):
-            detector = self._detectors[k]
-            if detector is not None:
-                self._tell(records, k, detector.gap(samples))
+        for unit in self.units:
+            records += unit.skip(samples)
         return records
 
-    def _tell(self, records: "list[Record]", k: int, events: "list[PeakEvent]") -> None:
-        channel = self.channels[k]
-        for event in events:
-            earliest, _ = self._clock.enclosure(self._schedule.ticks(event.first))
-            _, latest = self._clock.enclosure(self._schedule.ticks(event.last))
-            coverage = union_coverage(channel.coverage, event.last - event.first + 1)
-            records.append(self._scribe.peak(channel, event, (earliest, latest), coverage))
+    def calibrate(self) -> None:
+        """Take the next frame as the rest of each channel."""
+        for unit in self.units:
+            unit.calibrate()
 
+    def amplify(self, gain: float) -> "list[Record]":
+        """Calculate with another gain of the amplifier; gives the peaks that stay undecided."""
+        self.gain = gain
+        self._taxel.amplify(gain)
+        return self._restart(self.smoothing)
 
-def union_coverage(coverage: float, samples: int) -> float:
-    """Probability that all samples hold at once, at least (union bound, rounded down)."""
-    if coverage == 1.0:
-        return 1.0
-    # 1 - coverage is exact (Sterbenz) for any coverage from one half on.
-    beyond = up(samples * (1.0 - coverage))
-    return max(0.0, down(1.0 - beyond))
+    def smooth(self, weight: float) -> "list[Record]":
+        """Seek peaks in smoothed samples; gives those that stay undecided."""
+        return self._restart(weight)
+
+    def set_threshold(self, k: int, threshold: float) -> "list[Record]":
+        """Seek other peaks on the k-th channel; gives those that stay undecided."""
+        records = self.units[k].skip(0)
+        self.units[k].restart(self.schedule, threshold, self.smoothing)
+        return records
+
+    def sample_every(self, dt: int, origin: int) -> "list[Record]":
+        """Sample with another period, ns, from a moment on; gives undecided peaks."""
+        self.schedule = self._designed.at_period(dt, origin)
+        return self._restart(self.smoothing)
+
+    def reset(self, origin: int) -> "list[Record]":
+        """Go back to the design, from a moment on; gives undecided peaks."""
+        records = self.skip(0)
+        self.mode = SAMPLES
+        self.gain = 1.0
+        self.smoothing = 0.0
+        self._taxel.amplify(1.0)
+        self.schedule = self._designed.at_period(self._designed.dt, origin)
+        for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
+            unit.baseline.forget()
+            unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)
+        return records
+
+    def _restart(self, smoothing: float) -> "list[Record]":
+        records = self.skip(0)
+        self.smoothing = smoothing
+        for unit in self.units:
+            unit.restart(self.schedule, unit.threshold, smoothing)
+        return records

@@ -54,9 +54,19 @@ class Record:
         latest: The same, at the end.
         samples: How many samples it holds, or for a gap: how many were lost.
         named: How many lost messages it names.
+        channel: Name of the channel that it tells of, or empty.
     """
 
-    __slots__ = ("body", "earliest", "kind", "latest", "named", "samples", "sequence")
+    __slots__ = (
+        "body",
+        "channel",
+        "earliest",
+        "kind",
+        "latest",
+        "named",
+        "samples",
+        "sequence",
+    )
 
     def __init__(
         self,
@@ -66,6 +76,7 @@ class Record:
         time: "tuple[int, int]",
         samples: int,
         named: int = 0,
+        channel: str = "",
     ) -> None:
         self.kind = kind
         self.sequence = sequence
@@ -73,6 +84,7 @@ class Record:
         self.earliest, self.latest = time
         self.samples = samples
         self.named = named
+        self.channel = channel
 
 
 class Scribe:
@@ -117,7 +129,7 @@ class Scribe:
             _integer(out, 16, written.offset)
         _real(out, 17, up(written.widening) if written.widening > 0.0 else 0.0)
         until = time[0], time[1] + channel.dt * (n - 1)
-        return Record(BLOCK, sequence, bytes(out.buffer), until, n)
+        return Record(BLOCK, sequence, bytes(out.buffer), until, n, 0, channel.name)
 
     def peak(
         self, channel: Channel, event: "PeakEvent", time: "tuple[int, int]", coverage: float

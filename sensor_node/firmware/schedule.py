@@ -41,22 +41,33 @@ class Schedule:
         block: Samples in a block.
         burst: Samples in a burst; 0 where sampling never pauses.
         pause: ns from trigger to trigger.
+        origin: Ticks of the first sample.
     """
 
-    def __init__(self, dt: int, block: int, burst: int = 0, pause: int = 0) -> None:
+    def __init__(
+        self, dt: int, block: int, burst: int = 0, pause: int = 0, origin: int = 0
+    ) -> None:
         self.dt = dt
         self.block = block
         self.burst = burst
         self.pause = max(pause, burst * dt)
+        self.origin = origin
+
+    def at_period(self, dt: int, origin: int) -> "Schedule":
+        """As long blocks and bursts with another sampling period, from a moment on."""
+        block = max(1, self.block * self.dt // dt)
+        burst = max(1, self.burst * self.dt // dt) if self.burst else 0
+        return Schedule(dt, block, burst, self.pause, origin)
 
     def frame(self, number: int) -> Frame:
         """The frame of a number."""
         if self.burst == 0:
             first = number * self.block
-            return Frame(number, first, first * self.dt, 0, self.block, self.dt, closes=False)
+            start = self.origin + first * self.dt
+            return Frame(number, first, start, 0, self.block, self.dt, closes=False)
         a_burst = -(-self.burst // self.block)
         burst, part = divmod(number, a_burst)
-        trigger, before = burst * self.pause, part * self.block
+        trigger, before = self.origin + burst * self.pause, part * self.block
         n = min(self.block, self.burst - before)
         first, start = burst * self.burst + before, trigger + before * self.dt
         return Frame(number, first, start, trigger, n, self.dt, closes=part == a_burst - 1)
@@ -64,6 +75,6 @@ class Schedule:
     def ticks(self, sample: int) -> int:
         """When a sample is taken."""
         if self.burst == 0:
-            return sample * self.dt
+            return self.origin + sample * self.dt
         burst, inside = divmod(sample, self.burst)
-        return burst * self.pause + inside * self.dt
+        return self.origin + burst * self.pause + inside * self.dt

@@ -9,7 +9,7 @@ from sensor_node.firmware.calibration import (
     plate,
     quotient,
 )
-from sensor_node.firmware.rounding import up
+from sensor_node.firmware.rounding import down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -35,10 +35,21 @@ class Taxel:
 
     def __init__(self, sheet: "Sheet", functions: "ModuleType" = inversion) -> None:
         self._functions = functions
-        self._adc = converter(sheet)
+        self._converter = self._adc = converter(sheet)
         self._last = (1 << int(sheet["adc_bits"])) - 1
         self._reach = sheet["reach"]
         self._calibrate(sheet)
+
+    def amplify(self, gain: float) -> None:
+        """Calculate with another gain of the amplifier before the converter."""
+        step_lo, step_hi, offset_lo, offset_hi, nonlinearity = self._converter
+        self._adc = (
+            down(step_lo / gain),
+            up(step_hi / gain),
+            down(offset_lo / gain),
+            up(offset_hi / gain),
+            nonlinearity,
+        )
 
     def _calibrate(self, sheet: "Sheet") -> None:
         raise NotImplementedError

@@ -38,8 +38,21 @@ class Frontend(Protocol):
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Run the chain on what the sensor gives."""
 
+    def amplify(self, gain: float) -> None:
+        """Set the amplifier before the converter."""
 
-class RcFrontend:
+
+class Amplified:
+    """What all chains have: a converter behind an amplifier."""
+
+    _converter: Converter
+
+    def amplify(self, gain: float) -> None:
+        """Set the amplifier before the converter."""
+        self._converter.gain = gain
+
+
+class RcFrontend(Amplified):
     """C → RC oscillator (eq. 6) → V = f/f_ref → I = Gm·V → ADC."""
 
     def __init__(
@@ -65,7 +78,7 @@ class RcFrontend:
         return Digitised({"current": current}, {"current": codes})
 
 
-class LcFrontend:
+class LcFrontend(Amplified):
     """L → LC oscillator (eq. 12) → V = f/f_ref → ADC."""
 
     def __init__(self, taxel: InductiveSection, random: np.random.Generator) -> None:
@@ -82,7 +95,7 @@ class LcFrontend:
         return Digitised({"frequency": frequency}, {"voltage": self._converter.convert(noisy)})
 
 
-class LinearFrontend:
+class LinearFrontend(Amplified):
     """Current and voltage, each through an amplifier to a bipolar ADC."""
 
     def __init__(self, taxel: HybridSection, random: np.random.Generator) -> None:

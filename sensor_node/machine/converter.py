@@ -33,10 +33,12 @@ class Converter:
         self._codes = codes
         self._step = step * (1.0 + taxel.adc_gain_error * random.uniform(-1.0, 1.0))
         self._zero = taxel.adc_min + taxel.adc_offset_error * step * random.uniform(-1.0, 1.0)
+        self.gain = 1.0
+        """Of the amplifier before it, which is ideal."""
         self._bow = taxel.adc_nonlinearity * random.uniform(-1.0, 1.0)
 
     def convert(self, values: Floats) -> Codes:
         """Quantise; what lies outside of the range takes the end codes."""
-        steps = (values - self._zero) / self._step
+        steps = (self.gain * values - self._zero) / self._step
         bowed = steps + self._bow * np.sin(2.0 * np.pi * steps / self._codes)
         return np.clip(np.floor(bowed), 0, self.last).astype(np.int64)

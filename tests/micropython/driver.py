@@ -52,7 +52,7 @@ def control_unit(taxel: "Table", clock: Clock, scribe: Scribe) -> ControlUnit:
         schedule=Schedule(*taxel["schedule"]),
         coverage=real(taxel["coverage"]),
         prominences=reals(taxel["prominences"]),
-        longest=taxel["longest"],
+        longest=int(taxel["longest"]),
         encoding=taxel["encoding"],
         clock=clock,
         scribe=scribe,
@@ -64,16 +64,13 @@ def run(job: "Table") -> "list[str]":
     clock = Clock(int(job["reading"]), job["error"], job["drift"])
     scribe = Scribe(job["boot"], Counter())
     units = [control_unit(taxel, clock, scribe) for taxel in job["taxels"]]
-    schedules = [Schedule(*taxel["schedule"]) for taxel in job["taxels"]]
     said: list[Record] = []
     for step in job["steps"]:
-        said += work(step, units, schedules, scribe)
+        said += work(step, units, scribe)
     return [bytes(record.body).hex() for record in said]
 
 
-def work(
-    step: "Table", units: "Sequence[ControlUnit]", schedules: "Sequence[Schedule]", scribe: Scribe
-) -> "list[Record]":
+def work(step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe) -> "list[Record]":
     if "gap" in step:
         return [scribe.gap(step["gap"], times(step), step["samples"])]
     if "status" in step:
@@ -81,10 +78,16 @@ def work(
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels)
         return [scribe.status(times(step), *told)]
-    unit, schedule = units[step["taxel"]], schedules[step["taxel"]]
+    unit = units[step["taxel"]]
+    if "call" in step:
+        given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip
+        values = [real(text) if is_real else int(text) for text, is_real in given]
+        return getattr(unit, step["call"])(*values) or []
     if "skip" in step:
         return unit.skip(step["skip"])
-    return unit.process(schedule.frame(step["frame"]), [array("i", each) for each in step["codes"]])
+    return unit.process(
+        unit.schedule.frame(step["frame"]), [array("i", each) for each in step["codes"]]
+    )
 
 
 def times(step: "Table") -> "tuple[int, int]":

@@ -8,7 +8,7 @@ import pytest
 
 from eskin.messages import Block, Gap, Peak, Status, decode_message
 from eskin.peaks import Verdict
-from sensor_node.firmware.control_unit import union_coverage
+from sensor_node.firmware.channel import union_coverage
 from sensor_node.node import OVERRUN
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, Bench, table

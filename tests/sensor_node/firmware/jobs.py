@@ -26,6 +26,7 @@ class Recorder:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.job: dict[str, Any] = {"boot": 1, "taxels": [], "steps": []}
         self._units: list[ControlUnit] = []
+        self._calling = False
         self._sheets: list[tuple[str, Mapping[str, float]]] = []
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
@@ -59,11 +60,14 @@ class Recorder:
             return process(unit, frame, codes)
 
         def skipped(unit: ControlUnit, samples: int) -> list[Record]:
-            self._note(unit, skip=samples)
+            if not self._calling:
+                self._note(unit, skip=samples)
             return skip(unit, samples)
 
         monkeypatch.setattr(ControlUnit, "process", processed)
         monkeypatch.setattr(ControlUnit, "skip", skipped)
+        for name in ("calibrate", "amplify", "smooth", "set_threshold", "sample_every"):
+            self._watch_setting(monkeypatch, name)
         gap, status = Scribe.gap, Scribe.status
 
         def told_gap(scribe: Scribe, reason: str, time: tuple[int, int], samples: int) -> Record:
@@ -88,6 +92,19 @@ class Recorder:
         monkeypatch.setattr(Scribe, "gap", told_gap)
         monkeypatch.setattr(Scribe, "status", told_status)
 
+    def _watch_setting(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+        method = getattr(ControlUnit, name)
+
+        def called(unit: ControlUnit, *given: float) -> object:
+            texts = [_hexadecimal(v) if type(v) is float else str(v) for v in given]
+            self._note(unit, call=name, given=texts, reals=[type(v) is float for v in given])
+            self._calling = True
+            answer = method(unit, *given)
+            self._calling = False
+            return answer
+
+        monkeypatch.setattr(ControlUnit, name, called)
+
     def _note(self, unit: ControlUnit, **step: Any) -> None:
         self.job["steps"].append({"taxel": self._units.index(unit), **step})
 
@@ -101,7 +118,7 @@ class Recorder:
             "schedule": [schedule.dt, schedule.block, schedule.burst, schedule.pause],
             "coverage": _hexadecimal(given["coverage"]),
             "prominences": _hexadecimals(given["prominences"]),
-            "longest": given["longest"],
+            "longest": str(given["longest"]),
             "encoding": given["encoding"],
         }
 

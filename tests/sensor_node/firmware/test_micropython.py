@@ -41,6 +41,12 @@ def test_same_bytes_as_in_the_emulated_node(
     bench.run_to(2.0)
     bench.ticks = 4 * SECOND  # an overrun: what was undecided is told, and a gap
     bench.node.advance(bench.ticks)
+    taxel = bench.node.taxels[0]
+    taxel.control_unit.calibrate()
+    taxel.control_unit.smooth(0.75)
+    taxel.control_unit.set_threshold(0, 1.1e-12)
+    taxel.amplify(1.1)
+    taxel.sample_every(SECOND // 500)
     bench.run_to(6.0)
     bench.node.finish()
     said = [body.hex() for body in bench.bodies()]

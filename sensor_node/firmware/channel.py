@@ -1,0 +1,119 @@
+"""One quantity of one taxel: its samples, its rest, its peaks, and what is told of them."""
+
+from array import array
+
+from sensor_node.firmware.baseline import Baseline
+from sensor_node.firmware.peaks import PeakDetector
+from sensor_node.firmware.rounding import down, up
+from sensor_node.firmware.smoothing import Smoothing
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from sensor_node.firmware.clock import Clock
+    from sensor_node.firmware.peaks import PeakEvent
+    from sensor_node.firmware.record import Channel, Record, Scribe
+    from sensor_node.firmware.schedule import Frame, Schedule
+
+SAMPLES = "samples"
+PEAKS = "peaks"
+ADAPTIVE = "adaptive"
+"""Modes: every sample is sent; none, only peaks; or those that may lie away from the rest."""
+_HEARTBEAT = 40
+"""Frames of which an adaptive channel sends one at least."""
+
+
+class ChannelUnit:
+    """Measures one channel.
+
+    Args:
+        channel: Its name, unit, period and coverage.
+        schedule: When it samples.
+        threshold: Least prominence of its peaks, and how far from its rest a touch lies; 0 where it
+            has no peaks.
+        longest: ns after which undecided peaks are reported.
+        clock: What the node knows of time.
+        scribe: Writes its messages.
+    """
+
+    def __init__(
+        self,
+        channel: "Channel",
+        *,
+        schedule: "Schedule",
+        threshold: float,
+        longest: int,
+        clock: "Clock",
+        scribe: "Scribe",
+    ) -> None:
+        self.channel = channel
+        self.baseline = Baseline()
+        self.lows = array("d", bytes(8 * schedule.block))
+        self.highs = array("d", bytes(8 * schedule.block))
+        self._longest = longest
+        self._clock = clock
+        self._scribe = scribe
+        self._silent = 0
+        self._calibrating = False
+        self.restart(schedule, threshold, 0.0)
+
+    def restart(self, schedule: "Schedule", threshold: float, smoothing: float) -> None:
+        """Count and seek anew, with other settings."""
+        self._schedule = schedule
+        self.threshold = threshold
+        self._smoothing = Smoothing(smoothing)
+        self.channel.dt = schedule.dt
+        longest = max(2, self._longest // schedule.dt)
+        self._detector = PeakDetector(threshold, longest) if threshold > 0.0 else None
+
+    def calibrate(self) -> None:
+        """Take the next frame that is bounded as the rest."""
+        self._calibrating = True
+
+    def tell(self, frame: "Frame", mode: str, encoding: int) -> "list[Record]":
+        """What is to be said of the frame in the buffers: its block, then its peaks."""
+        if self._calibrating:
+            self._calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
+        at_rest = self.baseline.stays(self.lows, self.highs, frame.n, self.threshold)
+        records = []
+        if mode == SAMPLES or (mode == ADAPTIVE and self._speaks(at_rest=at_rest)):
+            time = self._clock.enclosure(frame.start, frame.n * frame.dt)
+            records.append(
+                self._scribe.block(
+                    self.channel, frame.start, time, encoding, self.lows, self.highs, frame.n
+                )
+            )
+        if self._detector is not None:
+            if self._smoothing.weight > 0.0:
+                self._smoothing.smooth(self.lows, self.highs, frame.n)
+            self._tell_peaks(records, self._detector.feed(self.lows, self.highs, frame.n))
+            if frame.closes:
+                self._tell_peaks(records, self._detector.gap(0))
+        return records
+
+    def skip(self, samples: int) -> "list[Record]":
+        """Say that samples are missing here; gives the peaks that stay undecided."""
+        records: list[Record] = []
+        if self._detector is not None:
+            self._tell_peaks(records, self._detector.gap(samples))
+        self._smoothing.reset()
+        return records
+
+    def _speaks(self, *, at_rest: bool) -> bool:
+        self._silent = self._silent + 1 if at_rest and self._silent + 1 < _HEARTBEAT else 0
+        return self._silent == 0
+
+    def _tell_peaks(self, records: "list[Record]", events: "list[PeakEvent]") -> None:
+        for event in events:
+            earliest, _ = self._clock.enclosure(self._schedule.ticks(event.first))
+            _, latest = self._clock.enclosure(self._schedule.ticks(event.last))
+            coverage = union_coverage(self.channel.coverage, event.last - event.first + 1)
+            records.append(self._scribe.peak(self.channel, event, (earliest, latest), coverage))
+
+
+def union_coverage(coverage: float, samples: int) -> float:
+    """Probability that all samples hold at once, at least (union bound, rounded down)."""
+    if coverage == 1.0:
+        return 1.0
+    # 1 - coverage is exact (Sterbenz) for any coverage from one half on.
+    beyond = up(samples * (1.0 - coverage))
+    return max(0.0, down(1.0 - beyond))
