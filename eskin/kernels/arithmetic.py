@@ -18,6 +18,7 @@ from eskin.kernels.rounding import (
     add_up,
     div_down,
     div_up,
+    greater,
     mul_up,
     next_down,
     next_up,
@@ -56,12 +57,6 @@ def unless_empty(lo: float, hi: float, empty: bool) -> Pair:  # noqa: FBT001 - c
 def add_pair(a: float, b: float, c: float, d: float) -> Pair:
     """``[a, b] + [c, d]``."""
     return unless_empty(add_down(a, c), add_up(b, d), (a > b) | (c > d))
-
-
-@inlined
-def greater(a: float, b: float) -> float:
-    """The greater of two numbers, neither NaN: one instruction."""
-    return a if a > b else b  # noqa: FURB136 - numba's max asks for NaN first
 
 
 @inlined

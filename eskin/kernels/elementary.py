@@ -25,13 +25,6 @@ MOST_EXACT: Final = 64
 
 
 @part
-def exp_pair(a: float, b: float) -> Pair:
-    """``e^x``."""
-    lo = max(exp_down(a), 1.0) if a >= 0.0 else exp_down(a)
-    return lo, (min(exp_up(b), 1.0) if b <= 0.0 else exp_up(b))
-
-
-@part
 def log_pair(a: float, b: float) -> Pair:
     """``ln x`` of what is positive."""
     lo, hi = -math.inf, math.inf
@@ -161,8 +154,7 @@ def pow_pair(a: float, b: float, c: float, d: float) -> Pair:
 def exp(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
     """Exponentials."""
     for k in range(lo.size):
-        low, high = exp_pair(a[k], b[k])
-        lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
+        lo[k], hi[k] = unless_empty(exp_down(a[k]), exp_up(b[k]), a[k] > b[k])
 
 
 @kernel

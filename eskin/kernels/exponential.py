@@ -3,26 +3,31 @@
 ``exp(x) = 2**k · exp(r)`` with ``k = rint(x/ln 2)`` and ``|r| <= 0.3466``. The high word of ln 2
 has 42 bits and ``k`` at most 11, so ``x - k·HIGH`` is exact; what the low word rounds is kept.
 
-Error, with ``u = 2**-53``, relative to the true value: with ``p = r + r²·Q``, the last sum
-``1 + p`` gives ``u`` at most (half of it where the result is below 1); rounding ``p`` gives 0.25 u,
-the polynomial's steps 0.0682 · 3u, the reduction 0.01 u, truncation after ``r**13/13!`` 0.05 u.
-Divided by the result (at least 0.707, or 1 in the upper half) this stays below 1.55 u. So the
-result is within `RELATIVE_ERROR` = 1.6 u; the scaling is exact but where the result is subnormal,
-which costs half of the least float besides. Overflow gives ``inf``, NaN gives NaN.
+Error, with ``u = 2**-53``, before the last rounding, in absolute terms (``exp(r)`` lies between
+0.707 and 1.415): with ``q = r²·Q``, at most 0.068, the steps of ``q`` round by ``0.068 · 3.3u``;
+what ``r`` lost to rounding enters with the factor ``1 + r`` instead of ``exp(r)``, 0.02 u;
+truncation after ``r**13/13!``, 0.04 u. ``1 + (r + q)`` is kept as two floats without error.
+Together below `TAIL_ERROR` = 0.3 u. The bounds add it to the lower of the two and round their sum
+once, so they are the nearest floats or the next ones. `exp` rounds to nearest: 0.5 u more below 1,
+``u`` above, which divided by the result stays within `RELATIVE_ERROR` = 1.6 u. The scaling is exact
+but where the result is subnormal, which costs half of the least float. Overflow gives ``inf``, NaN
+gives NaN.
 """
 
 from __future__ import annotations
 
 from typing import Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.compiled import inlined
 from eskin.kernels.instructions import fma, from_bits, to_bits
+from eskin.kernels.rounding import add_down, add_up, greater, lesser
 
 RELATIVE_ERROR: Final = 0.8 * 2.0**-52
 """Proven relative error of `exp` where the result is a normal float."""
 ABSOLUTE_ERROR: Final = 5e-324
 """Proven absolute error besides, from gradual underflow."""
-_WIDENING: Final = 1.31 * 2.0**-52  # the error, and u more because the sum is rounded
+TAIL_ERROR: Final = 0.15 * 2.0**-52
+"""Proven absolute error of the sum of two floats that the bounds are made of."""
 _LARGEST: Final = 1.7976931348623157e308
 
 _INVERSE_LN2: Final = 1.4426950408889634
@@ -35,7 +40,7 @@ _INTEGER_BITS: Final = 0x4338000000000000
 _ONE_BITS: Final = 0x3FF0000000000000
 
 
-@part
+@inlined
 def exp_tail(r: float) -> float:
     """``(exp(r) - 1 - r)/r²`` for ``|r| <= 0.3466``."""
     tail = fma(r, 1.6059043836821613e-10, 2.08767569878681e-09)
@@ -51,34 +56,46 @@ def exp_tail(r: float) -> float:
     return fma(r, tail, 0.5)
 
 
-@part
-def exp(x: float) -> float:
-    """``e**x``."""
-    near = min(max(x, _LEAST), _MOST)
+@inlined
+def _reduced(x: float) -> tuple[float, float, float, float]:
+    """``exp(x)`` as ``(high + low) · first · second``; the factors are powers of two."""
+    near = lesser(greater(x, _LEAST), _MOST)
     shifted = fma(near, _INVERSE_LN2, _INTEGER)
     k = shifted - _INTEGER
-    high = fma(-k, _LN2_HIGH, near)
-    r = fma(-k, _LN2_LOW, high)
-    rest = fma(-k, _LN2_LOW, high - r)
-    value = 1.0 + (r + fma(r * r, exp_tail(r), rest))
+    above = fma(-k, _LN2_HIGH, near)
+    r = fma(-k, _LN2_LOW, above)
+    rest = fma(-k, _LN2_LOW, above - r)
+    q = fma(r * r, exp_tail(r), fma(r, rest, rest))
+    p = r + q
+    high = 1.0 + p
+    low = (p - (high - 1.0)) + (q - (p - r))
     exponent = to_bits(shifted) - _INTEGER_BITS
     half = exponent >> 1
     first = from_bits(_ONE_BITS + (half << 52))
-    second = from_bits(_ONE_BITS + ((exponent - half) << 52))
-    scaled = value * first * second
+    return high, low, first, from_bits(_ONE_BITS + ((exponent - half) << 52))
+
+
+@inlined
+def exp(x: float) -> float:
+    """``e**x``."""
+    high, _, first, second = _reduced(x)
+    scaled = high * first * second
     return scaled if x == x else x  # noqa: PLR0124 - NaN test
 
 
-@part
+@inlined
 def exp_up(x: float) -> float:
-    """Upper bound of ``e**x``."""
-    value = exp(x)
-    return 1.0 if x == 0.0 else fma(value, _WIDENING, value) + ABSOLUTE_ERROR
+    """Upper bound of ``e**x``; at most 1 where x is not positive."""
+    high, low, first, second = _reduced(x)
+    bound = add_up(high, low + TAIL_ERROR) * first * second + ABSOLUTE_ERROR
+    bound = lesser(bound, 1.0) if x <= 0.0 else bound
+    return bound if x == x else x  # noqa: PLR0124 - NaN test
 
 
-@part
+@inlined
 def exp_down(x: float) -> float:
-    """Lower bound of ``e**x``, never negative."""
-    value = exp(x)
-    bound = max(fma(-_WIDENING, min(value, _LARGEST), min(value, _LARGEST)) - ABSOLUTE_ERROR, 0.0)
-    return x + 1.0 if (x == 0.0) | (x > _LARGEST) else bound
+    """Lower bound of ``e**x``, never negative; at least 1 where x is not."""
+    high, low, first, second = _reduced(x)
+    bound = lesser(add_down(high, low - TAIL_ERROR) * first * second, _LARGEST) - ABSOLUTE_ERROR
+    bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
+    return bound if x <= _LARGEST else x
