@@ -1,4 +1,4 @@
-"""Operators and elementary functions, IEEE 1788-2015 clause 10.5: all results that exist."""
+"""Operators and functions of exact arithmetic, IEEE 1788-2015 clause 10.5: all that exist."""
 
 from __future__ import annotations
 
@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from eskin.errors import IntervalError
 from eskin.interval.bounds import Bounds
 from eskin.interval.evaluation import of_one, of_three, of_two
-from eskin.kernels import arithmetic, elementary, trigonometry
+from eskin.kernels import arithmetic, powers
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import ArrayLike
+
+    from eskin.interval.conversion import Floats
 
 
 def defers(other: object) -> bool:
@@ -21,7 +24,11 @@ def defers(other: object) -> bool:
     return not known and getattr(other, "__array_ufunc__", None) is not None
 
 
-_GREATEST_POWER = 2**31
+def _round_away(x: Floats) -> Floats:
+    whole = np.trunc(x)
+    with np.errstate(invalid="ignore"):
+        up = np.abs(x - whole) >= 0.5
+    return whole + np.where(up, np.sign(x), 0.0)
 
 
 class Arithmetic(Bounds):
@@ -71,17 +78,6 @@ class Arithmetic(Bounds):
     def __rtruediv__(self, other: Bounds | ArrayLike) -> Self:
         return self.of(other) / self
 
-    def __pow__(self, exponent: Bounds | ArrayLike | int) -> Self:
-        """`pown` for a single whole number, else `pow`, which takes no negative base."""
-        if not isinstance(exponent, Bounds) and np.ndim(exponent) == 0:
-            single = float(np.asarray(exponent, dtype=np.float64))
-            if single.is_integer() and abs(single) <= _GREATEST_POWER:
-                return self.pown(int(single))
-        return self.pow(exponent)
-
-    def __rpow__(self, base: Bounds | ArrayLike) -> Self:
-        return self.of(base).pow(self)
-
     def __abs__(self) -> Self:
         lo = np.maximum(np.maximum(self.inf, -self.sup), 0.0)
         hi = np.maximum(-self.inf, self.sup)
@@ -105,50 +101,46 @@ class Arithmetic(Bounds):
         operands = (self, self.of(factor), self.of(term))
         return self._trusted(*of_three(arithmetic.multiply_add, *operands))
 
-    def pown(self, exponent: int) -> Self:
-        """``x^n`` for a whole number n."""
-        if int(exponent) != exponent or abs(exponent) > _GREATEST_POWER:
-            raise IntervalError(f"pown: {exponent!r} is no integer within ±2³¹; pow takes others")
-        return self._trusted(*of_one(elementary.pown, self, int(exponent)))
+    def hypot(self, other: Bounds | ArrayLike) -> Self:
+        """``√(x² + y²)``."""
+        return self._trusted(*of_two(powers.hypot, self, self.of(other)))
 
-    def pow(self, exponent: Bounds | ArrayLike) -> Self:
-        """``x^y`` of what is not negative, for real powers."""
-        return self._trusted(*of_two(elementary.pow_real, self, self.of(exponent)))
+    def sign(self) -> Self:
+        """-1, 0 or 1."""
+        return self._stepped(np.sign)
 
-    def exp(self) -> Self:
-        """Exponential."""
-        return self._trusted(*of_one(elementary.exp, self))
+    def ceil(self) -> Self:
+        """The least whole number that is not below."""
+        return self._stepped(np.ceil)
 
-    def log(self) -> Self:
-        """Natural logarithm of what is positive."""
-        return self._trusted(*of_one(elementary.log, self))
+    def floor(self) -> Self:
+        """The greatest whole number that is not above."""
+        return self._stepped(np.floor)
 
-    def sin(self) -> Self:
-        """Sine of an angle in rad."""
-        return self._trusted(*of_one(trigonometry.sin, self))
+    def trunc(self) -> Self:
+        """The next whole number towards zero."""
+        return self._stepped(np.trunc)
 
-    def cos(self) -> Self:
-        """Cosine of an angle in rad."""
-        return self._trusted(*of_one(trigonometry.cos, self))
+    def round_ties_to_even(self) -> Self:
+        """The nearest whole number; of two, the even one, as `numpy.rint` has it."""
+        return self._stepped(np.rint)
 
-    def tan(self) -> Self:
-        """Tangent of an angle in rad; everything where a pole lies inside."""
-        return self._trusted(*of_one(trigonometry.tan, self))
+    def round_ties_to_away(self) -> Self:
+        """The nearest whole number; of two, the one farther from zero."""
+        return self._stepped(_round_away)
 
-    def atan(self) -> Self:
-        """Arc tangent, in rad."""
-        return self._trusted(*of_one(trigonometry.atan, self))
-
-    def atan2(self, x: Bounds | ArrayLike) -> Self:
-        """Angle of the points ``(x, y)`` in rad, y being this interval; in ``(-π, π]``."""
-        return self._trusted(*of_two(trigonometry.atan2, self, self.of(x)))
+    def _stepped(self, step: Callable[[Floats], Floats]) -> Self:
+        """A function that never falls, and whose results are floats."""
+        empty = self.inf > self.sup
+        lo, hi = step(self.inf) + 0.0, step(self.sup) + 0.0
+        return self._trusted(np.where(empty, np.inf, lo), np.where(empty, -np.inf, hi))
 
     def min(self, other: Bounds | ArrayLike) -> Self:
         """The lesser of two numbers, one of each."""
         that = self.of(other)
         empty = (self.inf > self.sup) | (that.inf > that.sup)
         lo, hi = np.minimum(self.inf, that.inf), np.minimum(self.sup, that.sup)
-        return self._trusted(np.where(empty, np.inf, lo), np.where(empty, -np.inf, hi))
+        return self._trusted(np.where(empty, np.inf, lo + 0.0), np.where(empty, -np.inf, hi + 0.0))
 
     def max(self, other: Bounds | ArrayLike) -> Self:
         """The greater of two numbers, one of each."""

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from eskin.interval.arithmetic import Arithmetic
 from eskin.interval.conversion import enclose, round_up
+from eskin.interval.functions import Functions
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _GREATEST = float(np.finfo(np.float64).max)
 
 
-class Sets(Arithmetic):
+class Sets(Functions):
     """Members, relations and sizes."""
 
     __slots__ = ()
@@ -61,8 +61,10 @@ class Sets(Arithmetic):
     @property
     def mid(self) -> Floats:
         """A member near the middle; ±the greatest float if one side is unbounded, 0 if both are."""
-        with np.errstate(invalid="ignore"):
-            middle = np.clip(0.5 * self.inf + 0.5 * self.sup, self.inf, self.sup)
+        with np.errstate(over="ignore", invalid="ignore"):
+            total = self.inf + self.sup
+            halves = np.where(np.isfinite(total), 0.5 * total, 0.5 * self.inf + 0.5 * self.sup)
+            middle = np.clip(halves + 0.0, self.inf, self.sup)
         middle = np.where(self.inf == -np.inf, -_GREATEST, middle)
         middle = np.where(self.sup == np.inf, _GREATEST, middle)
         middle = np.where(self.is_entire, 0.0, middle)

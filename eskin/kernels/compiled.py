@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numba
@@ -60,7 +61,11 @@ class _Stamps:
         while waiting:
             each = waiting.pop()
             known.add(each)
-            used = (each.__globals__.get(name) for name in each.__code__.co_names)
+            names = each.__code__.co_names
+            used = [each.__globals__.get(name) for name in names]
+            # Parts named by their module: the attribute's name stands beside the module's.
+            modules = [value for value in used if isinstance(value, ModuleType)]
+            used += [getattr(module, name, None) for module in modules for name in names]
             parts = (value.py_func for value in used if isinstance(value, Dispatcher))
             waiting += [found for found in parts if found not in known]
         files = sorted({each.__code__.co_filename for each in known})

@@ -1,8 +1,7 @@
-"""Exponentials, logarithms and powers of intervals, IEEE 1788-2015 clauses 10.5.3 and 10.5.4.
+"""Exponentials and logarithms of intervals, IEEE 1788-2015 clause 10.5.3.
 
-A scalar libm is good to less than one ulp where it is any good (glibc, musl and Apple's claim 0.51
-to 0.98 ulp for these functions), but nobody certifies it: its results are moved by two floats. The
-exponential is our own, with a proven bound. Where a result is exact, it stands.
+All are our own polynomials with a proven bound, and end in the tightest float or the next one;
+where a result is exact, it stands.
 """
 
 from __future__ import annotations
@@ -10,175 +9,177 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.arithmetic import div_pair, mig_of, sqr_pair, unless_empty
-from eskin.kernels.compiled import kernel, part
-from eskin.kernels.exponential import exp_down, exp_up
-from eskin.kernels.instructions import fma
-from eskin.kernels.rounding import EXACT_PRODUCT, libm_down, libm_up
+import numpy as np
+
+from eskin.kernels import two_words
+from eskin.kernels.arithmetic import unless_empty
+from eskin.kernels.compiled import inlined, kernel
+from eskin.kernels.exponential import (
+    exp2_of,
+    exp10_of,
+    exp_down,
+    exp_up,
+    expm1_of_two,
+    power_of_two,
+)
+from eskin.kernels.logarithm import log1p_of_two, log2_of, log10_of, log_of_two
+from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.two_words import LEAST, above, below
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
+    from eskin.kernels.two_words import Two
 
-GREATEST: Final = 1.7976931348623157e308
-MOST_EXACT: Final = 64
-"""Beyond it, only powers of powers of two are exact."""
-
-
-@part
-def log_pair(a: float, b: float) -> Pair:
-    """``ln x`` of what is positive."""
-    lo, hi = -math.inf, math.inf
-    if a > 0.0:
-        lo = 0.0 if a == 1.0 else libm_down(math.log(a))
-    if b < math.inf:
-        hi = 0.0 if b == 1.0 else libm_up(math.log(b))
-    return lo, hi
+TENS: Final = tuple(float(10**n) for n in range(23))
+"""All powers of ten that are floats."""
+_TINY: Final = 2.0**-900  # below it, expm1 and log1p are their argument to all digits
 
 
-@part
-def power(x: float, y: float) -> float:
-    """``x^y`` for ``x >= 0``, as C has it."""
-    return math.pow(x, y)
+@inlined
+def _beside_whole(value: Two, x: float, power: float) -> Pair:
+    """Bounds of a power with the exponent ``x``, on the right side of that with ``rint(x)``."""
+    whole = np.rint(x)
+    lo, hi = greater(below(value), 0.0), greater(above(value), LEAST)
+    return greater(lo, power if x >= whole else 0.0), lesser(hi, power if x <= whole else math.inf)
 
 
-@part
-def power_is_exact(x: float, y: float) -> bool:
-    """Whether ``x^y`` needs no widening."""
-    return (
-        (x == 0.0) | (x == 1.0) | (y == 0.0) | (y == 1.0) | (x == math.inf) | (abs(y) == math.inf)
-    )
+@inlined
+def _exp2_pair(x: float) -> Pair:
+    within = (x >= -1074.0) & (x < 1023.5)
+    first, second = power_of_two(int(np.rint(x)) if within else 0)
+    value = exp2_of(x)
+    pair = _beside_whole(value, x, first * second)
+    return pair if within else (greater(below(value), 0.0), greater(above(value), LEAST))
 
 
-@part
-def power_down(x: float, y: float) -> float:
-    """At most ``x^y`` for ``x >= 0``."""
-    value = power(x, y)
-    if power_is_exact(x, y):
-        return value
-    # Powers do not cross 1 where base and exponent do not cross 1 and 0.
-    least = 1.0 if (x > 1.0) == (y > 0.0) else 0.0
-    return max(libm_down(min(value, GREATEST)), least)
+@inlined
+def _exp10_pair(x: float) -> Pair:
+    within = (x > -0.5) & (x < 22.5)
+    value = exp10_of(x)
+    pair = _beside_whole(value, x, TENS[int(np.rint(x)) if within else 0])
+    return pair if within else (greater(below(value), 0.0), greater(above(value), LEAST))
 
 
-@part
-def power_up(x: float, y: float) -> float:
-    """At least ``x^y`` for ``x >= 0``."""
-    value = power(x, y)
-    most = math.inf if (x > 1.0) == (y > 0.0) else 1.0
-    return value if power_is_exact(x, y) else min(libm_up(value), most)
+@inlined
+def _expm1_down(x: float) -> float:
+    value = (x, 0.0) if abs(x) < _TINY else expm1_of_two((x, 0.0))
+    return greater(greater(below(value), x if x <= two_words.GREATEST else -1.0), -1.0)
 
 
-@part
-def exact_power(x: float, n: int) -> float:
-    """``x^n`` if every product on the way is exact, else NaN."""
-    value = 1.0
-    if n > MOST_EXACT or n < 0 or abs(x) == math.inf:
-        return math.nan
-    for _ in range(n):
-        product = value * x
-        if fma(value, x, -product) != 0.0 or abs(product) < EXACT_PRODUCT:
-            return math.nan
-        value = product
-    return value
+@inlined
+def _expm1_up(x: float) -> float:
+    return above((x, 0.0) if abs(x) < _TINY else expm1_of_two((x, 0.0)))
 
 
-@part
-def whole_power_down(x: float, n: int) -> float:
-    """At most ``x^n`` for ``x >= 0``."""
-    value = exact_power(x, n)
-    return power_down(x, float(n)) if value != value else value  # noqa: PLR0124 - NaN test
+@inlined
+def _log_down(x: float) -> float:
+    return below(log_of_two((x, 0.0))) if x > 0.0 else -math.inf
 
 
-@part
-def whole_power_up(x: float, n: int) -> float:
-    """At least ``x^n`` for ``x >= 0``."""
-    value = exact_power(x, n)
-    return power_up(x, float(n)) if value != value else value  # noqa: PLR0124 - NaN test
+@inlined
+def _log_up(x: float) -> float:
+    return above(log_of_two((x, 0.0))) if x < math.inf else math.inf
 
 
-@part
-def even_power(a: float, b: float, n: int) -> Pair:
-    """``x^n`` for an even ``n``."""
-    least, most = mig_of(a, b), max(-a, b)
-    if n < 0:
-        least, most = most, least
-    return whole_power_down(least, n), whole_power_up(most, n)
+@inlined
+def _log2_down(x: float) -> float:
+    value = log2_of(x)
+    bound = value[0] if value[1] == 0.0 else below(value)
+    return bound if x > 0.0 else -math.inf
 
 
-@part
-def odd_power(a: float, b: float, n: int) -> Pair:
-    """``x^n`` for an odd ``n``; zero is not inside of ``[a, b]`` where ``n < 0``."""
-    if n < 0:
-        a, b = b, a
-    lo = whole_power_down(a, n) if a >= 0.0 else -whole_power_up(-a, n)
-    hi = whole_power_up(b, n) if b >= 0.0 else -whole_power_down(-b, n)
-    return lo, hi
+@inlined
+def _log2_up(x: float) -> float:
+    value = log2_of(x)
+    bound = value[0] if value[1] == 0.0 else above(value)
+    return bound if x < math.inf else math.inf
 
 
-@part
-def pown_pair(a: float, b: float, n: int) -> Pair:  # noqa: PLR0911 - one for each case of the standard
-    """``x^n`` for a whole number ``n``."""
-    if n == 0:
-        return 1.0, 1.0
-    if n == 2:
-        return sqr_pair(a, b)
-    if n == -1:
-        return div_pair(1.0, 1.0, a, b)
-    if n < 0 and a == 0.0 and b == 0.0:
-        return math.inf, -math.inf
-    if n % 2 == 0:
-        return even_power(a, b, n)
-    if n > 0 or a > 0.0 or b < 0.0:
-        return odd_power(a, b, n)
-    if a == 0.0:
-        return odd_power(b, b, n)[0], math.inf
-    if b == 0.0:
-        return -math.inf, odd_power(a, a, n)[1]
-    return -math.inf, math.inf
+@inlined
+def _log10_down(x: float) -> float:
+    value = log10_of(x)
+    bound = value[0] if value[1] == 0.0 else below(value)
+    return bound if x > 0.0 else -math.inf
 
 
-@part
-def pow_pair(a: float, b: float, c: float, d: float) -> Pair:
-    """``x^y`` for ``x >= 0``: extremes lie in the corners."""
-    a = max(a, 0.0) + 0.0  # a power of -0.0 may be -inf
-    if b < 0.0 or (b == 0.0 and d <= 0.0):
-        return math.inf, -math.inf
-    if b == 0.0:
-        return 0.0, 0.0
-    lo = min(min(power_down(a, c), power_down(a, d)), min(power_down(b, c), power_down(b, d)))
-    hi = max(max(power_up(a, c), power_up(a, d)), max(power_up(b, c), power_up(b, d)))
-    return lo, hi
+@inlined
+def _log10_up(x: float) -> float:
+    value = log10_of(x)
+    bound = value[0] if value[1] == 0.0 else above(value)
+    return bound if x < math.inf else math.inf
+
+
+@inlined
+def _log1p_down(x: float) -> float:
+    value = (x, 0.0) if abs(x) < _TINY else log1p_of_two((x, 0.0), 0.0)
+    return below(value) if x > -1.0 else -math.inf
+
+
+@inlined
+def _log1p_up(x: float) -> float:
+    value = (x, 0.0) if abs(x) < _TINY else log1p_of_two((x, 0.0), 0.0)
+    return lesser(above(value), x) if x < math.inf else math.inf
 
 
 @kernel
 def exp(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
     """Exponentials."""
     for k in range(lo.size):
-        lo[k], hi[k] = unless_empty(exp_down(a[k]), exp_up(b[k]), a[k] > b[k])
+        empty = a[k] > b[k]
+        lo[k], hi[k] = unless_empty(exp_down(a[k]), exp_up(b[k]), empty)
+
+
+@kernel
+def exp2(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
+    """Powers of two."""
+    for k in range(lo.size):
+        empty = a[k] > b[k]
+        lo[k], hi[k] = unless_empty(_exp2_pair(a[k])[0], _exp2_pair(b[k])[1], empty)
+
+
+@kernel
+def exp10(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
+    """Powers of ten."""
+    for k in range(lo.size):
+        empty = a[k] > b[k]
+        lo[k], hi[k] = unless_empty(_exp10_pair(a[k])[0], _exp10_pair(b[k])[1], empty)
+
+
+@kernel
+def expm1(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
+    """Exponentials less one."""
+    for k in range(lo.size):
+        empty = a[k] > b[k]
+        lo[k], hi[k] = unless_empty(_expm1_down(a[k]), _expm1_up(b[k]), empty)
 
 
 @kernel
 def log(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
     """Natural logarithms."""
     for k in range(lo.size):
-        inside = a[k] <= b[k] and b[k] > 0.0
-        lo[k], hi[k] = log_pair(a[k], b[k]) if inside else (math.inf, -math.inf)
+        empty = (a[k] > b[k]) | (b[k] <= 0.0)
+        lo[k], hi[k] = unless_empty(_log_down(a[k]), _log_up(b[k]), empty)
 
 
 @kernel
-def pown(a: Floats, b: Floats, n: int, lo: Floats, hi: Floats) -> None:
-    """Whole powers."""
+def log2(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
+    """Binary logarithms."""
     for k in range(lo.size):
-        low, high = pown_pair(a[k], b[k], n) if a[k] <= b[k] else (math.inf, -math.inf)
-        lo[k], hi[k] = low + 0.0, high + 0.0
+        empty = (a[k] > b[k]) | (b[k] <= 0.0)
+        lo[k], hi[k] = unless_empty(_log2_down(a[k]), _log2_up(b[k]), empty)
 
 
 @kernel
-def pow_real(
-    a: Floats, b: Floats, i: int, c: Floats, d: Floats, j: int, lo: Floats, hi: Floats
-) -> None:
-    """Real powers."""
+def log10(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
+    """Decimal logarithms."""
     for k in range(lo.size):
-        some = a[k * i] <= b[k * i] and c[k * j] <= d[k * j]
-        pair = pow_pair(a[k * i], b[k * i], c[k * j], d[k * j]) if some else (math.inf, -math.inf)
-        lo[k], hi[k] = pair
+        empty = (a[k] > b[k]) | (b[k] <= 0.0)
+        lo[k], hi[k] = unless_empty(_log10_down(a[k]), _log10_up(b[k]), empty)
+
+
+@kernel
+def log1p(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
+    """Natural logarithms of one more."""
+    for k in range(lo.size):
+        empty = (a[k] > b[k]) | (b[k] <= -1.0)
+        lo[k], hi[k] = unless_empty(_log1p_down(a[k]), _log1p_up(b[k]), empty)

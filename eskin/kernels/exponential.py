@@ -12,15 +12,24 @@ once, so they are the nearest floats or the next ones. `exp` rounds to nearest: 
 ``u`` above, which divided by the result stays within `RELATIVE_ERROR` = 1.6 u. The scaling is exact
 but where the result is subnormal, which costs half of the least float. Overflow gives ``inf``, NaN
 gives NaN.
+
+`exp_of_two` works in two words (`eskin.kernels.two_words`): only the terms from ``r**5`` on are
+rounded to floats, at most 1.2e-4 of ``expm1(r)``, with a relative error of 1.2 u. That and
+truncation after ``r**16/16!`` stay below ``2**-65`` of the result.
 """
 
 from __future__ import annotations
 
-from typing import Final
+import math
+from typing import TYPE_CHECKING, Final
 
+from eskin.kernels import two_words
 from eskin.kernels.compiled import inlined
 from eskin.kernels.instructions import fma, from_bits, to_bits
 from eskin.kernels.rounding import add_down, add_up, greater, lesser
+
+if TYPE_CHECKING:
+    from eskin.kernels.two_words import Two
 
 RELATIVE_ERROR: Final = 0.8 * 2.0**-52
 """Proven relative error of `exp` where the result is a normal float."""
@@ -38,6 +47,10 @@ _MOST: Final = 720.0  # above, it is inf
 _INTEGER: Final = 6755399441055744.0  # 1.5·2**52: adding it leaves the nearest integer in the bits
 _INTEGER_BITS: Final = 0x4338000000000000
 _ONE_BITS: Final = 0x3FF0000000000000
+_LN2: Final = (0.6931471805599453, 2.3190468138462996e-17)
+_LN10: Final = (2.302585092994046, -2.1707562233822494e-16)
+_SIXTH: Final = (0.16666666666666666, 9.25185853854297e-18)
+_QUARTER_OF_SIXTH: Final = (0.041666666666666664, 2.3129646346357427e-18)
 
 
 @inlined
@@ -70,9 +83,8 @@ def _reduced(x: float) -> tuple[float, float, float, float]:
     high = 1.0 + p
     low = (p - (high - 1.0)) + (q - (p - r))
     exponent = to_bits(shifted) - _INTEGER_BITS
-    half = exponent >> 1
-    first = from_bits(_ONE_BITS + (half << 52))
-    return high, low, first, from_bits(_ONE_BITS + ((exponent - half) << 52))
+    first, second = power_of_two(exponent)
+    return high, low, first, second
 
 
 @inlined
@@ -99,3 +111,94 @@ def exp_down(x: float) -> float:
     bound = lesser(add_down(high, low - TAIL_ERROR) * first * second, _LARGEST) - ABSOLUTE_ERROR
     bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
     return bound if x <= _LARGEST else x
+
+
+@inlined
+def _long_tail(r: float) -> float:
+    """The terms of ``exp(r)`` from ``r**5`` on, divided by ``r**5``."""
+    tail = fma(r, 4.779477332387385e-14, 7.647163731819816e-13)
+    tail = fma(r, tail, 1.1470745597729725e-11)
+    tail = fma(r, tail, 1.6059043836821613e-10)
+    tail = fma(r, tail, 2.08767569878681e-09)
+    tail = fma(r, tail, 2.505210838544172e-08)
+    tail = fma(r, tail, 2.755731922398589e-07)
+    tail = fma(r, tail, 2.7557319223985893e-06)
+    tail = fma(r, tail, 2.48015873015873e-05)
+    tail = fma(r, tail, 0.0001984126984126984)
+    tail = fma(r, tail, 0.001388888888888889)
+    return fma(r, tail, 0.008333333333333333)
+
+
+@inlined
+def expm1_of_rest(r: Two) -> Two:
+    """``exp(r) - 1`` for ``|r| <= 0.3467``."""
+    sum_ = two_words.add(_QUARTER_OF_SIXTH, two_words.scaled(r, _long_tail(r[0])))
+    sum_ = two_words.add(_SIXTH, two_words.mul(r, sum_))
+    sum_ = two_words.add((0.5, 0.0), two_words.mul(r, sum_))
+    sum_ = two_words.add((1.0, 0.0), two_words.mul(r, sum_))
+    return two_words.mul(r, sum_)
+
+
+@inlined
+def power_of_two(exponent: int) -> Two:
+    """``2**exponent`` as two factors, each within reach, for an exponent within ±2000."""
+    half = exponent >> 1
+    first = from_bits(_ONE_BITS + (half << 52))
+    return first, from_bits(_ONE_BITS + ((exponent - half) << 52))
+
+
+@inlined
+def multiple_of_ln2(x: Two) -> tuple[int, Two]:
+    """``k`` and ``r`` with ``x = k·ln 2 + r``, ``|r| <= 0.3467``; for ``|x| <= 760``."""
+    shifted = fma(x[0], _INVERSE_LN2, _INTEGER)
+    k = shifted - _INTEGER
+    high, low = two_words.product_of(k, _LN2_LOW)
+    r = two_words.sub((fma(-k, _LN2_HIGH, x[0]), x[1]), (high, low))
+    return to_bits(shifted) - _INTEGER_BITS, r
+
+
+@inlined
+def within_reach(x: Two) -> Two:
+    """The number, or where its exponential is nothing or infinite, the next that can be reduced."""
+    near = lesser(greater(x[0], _LEAST), _MOST)
+    return near, (x[1] if near == x[0] else 0.0)
+
+
+@inlined
+def exp_of_two(x: Two, exponent: int) -> Two:
+    """``2**exponent · exp(x)`` of a number of two words."""
+    k, r = multiple_of_ln2(within_reach(x))
+    high, low = two_words.add((1.0, 0.0), expm1_of_rest(r))
+    first, second = power_of_two(k + exponent)
+    return high * first * second, low * first * second
+
+
+@inlined
+def expm1_of_two(x: Two) -> Two:
+    """``exp(x) - 1`` of a number of two words."""
+    k, r = multiple_of_ln2(within_reach(x))
+    rest = expm1_of_rest(r)
+    high, low = two_words.add((1.0, 0.0), rest)
+    first, second = power_of_two(k)
+    grown = (high * first * second, low * first * second)
+    less = grown if grown[0] == math.inf else two_words.add(grown, (-1.0, 0.0))
+    return rest if k == 0 else less
+
+
+@inlined
+def exp2_of(x: float) -> Two:
+    """``2**x``; whole powers are exact as long as they are floats."""
+    near = lesser(greater(x, -1100.0), 1030.0)
+    shifted = near + _INTEGER
+    k = to_bits(shifted) - _INTEGER_BITS
+    rest = expm1_of_rest(two_words.scaled(_LN2, near - (shifted - _INTEGER)))
+    high, low = two_words.add((1.0, 0.0), rest)
+    first, second = power_of_two(k)
+    return high * first * second, low * first * second
+
+
+@inlined
+def exp10_of(x: float) -> Two:
+    """``10**x``."""
+    near = lesser(greater(x, -330.0), 310.0)
+    return exp_of_two(two_words.scaled(_LN10, near), 0)

@@ -23,6 +23,12 @@ EXTREME = st.one_of(
     st.sampled_from([0.0, 5e-324, -5e-324, 2.2e-308, 1.7e308, -1.7e308, 1.0, -1.0, 2.0**53]),
 )
 
+
+def _whole_if_near(x: Exact) -> Exact:
+    """A logarithm without the rounding of a quotient, which is far from whole where it is not."""
+    return mpmath.nint(x) if abs(x - mpmath.nint(x)) < mpmath.mpf(2) ** -200 else x
+
+
 UNARY: dict[str, tuple[Callable[[Interval], Interval], Callable[[Exact], Exact]]] = {
     "neg": (Interval.__neg__, lambda x: -x),
     "abs": (Interval.__abs__, abs),
@@ -39,6 +45,32 @@ UNARY: dict[str, tuple[Callable[[Interval], Interval], Callable[[Exact], Exact]]
     "cos": (Interval.cos, mpmath.cos),
     "tan": (Interval.tan, mpmath.tan),
     "atan": (Interval.atan, mpmath.atan),
+    "asin": (Interval.asin, mpmath.asin),
+    "acos": (Interval.acos, mpmath.acos),
+    "sinh": (Interval.sinh, mpmath.sinh),
+    "cosh": (Interval.cosh, mpmath.cosh),
+    "tanh": (Interval.tanh, mpmath.tanh),
+    "asinh": (Interval.asinh, mpmath.asinh),
+    "acosh": (Interval.acosh, mpmath.acosh),
+    "atanh": (Interval.atanh, mpmath.atanh),
+    "exp2": (Interval.exp2, lambda x: mpmath.mpf(2) ** x),
+    "exp10": (Interval.exp10, lambda x: mpmath.mpf(10) ** x),
+    "expm1": (Interval.expm1, mpmath.expm1),
+    "log2": (Interval.log2, lambda x: _whole_if_near(mpmath.log(x) / mpmath.log(2))),
+    "log10": (Interval.log10, lambda x: _whole_if_near(mpmath.log(x) / mpmath.log(10))),
+    "log1p": (Interval.log1p, mpmath.log1p),
+    "cbrt": (Interval.cbrt, lambda x: mpmath.sign(x) * mpmath.cbrt(abs(x))),
+    "rootn4": (lambda x: x.rootn(4), lambda x: mpmath.root(x, 4)),
+    "rootn-5": (lambda x: x.rootn(-5), lambda x: 1 / mpmath.sign(x) / mpmath.root(abs(x), 5)),
+    "sign": (Interval.sign, mpmath.sign),
+    "ceil": (Interval.ceil, mpmath.ceil),
+    "floor": (Interval.floor, mpmath.floor),
+    "trunc": (Interval.trunc, lambda x: mpmath.sign(x) * mpmath.floor(abs(x))),
+    "round_ties_to_even": (Interval.round_ties_to_even, mpmath.nint),
+    "round_ties_to_away": (
+        Interval.round_ties_to_away,
+        lambda x: mpmath.sign(x) * mpmath.floor(abs(x) + mpmath.mpf(0.5)),
+    ),
 }
 BINARY: dict[str, tuple[Callable[[Interval, Interval], Interval], Callable[[Exact, Exact], Exact]]]
 BINARY = {
@@ -50,17 +82,32 @@ BINARY = {
     "atan2": (lambda a, b: a.atan2(b), mpmath.atan2),
     "min": (lambda a, b: a.min(b), min),
     "max": (lambda a, b: a.max(b), max),
+    "hypot": (lambda a, b: a.hypot(b), mpmath.hypot),
+}
+
+
+_LEAST, _MOST = 5e-324, float(np.finfo(float).max)
+_DOMAINS = {
+    "sqrt": (0.0, _MOST),
+    "rootn4": (0.0, _MOST),
+    "log": (_LEAST, _MOST),
+    "log2": (_LEAST, _MOST),
+    "log10": (_LEAST, _MOST),
+    "log1p": (float(np.nextafter(-1.0, 0.0)), _MOST),
+    "asin": (-1.0, 1.0),
+    "acos": (-1.0, 1.0),
+    "acosh": (1.0, _MOST),
+    "atanh": (float(np.nextafter(-1.0, 0.0)), float(np.nextafter(1.0, 0.0))),
 }
 
 
 def is_defined(name: str, *x: float) -> bool:
     """Whether a function of `UNARY` or `BINARY` is defined there."""
-    if name in {"recip", "pown-2", "pown-3"}:
+    if name in {"recip", "pown-2", "pown-3", "rootn-5"}:
         return x[0] != 0.0
-    if name == "sqrt":
-        return x[0] >= 0.0
-    if name == "log":
-        return x[0] > 0.0
+    if name in _DOMAINS:
+        least, most = _DOMAINS[name]
+        return least <= x[0] <= most
     if name == "div":
         return x[1] != 0.0
     if name == "pow":
@@ -70,7 +117,7 @@ def is_defined(name: str, *x: float) -> bool:
 
 def is_affordable(name: str, *x: float) -> bool:
     """Whether mpmath calculates it in sensible time and memory."""
-    if name == "exp":
+    if name in {"exp", "exp2", "exp10", "expm1", "sinh", "cosh", "tanh"}:
         return abs(x[0]) < 1e5
     if name == "pow":
         return abs(x[1]) < 1e4 and (x[0] == 0.0 or 1e-300 < x[0] < 1e300)

@@ -19,7 +19,7 @@ from tests.eskin.interval.exact import (
     is_defined,
 )
 
-MOST_ULP = 4
+MOST_ULP = 2
 SUBJECT = intervals_with_members()
 
 
@@ -29,7 +29,7 @@ SUBJECT = intervals_with_members()
 def test_function_encloses_the_exact_result(name: str, subject: tuple[Interval, float]) -> None:
     ours, exact = UNARY[name]
     assume(is_defined(name, subject[1]) and is_affordable(name, subject[1]))
-    with mpmath.workprec(1300):
+    with mpmath.workprec(300):
         assert encloses(ours(subject[0]), exact(mpmath.mpf(subject[1])))
 
 
@@ -41,7 +41,7 @@ def test_function_of_two_encloses_the_exact_result(
 ) -> None:
     ours, exact = BINARY[name]
     assume(is_defined(name, a[1], b[1]) and is_affordable(name, a[1], b[1]))
-    with mpmath.workprec(2300 if name != "pow" else 300):
+    with mpmath.workprec(2300 if name not in {"pow", "hypot"} else 300):
         assert encloses(ours(a[0], b[0]), exact(mpmath.mpf(a[1]), mpmath.mpf(b[1])))
 
 
@@ -65,14 +65,14 @@ def ulps_between(lo: float, hi: float) -> int:
 @pytest.mark.parametrize("name", [*UNARY, *BINARY])
 @settings(max_examples=150)
 @given(x=EXTREME, y=EXTREME)
-def test_thin_argument_gives_at_most_four_floats(name: str, x: float, y: float) -> None:
+def test_thin_argument_gives_at_most_two_floats(name: str, x: float, y: float) -> None:
     numbers = (x,) if name in UNARY else (x, y)
     assume(is_defined(name, *numbers) and is_affordable(name, *numbers))
     if name in UNARY:
         result = UNARY[name][0](Interval(x))
     else:
         result = BINARY[name][0](Interval(x), Interval(y))
-    with mpmath.workprec(2300 if name != "pow" else 300):
+    with mpmath.workprec(300 if name in {*UNARY, "pow", "hypot"} else 2300):
         function = UNARY[name][1] if name in UNARY else BINARY[name][1]
         exact = function(*map(mpmath.mpf, numbers))
     lo, hi = float(result.inf), float(result.sup)
@@ -112,7 +112,7 @@ def test_function_is_isotonic_and_the_hull_of_its_parts(
     )
     assert left.subset(whole)
     assert right.subset(whole)
-    assert whole.subset(left.hull(right)) or name in {"recip", "pown-2", "pown-3", "tan"}
+    assert whole.subset(left.hull(right)) or name in {"recip", "pown-2", "pown-3", "rootn-5", "tan"}
 
 
 @pytest.mark.parametrize("name", BINARY)
