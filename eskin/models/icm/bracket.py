@@ -16,12 +16,7 @@ import numpy as np
 
 from eskin.kernels.compiled import part
 from eskin.models.icm.clock import REACH, sample_of
-from eskin.models.icm.curvature import (
-    bend_bounds,
-    edge_of,
-    limits_of,
-    test_edge,
-)
+from eskin.models.icm.curvature import edge_of, test_edge, waning
 from eskin.models.icm.edge import FINE, STACK, edge_range, parabola_root
 from eskin.models.icm.response import ROUNDING, UNDERFLOW, branch, respond
 
@@ -90,10 +85,12 @@ def bracket_edge(
                 m += flags[i]
         word += 1
         if (m > CHUNK - 8) | ((word == words.size) & (m > 0)):
-            _gather(table, found, chosen, m, room)
+            full = (m + 7) // 8 * 8  # what stands beyond a multiple of 8 is no vector's work
+            chosen[m:full] = chosen[m - 1]
+            _gather(table, found, chosen, full, room)
             if pieces > 0:
-                _cut(span, power, phase, room, m, pieces)
-                _close(span, power, phase, room, m)
+                _cut(span, power, phase, room, full, pieces)
+                _close(span, power, phase, room, full)
             for j in range(m):
                 i = chosen[j]
                 known = room[_LO + j], room[_HI + j], room[_SIZE + j]
@@ -164,9 +161,8 @@ def _piece(span: Span, power: int, phase: Phase, ends: Ends, room: Floats, m: in
     weight, weight_next = scale, scale
     if power == 1:
         weight, weight_next = scale * (tau / tau_a), scale * (tau_next / tau_a)
-    limits = limits_of(of, of_next, power, phase)
-    inverse, inverse_next = 1.0 / weight, 1.0 / weight_next
-    width, inverse_width = edge[0], 1.0 / edge[0]
+    inverse, width = 1.0 / weight, edge[0]
+    inverse_width = 1.0 / width
     for j in range(m):
         now = _sample(room, j)
         h, slope, size, s_next, left = respond(of_next, phase, now)
@@ -174,13 +170,10 @@ def _piece(span: Span, power: int, phase: Phase, ends: Ends, room: Floats, m: in
         d = weight_next * (h + slope if power == 1 else slope)
         before, s = room[_D + j], room[_S + j]
         reach = min(1.0, phase[2] + phase[3] * now[REACH])
-        sure, over = test_edge(
-            edge, power, before * inverse, d * inverse_next, s, s_next, left, reach
-        )
-        swing = reach * scale if power == 0 else reach
-        third = bend_bounds(limits, power, weight, weight_next, s, s_next, left, swing)[1]
+        wane = waning(s_next, left)
+        sure, over, k = test_edge(edge, power, before * inverse, d * inverse, s, wane, reach)
         size = max(room[_SIZE + j], weight_next * size)
-        least = (abs(d - before) - 6.0 * ROUNDING * size) * inverse_width - 0.5 * third * width
+        least = (abs(d - before) - 6.0 * ROUNDING * size - weight * k) * inverse_width
         f_before = room[_F + j]
         lo, hi = min(room[_LO + j], f), max(room[_HI + j], f)
         over *= weight

@@ -11,10 +11,6 @@ With ``y = ln τ`` and ``F = (τ/τ_ref)^p·h`` (p = 0, or 1 where L is held and
   before it.
 * The integral ``h = ∫ e**-z sin θ(t - τz) dz`` over ``0 <= z <= s``: every derivative in ``y`` puts
   a polynomial in ``z`` into it, so ``S = sup |sin θ|`` times the integral of its size bounds it.
-
-A slope may nearly be a power of x all along (far from x = 1, or early). Then that power, taken out
-of it, leaves what hardly changes, and the test of the sign hardly ever fails: ``x^k`` times the
-settled slope changes by ``2 c1 √q`` for ``k = -1``, by ``2 c1 √c0`` for ``k = 1``.
 """
 
 from __future__ import annotations
@@ -30,11 +26,11 @@ if TYPE_CHECKING:
     from eskin.models.icm.response import Branch, Phase
 
     Limits: TypeAlias = tuple[float, float, float]
-    Edge: TypeAlias = tuple[float, float, Limits, bool, float, Limits]
+    Edge: TypeAlias = tuple[float, float, float, float, float, float, Limits]
+    Wane: TypeAlias = tuple[float, float, float]
 
 SLACK: Final = 1.0 + 1e-9
 """Pays for the roundings in these bounds, which are never more than a few dozen."""
-_WIDEST: Final = 1e3
 
 
 @part
@@ -66,22 +62,33 @@ def limits_of(a: Branch, b: Branch, power: int, phase: Phase) -> Limits:
 
 
 @part
-def _flat(a: Branch, b: Branch, ratio: float, power: int) -> tuple[float, float, float]:
-    """For the test of the slope times ``x^k``, in units of ``x_a^(k+p)``.
+def waning(s_last: float, left: float) -> Wane:
+    """Bounds of what multiplies ``m'`` and ``m`` in the transient's third derivative, from s on.
 
-    Returns:
-        The weight of the last slope, the bound of the change of the settled slope, and by how much
-        the bounds of the transient grow. Infinite where neither ``k = -1`` nor 1 gains.
+    The third value bounds ``s^k e**-s`` for k up to 3, and the polynomials of `_level`.
+
+    Args:
+        s_last: Least ``t/τ``, that at the last end.
+        left: ``e**-s_last``.
     """
-    if b[5] < 0.57:
-        settled = 2.0 * b[3] * math.sqrt(b[2])
-        return (1.0 / ratio, settled * a[5], 1.0) if power == 0 else (1.0, settled, 1.0)
-    if a[5] > 1.74:
-        settled = 2.0 * a[4] * math.sqrt(a[2]) / a[5]
-        if power == 0:
-            return ratio, settled, ratio
-        return ratio * ratio, settled / a[5], ratio
-    return 1.0, math.inf, 1.0
+    rise = (2.0 + 3.0 * s_last * s_last) * left if s_last >= 1.5774 else 2.6313
+    swing = s_last * (s_last * (s_last - 3.0) + 1.0) * left if s_last >= 4.4909 else 0.42962
+    faded = s_last * s_last * s_last * left if s_last >= 4.55 else 1.3443
+    return rise, swing, faded
+
+
+@part
+def _level(a: Branch, b: Branch) -> tuple[float, float]:
+    """Bounds of ``|D''|``, ``D = h + τ ∂h/∂τ``: settled, and of the transient, by `waning`.
+
+    The settled part of D is the phasor ``H²``, its transient ``-(n + m s) e**-s`` with
+    ``n = Im(e^jψ H²)`` and m as for ``p = 0``. With ``|H| = √c0`` and ``|H'| = c1``, and
+    ``s' = -s``, the derivatives of ``e**-s`` and ``s·e**-s`` are polynomials of degree 3 at most.
+    """
+    h = math.sqrt(a[2])
+    c1 = 0.5 if (a[5] < 1.0) & (b[5] > 1.0) else max(a[3], b[3])
+    settled = 2.0 * c1 * (c1 + h)
+    return settled, settled + 4.0 * h * c1 + h * h + 3.0 * c1 + h
 
 
 @part
@@ -89,61 +96,58 @@ def edge_of(a: Branch, b: Branch, tau_a: float, tau_b: float, power: int, phase:
     """What the tests of an edge need.
 
     Returns:
-        Width in ``ln τ``, ratio of the ends, bounds of the change of the slope; whether the edge is
-        too wide for tests; and for the flattened slope the weight of its end and its bounds.
+        Width ``w`` in ``ln τ``; and ``w²/2`` times the bounds of the third derivative: of its
+        settled part, those that go with `waning`, and that by the integral; for ``p = 1`` the
+        inverse ratio of the ends, and ``w²/2`` times both of `_level`, and by the integral.
     """
     width = log_ratio(tau_a, tau_b)
-    ratio = tau_b / tau_a
-    cost = width * SLACK
+    half = 0.5 * width * width * SLACK
     settled, change, size = limits_of(a, b, power, phase)
-    weight, flat, growth = _flat(a, b, ratio, power)
-    limits = settled * cost, change * cost, size * cost
-    flat_limits = flat * cost, limits[1] * growth, limits[2] * growth
-    return width, ratio, limits, ratio > _WIDEST, weight, flat_limits
+    third = 2.0 * settled * half, change * half, size * half
+    if power == 0:
+        return width, *third, half, 1.0, (0.0, 0.0, 0.0)
+    level, faded = _level(a, b)
+    return width, *third, tau_b / tau_a * half, tau_a / tau_b, (level * half, faded * half, half)
 
 
 @part
 def test_edge(
-    edge: Edge, power: int, first: float, last: float, s: float, s_last: float, left: float,
+    edge: Edge, power: int, first: float, last: float, s: float, wane: Wane,
     reach: float,
-) -> tuple[bool, float]:  # fmt: skip
+) -> tuple[bool, float, float]:  # fmt: skip
     """What the slopes at both ends prove about what lies between them.
+
+    With ``u`` from 0 to 1 along the edge the slope is within ``k·u(1 - u)`` of the straight line
+    between its ends, k being ``w²/2`` times the bound of the third derivative. So it keeps the sign
+    of both where their sum and twice the root of their product reach k; the lesser of them stands
+    in for the root. For ``p = 1`` the slope over τ, ``h + τ ∂h/∂τ``, has a chance, too: where x or
+    s is small, ``F`` itself is nearly straight in τ, or in its square.
 
     Args:
         edge: Of `edge_of`.
         power: p.
-        first: ``p·h + d`` at the first end.
+        first: Slope of ``(τ/τ_a)^p·h`` at the first end.
         last: The same at the last end.
         s: ``t/τ`` at the first end, the greatest.
-        s_last: At the last end.
-        left: ``e**-s_last``.
+        wane: Of `waning` at the last end.
         reach: Bound of ``|sin θ|`` since time 0.
 
     Returns:
-        Whether the slope keeps its sign; and by how much at most ``(τ/τ_a)^p·h`` leaves the
-        range of its ends.
+        Whether the slope keeps its sign; by how much at most ``(τ/τ_a)^p·h`` leaves the range of
+        its ends; and k.
     """
-    width, ratio, limits, wide, weight, flat = edge
-    rise = (1.0 + 2.0 * s_last) * left if s_last >= 0.5 else 1.2131
-    swing = s_last * (s_last - 1.0) * left if s_last >= 2.6181 else 0.30901
-    change = limits[0] + limits[1] * rise + limits[2] * swing
-    # Both polynomials times e**-s fall from s = 0 on.
-    flat_change = (2.0 + 2.0 * s_last) * flat[1] + (2.0 + s_last * (2.0 + s_last)) * flat[2]
-    by_power = abs(first + weight * last) >= flat[0] + flat_change * left
-    if power == 0:
-        by_phasor = abs(first + last) >= change
-        most = min(s * s, 1.08269) * (ratio - 1.0) * (reach * SLACK)
-        by_integral = abs(first + ratio * last) >= most
-        bend = reach * min(s, 0.94026)
-    else:
-        by_phasor = abs(first + ratio * last) >= change
-        square = ratio * ratio
-        most = min(s * s * s * 0.16666667, 1.0) * (square - 1.0) * (reach * SLACK)
-        by_integral = abs(first + square * last) >= most
-        bend = reach * ratio * min(0.5 * s * s, 1.20728)
-    same = ((first >= 0.0) & (last >= 0.0)) | ((first <= 0.0) & (last <= 0.0))
-    sure = (same & (by_phasor | by_integral | by_power) & (not wide)) | (width == 0.0)
-    return sure, 0.125 * width * min(change, bend * width * SLACK)
+    width, settled, change, size, whole, shrink, level = edge
+    early = min(s, 1.78303) if power == 0 else min(0.5 * s * s, 2.18327)
+    k = min(settled + change * wane[0] + size * wane[1], whole * (reach * early))
+    same = (first >= 0.0) == (last >= 0.0)
+    less = min(abs(first), abs(last))
+    sure = abs(first) + abs(last) + 2.0 * less >= k
+    if power == 1:
+        to = shrink * abs(last)
+        least = min(level[0] + level[1] * wane[2], level[2] * (reach * min(2.0 * s * s, 1.908)))
+        sure = sure | (abs(first) + to + 2.0 * min(abs(first), to) >= least)
+    sure = sure & same
+    return sure, width * ((0.0 if same else 0.5 * less) + 0.17 * k), k
 
 
 @part
@@ -165,8 +169,7 @@ def bend_bounds(
     """
     rise = (1.0 + 2.0 * s_last) * left if s_last >= 0.5 else 1.2131
     swing = s_last * (s_last - 1.0) * left if s_last >= 2.6181 else 0.30901
-    rise3 = (2.0 + 3.0 * s_last * s_last) * left if s_last >= 1.5774 else 2.6313
-    swing3 = s_last * (s_last * (s_last - 3.0) + 1.0) * left if s_last >= 4.4909 else 0.42962
+    rise3, swing3, _ = waning(s_last, left)
     second = weight * (limits[0] + limits[1] * rise + limits[2] * swing)
     third = weight * (2.0 * limits[0] + limits[1] * rise3 + limits[2] * swing3)
     if power == 0:

@@ -10,7 +10,7 @@ from eskin.kernels.compiled import kernel, part
 from eskin.kernels.rounding import mul_down, mul_up
 from eskin.models.icm.bracket import bracket_edge, work_space
 from eskin.models.icm.clock import BLOCK, REACH, ROWS, fill_clock, sample_of
-from eskin.models.icm.curvature import edge_of, test_edge
+from eskin.models.icm.curvature import edge_of, test_edge, waning
 from eskin.models.icm.response import branch, phase_parts, respond
 from eskin.models.icm.scaling import error_factor, scale_outward
 
@@ -64,14 +64,15 @@ def _ends(
     lo, hi, size = found
     a, b = branch(frequency, tau_a), branch(frequency, tau_b)
     edge = edge_of(a, b, tau_a, tau_b, 0, phase)
+    growth = tau_b / tau_a * (1.0 + 1e-9)
     for i in range(lo.size):
         now = sample_of(table, i)
         first, slope, size_a, s, _ = respond(a, phase, now)
         last, slope_last, _, s_last, left = respond(b, phase, now)
         reach = min(1.0, phase[2] + phase[3] * now[REACH])
-        sure, _ = test_edge(edge, 0, slope, slope_last, s, s_last, left, reach)
+        sure, _, _ = test_edge(edge, 0, slope, slope_last, s, waning(s_last, left), reach)
         lo[i] = min(first, last)
         hi[i] = max(first, last)
-        size[i] = size_a * edge[1]
+        size[i] = size_a * growth
         open_ends[i] = not sure
     return edge[0]

@@ -16,7 +16,7 @@ from eskin.kernels.compiled import kernel, part
 from eskin.kernels.rounding import div_down, div_up
 from eskin.models.icm.bracket import bracket_edge, work_space
 from eskin.models.icm.clock import BLOCK, REACH, ROWS, fill_clock, sample_of
-from eskin.models.icm.curvature import edge_of, test_edge
+from eskin.models.icm.curvature import edge_of, test_edge, waning
 from eskin.models.icm.response import branch, phase_parts, respond
 from eskin.models.icm.scaling import error_factor, scale_outward
 
@@ -92,18 +92,21 @@ def _corners(
     top = edge_of(c, d, taus[2], taus[3], 0, phase)
     left = edge_of(a, c, taus[0], taus[2], 1, phase)
     right = edge_of(b, d, taus[1], taus[3], 1, phase)
+    grown_c, grown_d = taus[2] / taus[0], taus[3] / taus[1]
     growth = ratio * (taus[3] / taus[0]) * (1.0 + 1e-9)
     for i in range(lo.size):
         now = sample_of(table, i)
         h_a, d_a, size_a, s_a, _ = respond(a, phase, now)
-        h_b, d_b, _, s_b, e_b = respond(b, phase, now)
-        h_c, d_c, _, s_c, e_c = respond(c, phase, now)
+        h_b, d_b, _, s_b, _ = respond(b, phase, now)
+        h_c, d_c, _, s_c, _ = respond(c, phase, now)
         h_d, d_d, _, s_d, e_d = respond(d, phase, now)
         reach = min(1.0, phase[2] + phase[3] * now[REACH])
-        sure_0, over_0 = test_edge(bottom, 0, d_a, d_b, s_a, s_b, e_b, reach)
-        sure_1, over_1 = test_edge(top, 0, d_c, d_d, s_c, s_d, e_d, reach)
-        sure_2, over_2 = test_edge(left, 1, h_a + d_a, h_c + d_c, s_a, s_c, e_c, reach)
-        sure_3, over_3 = test_edge(right, 1, h_b + d_b, h_d + d_d, s_b, s_d, e_d, reach)
+        wane = waning(s_d, e_d)
+        p_a, p_b, p_c, p_d = h_a + d_a, h_b + d_b, grown_c * (h_c + d_c), grown_d * (h_d + d_d)
+        sure_0, over_0, _ = test_edge(bottom, 0, d_a, d_b, s_a, wane, reach)
+        sure_1, over_1, _ = test_edge(top, 0, d_c, d_d, s_c, wane, reach)
+        sure_2, over_2, _ = test_edge(left, 1, p_a, p_c, s_a, wane, reach)
+        sure_3, over_3, _ = test_edge(right, 1, p_b, p_d, s_b, wane, reach)
         # In units of Vm/R1_max; the right edge's own unit is the weight of its first corner, 1.
         h_c, h_d, over_1 = ratio * h_c, ratio * h_d, ratio * over_1
         least, most = min(min(h_a, h_b), min(h_c, h_d)), max(max(h_a, h_b), max(h_c, h_d))
