@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from eskin.kernels.compiled import part
 from eskin.kernels.instructions import fma
 from eskin.kernels.sine import sincospi_of_product, sincospi_of_two
@@ -95,3 +97,22 @@ def sample_of(table: Floats, i: int) -> Sample:
     """One column of the table; the last as a truth value."""
     early = table[EARLY, i] != 0.0
     return table[0, i], table[1, i], table[2, i], table[3, i], table[4, i], early
+
+
+@part
+def late_sample_of(table: Floats, i: int) -> Sample:
+    """One column of the table where ``a > 1``: the compiler drops what is for small times."""
+    sine = table[SINE, i]
+    return table[TIME, i], sine, sine, table[VERSINE, i], 1.0, False
+
+
+@part
+def late_from(table: Floats, count: int) -> np.uint64:
+    """From which column on ``a > 1``: a multiple of 8, or ``count``.
+
+    Unsigned, so that the compiler sees no index from the end, and makes vector instructions.
+    """
+    last = 0
+    for i in range(count):
+        last = i + 1 if table[EARLY, i] != 0.0 else last
+    return np.uint64(min((last + 7) // 8 * 8, count))

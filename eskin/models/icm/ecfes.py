@@ -6,17 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.compiled import inlined, kernel, part
 from eskin.kernels.rounding import mul_down, mul_up
 from eskin.models.icm.bracket import bracket_edge, work_space
-from eskin.models.icm.clock import BLOCK, REACH, ROWS, fill_clock, sample_of
+from eskin.models.icm.clock import (
+    BLOCK,
+    REACH,
+    ROWS,
+    fill_clock,
+    late_from,
+    late_sample_of,
+    sample_of,
+)
 from eskin.models.icm.curvature import edge_of, test_edge, waning
 from eskin.models.icm.response import branch, phase_parts, respond
 from eskin.models.icm.scaling import error_factor, scale_outward
 
 if TYPE_CHECKING:
     from eskin.models.icm.bracket import Flags, Found, Indices
-    from eskin.models.icm.response import Phase
+    from eskin.models.icm.clock import Sample
+    from eskin.models.icm.curvature import Edge
+    from eskin.models.icm.response import Branch, Phase
     from eskin.models.parameters import Floats
 
 
@@ -65,14 +75,22 @@ def _ends(
     a, b = branch(frequency, tau_a), branch(frequency, tau_b)
     edge = edge_of(a, b, tau_a, tau_b, 0, phase)
     growth = tau_b / tau_a * (1.0 + 1e-9)
-    for i in range(lo.size):
+    late = late_from(table, lo.size)
+    for i in range(late):
         now = sample_of(table, i)
-        first, slope, size_a, s, _ = respond(a, phase, now)
-        last, slope_last, _, s_last, left = respond(b, phase, now)
-        reach = min(1.0, phase[2] + phase[3] * now[REACH])
-        sure, _, _ = test_edge(edge, 0, slope, slope_last, s, waning(s_last, left), reach)
-        lo[i] = min(first, last)
-        hi[i] = max(first, last)
-        size[i] = size_a * growth
-        open_ends[i] = not sure
+        lo[i], hi[i], size[i], open_ends[i] = _both_ends(a, b, edge, growth, phase, now)
+    for i in range(late, np.uint64(lo.size)):
+        now = late_sample_of(table, i)
+        lo[i], hi[i], size[i], open_ends[i] = _both_ends(a, b, edge, growth, phase, now)
     return edge[0]
+
+
+@inlined
+def _both_ends(
+    a: Branch, b: Branch, edge: Edge, growth: float, phase: Phase, now: Sample
+) -> tuple[float, float, float, bool]:
+    first, slope, size, s, _ = respond(a, phase, now)
+    last, slope_last, _, s_last, left = respond(b, phase, now)
+    reach = min(1.0, phase[2] + phase[3] * now[REACH])
+    sure, _, _ = test_edge(edge, 0, slope, slope_last, s, waning(s_last, left), reach)
+    return min(first, last), max(first, last), size * growth, not sure

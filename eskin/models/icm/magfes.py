@@ -12,17 +12,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.compiled import inlined, kernel, part
 from eskin.kernels.rounding import div_down, div_up
 from eskin.models.icm.bracket import bracket_edge, work_space
-from eskin.models.icm.clock import BLOCK, REACH, ROWS, fill_clock, sample_of
+from eskin.models.icm.clock import (
+    BLOCK,
+    REACH,
+    ROWS,
+    fill_clock,
+    late_from,
+    late_sample_of,
+    sample_of,
+)
 from eskin.models.icm.curvature import edge_of, test_edge, waning
 from eskin.models.icm.response import branch, phase_parts, respond
 from eskin.models.icm.scaling import error_factor, scale_outward
 
 if TYPE_CHECKING:
     from eskin.models.icm.bracket import Flags, Found, Indices, Work
-    from eskin.models.icm.response import Phase
+    from eskin.models.icm.clock import Sample
+    from eskin.models.icm.curvature import Edge
+    from eskin.models.icm.response import Branch, Phase
     from eskin.models.parameters import Floats
 
 
@@ -92,30 +102,48 @@ def _corners(
     top = edge_of(c, d, taus[2], taus[3], 0, phase)
     left = edge_of(a, c, taus[0], taus[2], 1, phase)
     right = edge_of(b, d, taus[1], taus[3], 1, phase)
-    grown_c, grown_d = taus[2] / taus[0], taus[3] / taus[1]
+    corners, edges = (a, b, c, d), (bottom, top, left, right)
     growth = ratio * (taus[3] / taus[0]) * (1.0 + 1e-9)
-    for i in range(lo.size):
+    scales = ratio, taus[2] / taus[0], taus[3] / taus[1], growth
+    late = late_from(table, lo.size)
+    for i in range(late):
         now = sample_of(table, i)
-        h_a, d_a, size_a, s_a, _ = respond(a, phase, now)
-        h_b, d_b, _, s_b, _ = respond(b, phase, now)
-        h_c, d_c, _, s_c, _ = respond(c, phase, now)
-        h_d, d_d, _, s_d, e_d = respond(d, phase, now)
-        reach = min(1.0, phase[2] + phase[3] * now[REACH])
-        wane = waning(s_d, e_d)
-        p_a, p_b, p_c, p_d = h_a + d_a, h_b + d_b, grown_c * (h_c + d_c), grown_d * (h_d + d_d)
-        sure_0, over_0, _ = test_edge(bottom, 0, d_a, d_b, s_a, wane, reach)
-        sure_1, over_1, _ = test_edge(top, 0, d_c, d_d, s_c, wane, reach)
-        sure_2, over_2, _ = test_edge(left, 1, p_a, p_c, s_a, wane, reach)
-        sure_3, over_3, _ = test_edge(right, 1, p_b, p_d, s_b, wane, reach)
-        # In units of Vm/R1_max; the right edge's own unit is the weight of its first corner, 1.
-        h_c, h_d, over_1 = ratio * h_c, ratio * h_d, ratio * over_1
-        least, most = min(min(h_a, h_b), min(h_c, h_d)), max(max(h_a, h_b), max(h_c, h_d))
-        lo[i], hi[i], size[i] = least, most, size_a * growth
-        open_edges[0, i] = not (sure_0 | _within(h_a, h_b, over_0, least, most))
-        open_edges[1, i] = not (sure_1 | _within(h_c, h_d, over_1, least, most))
-        open_edges[2, i] = not (sure_2 | _within(h_a, h_c, over_2, least, most))
-        open_edges[3, i] = not (sure_3 | _within(h_b, h_d, over_3, least, most))
+        lo[i], hi[i], size[i], flags = _all_corners(corners, edges, scales, phase, now)
+        open_edges[0, i], open_edges[1, i], open_edges[2, i], open_edges[3, i] = flags
+    for i in range(late, np.uint64(lo.size)):
+        now = late_sample_of(table, i)
+        lo[i], hi[i], size[i], flags = _all_corners(corners, edges, scales, phase, now)
+        open_edges[0, i], open_edges[1, i], open_edges[2, i], open_edges[3, i] = flags
     return max(bottom[0], top[0]) + max(left[0], right[0])
+
+
+@inlined
+def _all_corners(
+    corners: tuple[Branch, Branch, Branch, Branch], edges: tuple[Edge, Edge, Edge, Edge],
+    scales: tuple[float, float, float, float], phase: Phase, now: Sample,
+) -> tuple[float, float, float, tuple[bool, bool, bool, bool]]:  # fmt: skip
+    h_a, d_a, size, s_a, _ = respond(corners[0], phase, now)
+    h_b, d_b, _, s_b, _ = respond(corners[1], phase, now)
+    h_c, d_c, _, s_c, _ = respond(corners[2], phase, now)
+    h_d, d_d, _, s_d, e_d = respond(corners[3], phase, now)
+    ratio, grown_c, grown_d, growth = scales
+    reach = min(1.0, phase[2] + phase[3] * now[REACH])
+    wane = waning(s_d, e_d)
+    p_a, p_b, p_c, p_d = h_a + d_a, h_b + d_b, grown_c * (h_c + d_c), grown_d * (h_d + d_d)
+    sure_0, over_0, _ = test_edge(edges[0], 0, d_a, d_b, s_a, wane, reach)
+    sure_1, over_1, _ = test_edge(edges[1], 0, d_c, d_d, s_c, wane, reach)
+    sure_2, over_2, _ = test_edge(edges[2], 1, p_a, p_c, s_a, wane, reach)
+    sure_3, over_3, _ = test_edge(edges[3], 1, p_b, p_d, s_b, wane, reach)
+    # In units of Vm/R1_max; the right edge's own unit is the weight of its first corner, 1.
+    h_c, h_d, over_1 = ratio * h_c, ratio * h_d, ratio * over_1
+    least, most = min(min(h_a, h_b), min(h_c, h_d)), max(max(h_a, h_b), max(h_c, h_d))
+    flags = (
+        not (sure_0 | _within(h_a, h_b, over_0, least, most)),
+        not (sure_1 | _within(h_c, h_d, over_1, least, most)),
+        not (sure_2 | _within(h_a, h_c, over_2, least, most)),
+        not (sure_3 | _within(h_b, h_d, over_3, least, most)),
+    )
+    return least, most, size * growth, flags
 
 
 @part

@@ -10,15 +10,20 @@ Written so, it cancels to nothing at small times. Here ``c0 = 1/(1 + x²)``, ``c
     h = sin ψ·(c1 sin a + c0 (g - v)) + cos ψ·(c0 (sin a - a) + c1 (v + f))
 
 with ``v = 1 - cos a``, ``g = 1 - e**-s``, ``f = e**-s - 1 + s``, each known to full relative
-precision, while ``a <= 1``; later ``sin a`` stands for ``sin a - a``, and ``-g`` for ``f``. The
-slope ``d = τ ∂h/∂τ`` is differentiated from this form term by term.
+precision, while ``a <= 1``; later ``sin a`` stands for ``sin a - a``, and ``-g`` for ``f``, which
+leaves the phasor's two products:
 
-Rounding: with ``T`` the sum of the sizes of these terms, each carries (in units of u = 2**-53)
-1.2 for its coefficient, 2.7 for sin ψ or cos ψ, at most 10 for its factor (``f``: 8, and 2 for
-``s``; ``sin a - a``: 8; the others 4.4), and 4 for the products and sums it passes through; so the
-computed ``h`` is within ``18 u·T``. ``τ`` itself may be off by one rounding (it is a product or a
-quotient of parameters), which moves ``h`` by ``u·|d| <= 3 u·T``. `ROUNDING` = 24 u covers both, and
-``3·ROUNDING·T`` the slope. Terms below 1e-300 lose bits to gradual underflow: `UNDERFLOW` besides.
+    h = (c1 sin ψ + c0 cos ψ) sin a + (c1 cos ψ - c0 sin ψ)(v - g)
+
+The slope ``d = τ ∂h/∂τ`` is differentiated from both forms term by term.
+
+Rounding: with ``T`` the sum of the sizes of the first form's terms, each carries (in units of
+u = 2**-53) 1.2 for its coefficient, 2.7 for sin ψ or cos ψ, 2 for their product and sum, at most 10
+for its factor (``f``: 8, and 2 for ``s``; ``sin a - a``: 8; the others 4.4), and 1 to 4 for the
+sums it passes through, 2 where the factor is ``f``; so the computed ``h`` is within ``18 u·T``.
+``τ`` itself may be off by one rounding (it is a product or a quotient of parameters), which moves
+``h`` by ``u·|d| <= 3 u·T``. `ROUNDING` = 24 u covers both, and ``3·ROUNDING·T`` the slope. Terms
+below 1e-300 lose bits to gradual underflow: `UNDERFLOW` besides.
 """
 
 from __future__ import annotations
@@ -91,23 +96,27 @@ def respond(of: Branch, phase: Phase, sample: Sample) -> tuple[float, float, flo
     t, sine, short_sine, v, _, early = sample
     s = fma(t, inverse, t * inverse_low)
     left, gone, lag = decay(s)
-    rest = -lag if early else gone
-    rest_slope = s * gone if early else -s * left
-    k = 1.0 - 2.0 * q
+    k = c1 * (1.0 - 2.0 * q)
     e = 2.0 * q * c0
-    h = fma(
-        sine_phase,
-        fma(c1, sine, c0 * (gone - v)),
-        cosine_phase * fma(c0, short_sine, c1 * (v - rest)),
-    )
-    slope = fma(
-        sine_phase,
-        fma(c1 * k, sine, -fma(e, gone - v, c0 * (s * left))),
-        cosine_phase * fma(c1, fma(k, v - rest, -rest_slope), -e * short_sine),
-    )
+    in_phase, lagging = sine_phase * c1 + cosine_phase * c0, cosine_phase * c1 - sine_phase * c0
+    turn, lagging_turn = sine_phase * k - cosine_phase * e, cosine_phase * k + sine_phase * e
+    swing = v - gone
+    h = fma(lagging, swing, in_phase * sine)
+    slope = fma(turn, sine, fma(lagging_turn, swing, lagging * (s * left)))
+    rest = gone
+    if early:
+        rest = lag
+        both = v + lag
+        h = fma(sine_phase * c1, sine, -(sine_phase * c0) * swing)
+        h = fma(cosine_phase * c1, both, fma(cosine_phase * c0, short_sine, h))
+        slope = fma(
+            sine_phase * k, sine, fma(sine_phase * e, swing, -(sine_phase * c0) * (s * left))
+        )
+        slope = fma(-(cosine_phase * c1), s * gone, fma(-(cosine_phase * e), short_sine, slope))
+        slope = fma(cosine_phase * k, both, slope)
     size = fma(
         sine_size,
         fma(c1, abs(sine), c0 * (gone + v)),
-        cosine_size * fma(c0, abs(short_sine), c1 * (v + abs(rest))),
+        cosine_size * fma(c0, abs(short_sine), c1 * (v + rest)),
     )
     return h, slope, size, s, left
