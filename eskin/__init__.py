@@ -11,7 +11,7 @@ from eskin import design, models, noise
 from eskin.errors import EskinError
 from eskin.interval import Answer, Interval
 from eskin.messages import Block, Encoding, decode_message
-from eskin.peaks import PeakDetector, PeakEvent, Verdict, find_peaks
+from eskin.peaks import PeakDetector, PeakEvent, Peaks, PeakStream, Verdict, find_peaks
 from eskin.tube import Tube
 
 __all__ = [
@@ -22,6 +22,8 @@ __all__ = [
     "Interval",
     "PeakDetector",
     "PeakEvent",
+    "PeakStream",
+    "Peaks",
     "Tube",
     "Verdict",
     "decode_message",

@@ -1,59 +1,17 @@
-"""Peaks of a tube: *certain* where every signal inside has one, *possible* where some signal has.
-
-For a prominence p and samples ``[lo_k, hi_k]``:
-
-- A certain peak is a < b < c with ``lo_b - hi_a >= p`` and ``lo_b - hi_c >= p``: every signal
-  inside the tube has a local maximum of prominence p or more between a and c. One pass with
-  hysteresis (track the lowest hi, then the highest lo, and so on) finds the greatest number of
-  them that overlap at most in their ends.
-- The same pass on the optimistic side (``hi_b - lo_a``, ``hi_b - lo_c``) counts the peaks that some
-  signal has. What it finds beyond the certain ones is possible, region by region.
-
-Memory is constant, so the detector runs on a microcontroller and over a stream in pieces.
-For any signal x inside the tube: N_certain <= len(find_peaks(x, prominence=p)) <= N_certain +
-N_possible.
-"""
+"""The search for peaks in pure Python: for microcontrollers, and what the kernel is held to."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
-from math import fsum, inf, nextafter
+from math import fsum, inf, isnan, nextafter
 from typing import TYPE_CHECKING
+
+from eskin.peaks.event import PeakEvent, Verdict, no_interval, require_prominence
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
 _MOST_REGIONS = 8
-
-
-class Verdict(IntEnum):
-    """How sure an answer is."""
-
-    CERTAIN = 0
-    POSSIBLE = 1
-
-
-@dataclass(frozen=True, slots=True)
-class PeakEvent:
-    """One certain peak, or one region with a number of possible peaks.
-
-    Attributes:
-        verdict: Certain or possible.
-        first: Index of the sample a before the peak.
-        last: Index of the sample c after the peak.
-        count: ``(fewest, most)`` peaks: ``(1, 1)`` if certain, ``(0, n)`` if possible.
-        height: Enclosure of the greatest value between first and last, in the signal's unit.
-        prominence: Enclosure of the height above the higher of the two lowest points beside it,
-            within first to last.
-    """
-
-    verdict: Verdict
-    first: int
-    last: int
-    count: tuple[int, int]
-    height: tuple[float, float]
-    prominence: tuple[float, float]
 
 
 @dataclass(slots=True)
@@ -144,7 +102,9 @@ class _Hysteresis:
 
 
 class PeakDetector:
-    """Finds the peaks of a tube that arrives in pieces, in constant memory.
+    """Finds the peaks of a tube that arrives in pieces, in constant memory and pure Python.
+
+    `eskin.PeakStream` gives the same events, a hundred times as fast, where numba runs.
 
     Args:
         prominence: Least prominence p > 0, in the signal's unit.
@@ -158,8 +118,7 @@ class PeakDetector:
     """
 
     def __init__(self, prominence: float, *, longest_region: int | None = None) -> None:
-        if not 0.0 < prominence < inf:
-            raise ValueError(f"prominence must be positive and finite, not {prominence}")
+        require_prominence(prominence)
         self._longest = longest_region
         self._index = 0
         self._certain = _Hysteresis(prominence)
@@ -170,16 +129,26 @@ class PeakDetector:
         """Take the next samples, in order.
 
         Args:
-            lows: Lower bounds.
-            highs: Upper bounds, as many.
+            lows: Lower bounds; ``-inf`` where unbounded, NaN where a sample is missing: a gap.
+            highs: Upper bounds, as many; ``inf`` where unbounded, NaN where a sample is missing.
 
         Returns:
             What is decided now, in order of its end. Indices count all samples since the start,
             over gaps too.
+
+        Raises:
+            IntervalError: Bounds are no interval. The search stands before them, and what this
+                call found is lost.
+            ValueError: The bounds differ in number.
         """
         events: list[PeakEvent] = []
         for lo, hi in zip(lows, highs, strict=True):
-            self._take(lo, hi, events)
+            if lo <= hi and lo < inf and hi > -inf:
+                self._take(lo, hi, events)
+            elif isnan(lo) or isnan(hi):
+                events += self.gap()
+            else:
+                raise no_interval(self._index, lo, hi)
             self._index += 1
         return events
 
@@ -245,20 +214,3 @@ class PeakDetector:
             if claimable or touching:
                 return
             events.append(self._undecided.pop(0).event(Verdict.POSSIBLE))
-
-
-def find_peaks(
-    lows: Iterable[float], highs: Iterable[float], *, prominence: float
-) -> list[PeakEvent]:
-    """All peaks of a whole tube, certain and possible, in order of their end.
-
-    Args:
-        lows: Lower bounds, in the signal's unit.
-        highs: Upper bounds, as many.
-        prominence: Least prominence p > 0.
-
-    Raises:
-        ValueError: The prominence is not positive and finite, or the bounds differ in number.
-    """
-    detector = PeakDetector(prominence)
-    return [*detector.feed(lows, highs), *detector.finish()]

@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.signal import find_peaks as scipy_find_peaks
 
 from eskin.peaks import PeakDetector, PeakEvent, Verdict, find_peaks
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
 SIGNAL = st.lists(st.floats(-10, 10, width=16), min_size=1, max_size=60)
+UNIQUE = st.lists(st.floats(-10, 10, width=16), unique=True, min_size=3, max_size=80)
 RADII = st.lists(st.floats(0, 3, width=16), min_size=60, max_size=60)
 
 
-def counts(events: list[PeakEvent]) -> tuple[int, int]:
+def without_ties(signal: NDArray[np.float64]) -> bool:
+    """scipy counts each of several equally high peaks as if the others were lower."""
+    return len(set(signal.tolist())) == len(signal)
+
+
+def counts(events: Iterable[PeakEvent]) -> tuple[int, int]:
     return sum(e.count[0] for e in events), sum(e.count[1] for e in events)
 
 
@@ -26,9 +39,63 @@ def test_counts_bracket_scipy_for_any_signal_inside(
     radius = np.array(radii[: len(signal)])
     lo, hi = middle - radius, middle + radius
     inside = np.clip(np.random.default_rng(where).uniform(lo, hi), lo, hi)
+    assume(without_ties(inside))
     fewest, most = counts(find_peaks(lo, hi, prominence=p))
     found = len(scipy_find_peaks(inside, prominence=p)[0])
     assert fewest <= found <= most
+
+
+@given(
+    signal=SIGNAL,
+    radii=RADII,
+    where=st.integers(0, 2**32 - 1),
+    p=st.floats(0.25, 6, width=16),
+    kinds=st.lists(st.sampled_from(["both", "no lo", "no hi", "none", "missing"]), max_size=60),
+)
+def test_counts_bracket_scipy_with_unbounded_sides_and_gaps(
+    signal: list[float], radii: list[float], where: int, p: float, kinds: list[str]
+) -> None:
+    middle = np.array(signal)
+    radius = np.array(radii[: len(signal)])
+    kind = np.array((kinds + ["both"] * len(signal))[: len(signal)])
+    lo = np.where(np.isin(kind, ["no lo", "none"]), -20.0, middle - radius)
+    hi = np.where(np.isin(kind, ["no hi", "none"]), 20.0, middle + radius)
+    inside = np.clip(np.random.default_rng(where).uniform(lo, hi), lo, hi)
+    assume(without_ties(inside))
+    lo[lo == -20.0], hi[hi == 20.0] = -np.inf, np.inf
+    missing = kind == "missing"
+    lo[missing] = hi[missing] = np.nan
+    fewest, most = find_peaks(lo, hi, prominence=p).total
+    inside[missing] = np.nan
+    parts = np.split(inside, np.flatnonzero(missing))
+    known = [part[~np.isnan(part)] for part in parts]
+    found = sum(len(scipy_find_peaks(part, prominence=p)[0]) for part in known)
+    assert fewest <= found <= most
+
+
+@given(
+    signal=st.lists(st.floats(-10, 10, width=16), unique=True, min_size=3, max_size=80),
+    p=st.floats(0.125, 6, width=16),
+)
+def test_thin_tube_counts_what_scipy_counts(signal: list[float], p: float) -> None:
+    found = len(scipy_find_peaks(np.array(signal), prominence=p)[0])
+    assert find_peaks(signal, signal, prominence=p).total == (found, found)
+
+
+@pytest.mark.parametrize("kind", ["noise", "sine with noise", "random walk"])
+@pytest.mark.parametrize("p", [0.01, 0.5, 3.0])
+def test_long_thin_tube_has_scipys_peaks(kind: str, p: float) -> None:
+    noise = np.random.default_rng(1).normal(size=100_000)
+    signal = {
+        "noise": noise,
+        "sine with noise": np.sin(np.arange(100_000) / 500) + 0.1 * noise,
+        "random walk": noise.cumsum(),
+    }[kind]
+    table = find_peaks(signal, signal, prominence=p).table
+    indices, _ = scipy_find_peaks(signal, prominence=p)
+    assert len(table) == len(indices)
+    assert np.all((table["first"] < indices) & (indices < table["last"]))
+    assert np.array_equal(table["height_inf"], signal[indices])
 
 
 @given(steps=st.permutations(range(1, 40)), p=st.floats(0.5, 20, width=16))
@@ -50,7 +117,7 @@ def test_streaming_in_pieces_equals_the_whole(
     hi = [x + r for x, r in zip(signal, radii, strict=False)]
     detector = PeakDetector(p)
     pieces = [*detector.feed(lo[:cut], hi[:cut]), *detector.feed(lo[cut:], hi[cut:])]
-    assert [*pieces, *detector.finish()] == find_peaks(lo, hi, prominence=p)
+    assert [*pieces, *detector.finish()] == list(find_peaks(lo, hi, prominence=p))
 
 
 @given(signal=SIGNAL, radii=RADII, where=st.integers(0, 2**32 - 1), p=st.floats(0.25, 6, width=16))
@@ -99,6 +166,7 @@ def test_longest_region_keeps_certain_ones_exact_and_bounds_all(
     radius = np.array(radii[: len(signal)])
     lo, hi = middle - radius, middle + radius
     inside = np.clip(np.random.default_rng(where).uniform(lo, hi), lo, hi)
+    assume(without_ties(inside))
     detector = PeakDetector(p, longest_region=longest)
     events = [*detector.feed(lo, hi), *detector.finish()]
     whole = find_peaks(lo, hi, prominence=p)

@@ -1,0 +1,128 @@
+"""The search for peaks of a tube that arrives in pieces, compiled."""
+
+from __future__ import annotations
+
+from math import inf, nan
+from typing import TYPE_CHECKING, Final, overload
+
+import numpy as np
+
+from eskin.kernels.rounding_mode import rounding_to_nearest
+from eskin.peaks.event import no_interval, require_prominence
+from eskin.peaks.hysteresis import NONE, PASS
+from eskin.peaks.region import MOST_REGIONS, REGION
+from eskin.peaks.samples import samples_of
+from eskin.peaks.search import MOST_AT_ONCE, PROGRESS, search
+from eskin.peaks.table import EVENT, Peaks
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from eskin.interval import Floats, Interval
+    from eskin.tube import Tube
+
+_FOREVER: Final = 2**62
+_MOST_ROOM: Final = 2**20
+_MISSING: Final = np.array([nan])
+_NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
+
+
+class PeakStream:
+    """Finds the peaks of a tube that arrives in pieces, in constant memory.
+
+    Gives the events of `PeakDetector`, the same search in pure Python.
+
+    Args:
+        prominence: Least prominence p > 0, in the signal's unit.
+        longest_region: Samples after which undecided regions are reported as possible; see
+            `PeakDetector`.
+
+    Raises:
+        ValueError: The prominence is not positive and finite.
+    """
+
+    def __init__(self, prominence: float, *, longest_region: int | None = None) -> None:
+        require_prominence(prominence)
+        self._prominence = float(prominence)
+        longest = _FOREVER if longest_region is None else longest_region
+        self._state = (
+            np.array([(0, 0, longest)], PROGRESS),
+            np.array([_NOWHERE, _NOWHERE], PASS),
+            np.zeros(MOST_REGIONS + 1, REGION),
+        )
+
+    @overload
+    def feed(self, samples: Tube | Interval) -> Peaks: ...
+    @overload
+    def feed(self, samples: ArrayLike, highs: ArrayLike) -> Peaks: ...
+    def feed(self, samples: Tube | Interval | ArrayLike, highs: ArrayLike | None = None) -> Peaks:
+        """Take the next samples, in order.
+
+        Args:
+            samples: A tube, an interval of shape ``(n,)``, or n lower bounds: ``-inf`` where
+                unbounded, NaN where a sample is missing (a gap).
+            highs: n upper bounds to the lower ones: ``inf`` where unbounded, NaN where missing.
+
+        Returns:
+            What is decided now, in order of its end. Indices count all samples since the start,
+            over gaps too.
+
+        Raises:
+            IntervalError: Bounds are no interval, or differ in number. The search stands before
+                them, and what this call found is lost.
+        """
+        return self._search(*samples_of(samples, highs))
+
+    def gap(self, samples: int = 0) -> Peaks:
+        """Say that ``samples`` samples are missing here; nothing is joined across."""
+        peaks = self._search(_MISSING, _MISSING)
+        self._state[0]["index"] += samples - 1
+        return peaks
+
+    def finish(self) -> Peaks:
+        """Say that the signal ends; what is undecided is possible."""
+        return self.gap()
+
+    @rounding_to_nearest
+    def _search(self, lows: Floats, highs: Floats) -> Peaks:
+        events = np.empty(min(lows.size // 2, _MOST_ROOM) + 2 * MOST_AT_ONCE, EVENT)
+        taken = count = 0
+        while True:
+            more, found = search(
+                lows[taken:], highs[taken:], self._prominence, *self._state, events[count:]
+            )
+            taken, count = taken + more, count + found
+            if taken == lows.size:
+                break
+            if count + MOST_AT_ONCE <= events.size:
+                raise no_interval(int(self._state[0]["index"][0]), lows[taken], highs[taken])
+            events = np.concatenate([events, np.empty_like(events)])
+        return Peaks(events[:count] if 2 * count > events.size else events[:count].copy())
+
+
+@overload
+def find_peaks(samples: Tube | Interval, *, prominence: float) -> Peaks: ...
+@overload
+def find_peaks(samples: ArrayLike, highs: ArrayLike, *, prominence: float) -> Peaks: ...
+def find_peaks(
+    samples: Tube | Interval | ArrayLike, highs: ArrayLike | None = None, *, prominence: float
+) -> Peaks:
+    """All peaks of a whole tube, certain and possible, in order of their end.
+
+    Args:
+        samples: A tube, an interval of shape ``(n,)``, or n lower bounds: ``-inf`` where unbounded,
+            NaN where a sample is missing (a gap).
+        highs: n upper bounds to the lower ones: ``inf`` where unbounded, NaN where missing.
+        prominence: Least prominence p > 0, in the signal's unit.
+
+    Returns:
+        The events; `Peaks.table` is their fast form.
+
+    Raises:
+        ValueError: The prominence is not positive and finite.
+        IntervalError: Bounds are no interval, or differ in number.
+    """
+    stream = PeakStream(prominence)
+    found = stream.feed(*samples_of(samples, highs))
+    undecided = stream.finish()
+    return Peaks(np.concatenate([found.table, undecided.table])) if undecided else found
