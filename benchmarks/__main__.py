@@ -12,6 +12,7 @@ from benchmarks.envelope import measure_envelope
 from benchmarks.icm import measure_icm
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
+from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.report import Row, as_table, write_json
 
@@ -29,6 +30,8 @@ def main() -> None:
     with console.status("models against plain numpy and other interval libraries …"):
         rows += measure_models()
         rows += measure_icm()
+    with console.status("peaks of a tube against scipy's find_peaks …"):
+        rows += measure_peaks()
     with tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with console.status("sealing and opening envelopes …"):

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _FOREVER: Final = 2**62
 _MOST_ROOM: Final = 2**20
+_NO_EVENTS: Final = np.empty(0, EVENT)
 _MISSING: Final = np.array([nan])
 _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
 
@@ -86,17 +87,18 @@ class PeakStream:
     @rounding_to_nearest
     def _search(self, lows: Floats, highs: Floats) -> Peaks:
         events = np.empty(min(lows.size // 2, _MOST_ROOM) + 2 * MOST_AT_ONCE, EVENT)
-        taken = count = 0
-        while True:
+        taken, count = search(lows, highs, self._prominence, *self._state, events)
+        while taken < lows.size:
+            if count + MOST_AT_ONCE <= events.size:
+                index = int(self._state[0]["index"][0])
+                raise no_interval(index, float(lows[taken]), float(highs[taken]))
+            events = np.concatenate([events, np.empty_like(events)])
             more, found = search(
                 lows[taken:], highs[taken:], self._prominence, *self._state, events[count:]
             )
             taken, count = taken + more, count + found
-            if taken == lows.size:
-                break
-            if count + MOST_AT_ONCE <= events.size:
-                raise no_interval(int(self._state[0]["index"][0]), lows[taken], highs[taken])
-            events = np.concatenate([events, np.empty_like(events)])
+        if count == 0:
+            return Peaks(_NO_EVENTS)
         return Peaks(events[:count] if 2 * count > events.size else events[:count].copy())
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from eskin import models
 from eskin.kernels.rounding_mode import rounding_to_nearest, rounds_to_nearest
+from eskin.peaks import PeakDetector, find_peaks
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,3 +65,10 @@ def test_model_gives_the_same_bounds_in_every_mode(odd_mode: int) -> None:
 
     assert evaluate() == rounding_to_nearest(evaluate)()
     assert C.fegetround() == odd_mode
+
+
+def test_peaks_are_found_as_if_it_rounded_to_nearest(odd_mode: int) -> None:
+    assert C.fegetround() == odd_mode
+    lows, highs = [0.1, 7.7, 0.2] * 20, [0.3, 7.9, 0.7] * 20
+    expected = rounding_to_nearest(PeakDetector(1.0).feed)(lows, highs)
+    assert list(find_peaks(lows, highs, prominence=1.0)) == expected

@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 import eskin
 from eskin.peaks import PeakDetector, PeakEvent, Peaks, PeakStream, find_peaks
+from eskin.peaks.search import MOST_AT_ONCE, search
+from eskin.peaks.table import EVENT
 from tests.eskin.peaks.tubes import ADVERSARIAL, PROMINENCES, Sample
 
 if TYPE_CHECKING:
@@ -95,6 +97,30 @@ def test_long_tubes_in_blocks_give_the_events_of_the_detector(
         expected = [*detector.feed(lo.tolist(), hi.tolist()), *detector.finish()]
         assert exactly([*found, *stream.finish()]) == exactly(expected)
         assert len(expected) > 0
+
+
+@pytest.mark.parametrize(("length", "block"), [(60_000, 60_000), (6000, 1)])
+@pytest.mark.parametrize("p", [1.0, 2.0, 3.0])
+def test_short_tubes_full_of_ties_give_the_events_of_the_detector(
+    length: int, block: int, p: float
+) -> None:
+    rng = np.random.default_rng(int(p))
+    lo = rng.integers(-4, 5, length).astype(float)
+    hi = lo + rng.choice([0.0, 0.0, 1.0, 2.0, 4.0], length)
+    lo[rng.random(length) < 0.03] = nan
+    stream, detector = PeakStream(p), PeakDetector(p)
+    for k in range(0, length, block):
+        piece = lo[k : k + block], hi[k : k + block]
+        expected = detector.feed(*(bound.tolist() for bound in piece))
+        assert exactly(stream.feed(*piece)) == exactly(expected)
+    assert exactly(stream.finish()) == exactly(detector.finish())
+
+
+def test_kernel_takes_nothing_where_one_sample_could_decide_more_than_has_room() -> None:
+    stream = PeakStream(1.0)
+    sample = np.zeros(1)
+    for room, taken in ((MOST_AT_ONCE - 1, 0), (MOST_AT_ONCE, 1)):
+        assert search(sample, sample, 1.0, *stream._state, np.zeros(room, EVENT)) == (taken, 0)
 
 
 def test_more_events_than_room_was_made_for_are_all_there(monkeypatch: pytest.MonkeyPatch) -> None:
