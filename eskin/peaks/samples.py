@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from eskin.errors import IntervalError
 from eskin.interval import Interval
 from eskin.interval.conversion import enclose
@@ -43,4 +41,9 @@ def samples_of(
         raise IntervalError(
             f"lows and highs need one axis and the same length, not {lo.shape} and {hi.shape}"
         )
-    return np.ascontiguousarray(lo), np.ascontiguousarray(hi)
+    return _plain(lo), _plain(hi)
+
+
+def _plain(array: Floats) -> Floats:
+    """As the kernel is compiled for: it would be compiled again for read-only or strided bounds."""
+    return array if array.flags.carray else array.copy()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from math import inf, nan
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -170,6 +170,17 @@ def test_tube_and_interval_give_the_events_of_their_bounds() -> None:
     assert find_peaks(values, prominence=2.0) == expected
     assert find_peaks(tube, prominence=2.0) == expected
     assert PeakStream(2.0).feed(tube) == expected
+
+
+def test_read_only_and_strided_bounds_compile_nothing_anew() -> None:
+    signal = np.array([0.0, 9.0, 4.0, 9.0, 0.0, 9.0])
+    expected = find_peaks(signal[::2].copy(), signal[::2].copy(), prominence=1.0)
+    compiled: Any = search
+    before = len(compiled.signatures)
+    signal.flags.writeable = False
+    assert find_peaks(signal[::2], signal[::2], prominence=1.0) == expected
+    assert len(expected) == 1
+    assert len(compiled.signatures) == before
 
 
 def test_integers_that_no_float_holds_round_outward() -> None:
