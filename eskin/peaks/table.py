@@ -33,8 +33,9 @@ EVENT: Final = np.dtype(
 class Peaks(Sequence[PeakEvent]):
     """Events in order: a sequence of `PeakEvent`, kept as one structured array.
 
-    A million samples of noise have 300,000 peaks. As objects they would cost ten times or more what finding
-    them costs, so an object is made only when it is asked for; `table` gives them all at once.
+    A million samples of noise have 300,000 peaks. As objects they would cost ten times or more what
+    finding them costs, so an object is made only when it is asked for; `table` gives them all at
+    once.
 
     Attributes:
         table: One row for each event, with the columns ``verdict``, ``first``, ``last``,
