@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from eskin.figures.alternating_source import draw_fig6
+from eskin.figures.error_rates import draw_error_rates_noise, draw_error_rates_threshold
 from eskin.figures.hybrid import draw_fig10a, draw_fig10b
 from eskin.figures.inductive import draw_fig9
 from eskin.figures.magnetic_energy import draw_fig4a
@@ -32,6 +33,8 @@ FIGURES: Final[dict[str, Callable[[], Figure]]] = {
     "fig9": draw_fig9,
     "fig10a": draw_fig10a,
     "fig10b": draw_fig10b,
+    "error_rates_threshold": draw_error_rates_threshold,
+    "error_rates_noise": draw_error_rates_noise,
 }
 
 

@@ -17,11 +17,13 @@ PARAMETERS = {
     "distance_amplitude": 0.01,
 }
 VOLTAGE_V = 5.0
+SHOWN_S = 0.01
+"""How much of the voltage is drawn: 20 of its 2000 periods."""
 
 
 def draw_fig9() -> Figure:
     """Fig. 9 (eq. 11 to 13): distance, inductance, frequency and the oscillator's voltage."""
-    time = np.linspace(0.0, 1.0, 20_001)
+    time = np.linspace(0.0, 1.0, 50_001)
     sensed = proximity(time, **PARAMETERS)
     frequency = middle(sensed.frequency)
     steps = proximity(Interval(time[:-1], time[1:]), **PARAMETERS)
@@ -38,7 +40,8 @@ def draw_fig9() -> Figure:
         "fig9",
         "Inductive sensor",
         "Eq. 11 to 13 as the paper has them, over one period of the object. "
-        "Voltage, paper: V0·sin(2π·f(t)·t). Corrected: the phase is the integral of f.",
+        "Voltage, paper: V0·sin(2π·f(t)·t). Corrected: the phase is the integral of f. Its first "
+        "10 ms are drawn, 20 of 2000 periods; the two part slowly.",
         columns,
         "time",
         (
@@ -52,7 +55,7 @@ def draw_fig9() -> Figure:
                     "V0·sin(2πft) (paper)": "voltage_V",
                     "phase integrated (corrected)": "voltage_corrected_V",
                 },
-                span=0.02,
+                span=SHOWN_S,
             ),
         ),
     )

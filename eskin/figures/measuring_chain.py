@@ -43,6 +43,7 @@ def draw_fig5a() -> Figure:
         "time",
         (
             Panel("capacitance", "F", lines={"C(t)": "capacitance_F"}),
+            Panel("frequency", "Hz", lines={"f(t)": "frequency_Hz"}),
             Panel("voltage", "V", lines={"V(t)": "voltage_V"}),
             Panel("current", "A", lines={"I(t)": "current_A"}),
         ),

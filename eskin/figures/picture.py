@@ -6,12 +6,13 @@ import textwrap
 from typing import TYPE_CHECKING, Final
 
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter
+from matplotlib.ticker import EngFormatter, FuncFormatter
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
+    from matplotlib.ticker import Formatter
 
     from eskin.figures.figure import Figure, Panel
 
@@ -38,9 +39,10 @@ def write_picture(path: Path, figure: Figure) -> None:
         _draw(axes[number, 0], figure, panel)
     axes[-1, 0].set_xlabel(figure.xlabel)
     canvas.suptitle(figure.title, fontweight="bold")
-    canvas.supxlabel(
-        textwrap.fill(figure.caption, 125), fontsize=8, color="#444444", x=0.02, ha="left"
+    caption = textwrap.fill(
+        figure.caption.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"), 125
     )
+    canvas.supxlabel(caption, fontsize=8, color="#444444", x=0.02, ha="left")
     canvas.savefig(path, dpi=_DPI, metadata={"Software": None})
 
 
@@ -64,13 +66,17 @@ def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:
         axes.set_xlim(float(x[0]), float(x[0]) + panel.span)
     else:
         axes.margins(x=0)
-    axes.xaxis.set_major_formatter(EngFormatter(figure.x_unit))
-    area = panel.unit == "m2"  # prefixes of squared units mislead
-    axes.yaxis.set_major_formatter(_square_centimetres if area else EngFormatter(panel.unit))
+    axes.xaxis.set_major_formatter(_formatter(figure.x_unit))
+    axes.yaxis.set_major_formatter(_formatter(panel.unit))
     axes.set_ylabel(panel.ylabel)
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
 
-def _square_centimetres(square_metres: float, _position: float) -> str:
-    return f"{square_metres * 1e4:.3g} cm²"
+def _formatter(unit: str) -> Formatter:
+    """Prefixes of squared units mislead, and per cent has none."""
+    if unit == "m2":
+        return FuncFormatter(lambda value, _position: f"{value * 1e4:.3g} cm²")
+    if unit == "percent":
+        return FuncFormatter(lambda value, _position: f"{value:.3g} %")
+    return EngFormatter(unit)

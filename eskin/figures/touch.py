@@ -45,7 +45,7 @@ def draw_fig8() -> Figure:
         "Touch with Gaussian noise",
         "Eq. 10 as the paper has it: A from 0.1 to 1 cm² at 0.8 Hz, d = 1 mm. Noise of 0.02 cm² "
         "(σ) on the area and V = 0.5 V are ours; the band holds a reading "
-        "with 1 − 2·10⁻⁹ (6σ), areas below zero cut off.",
+        "with a probability of 1 − 2·10⁻⁹ (6σ), areas below zero cut off.",
         columns,
         "time",
         tuple(_panel(*kind) for kind in (("area", "m2"), ("capacitance", "F"), ("energy", "J"))),

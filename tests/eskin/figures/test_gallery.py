@@ -23,18 +23,6 @@ if TYPE_CHECKING:
 
     from eskin.figures.figure import Floats
 
-HEADERS = {
-    "fig4a": "time_s energy_J energy_lo_J energy_hi_J energy_min_euler_J energy_max_euler_J",
-    "fig4b": "distance_m capacitance_F capacitance_lo_F capacitance_hi_F",
-    "fig5a": "time_s capacitance_F frequency_Hz voltage_V current_A",
-    "fig6": "time_s voltage_V capacitance_F current_A current_corrected_A",
-    "fig7a": "time_s distance_m capacitance_F",
-    "fig7b": "distance_m capacitance_F capacitance_lo_F capacitance_hi_F",
-    "fig9": "time_s distance_m inductance_H frequency_Hz voltage_V voltage_corrected_V",
-    "fig10a": "time_s voltage_V voltage_lo_V voltage_hi_V input_voltage_V",
-    "fig10b": "time_s current_A current_lo_A current_hi_A input_voltage_V",
-}
-
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -53,7 +41,6 @@ def read(folder: Path, name: str) -> dict[str, Floats]:
 @pytest.mark.parametrize("name", FIGURES)
 def test_numbers_are_finite_and_bounds_hold_the_line(folder: Path, name: str) -> None:
     columns = read(folder, name)
-    assert " ".join(columns) == HEADERS.get(name, " ".join(columns))
     for header, values in columns.items():
         assert np.all(np.isfinite(values))
         if "_lo_" in header and "corrected" not in header:
@@ -136,24 +123,26 @@ def test_statements_of_the_text_have_a_verdict_that_fits(folder: Path) -> None:
             assert max(stated / computed, computed / stated) == pytest.approx(factor, rel=0.05)
         elif row["verdict"] == "slip":
             assert abs(computed / stated - 1.0) > 0.05
-        elif row["quantity"] != "current amplitude that is passed":
+        elif row["quantity"] == "current amplitude that is passed":
+            assert row["verdict"] == "correct"
+            assert computed > stated
+        else:
             assert row["verdict"] == "correct"
             assert computed == pytest.approx(stated, rel=0.07)
 
 
-def test_same_numbers_come_each_time(folder: Path, tmp_path: Path) -> None:
-    write_figures(tmp_path)
-    for path in sorted(folder.iterdir()):
-        assert path.read_bytes() == (tmp_path / path.name).read_bytes(), path.name
-
-
-def test_command_says_where_it_wrote_and_what_is_wrong(tmp_path: Path) -> None:
+def test_command_writes_the_same_bytes_and_says_where(folder: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [ESKIN, "figures", "--out", str(tmp_path / "out")],
         capture_output=True, text=True, timeout=100, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
-    assert done.stdout == f"23 files in {tmp_path / 'out'}\n"
+    assert done.stdout == f"{2 * len(FIGURES) + 1} files in {tmp_path / 'out'}\n"
+    for path in sorted(folder.iterdir()):
+        assert path.read_bytes() == (tmp_path / "out" / path.name).read_bytes(), path.name
+
+
+def test_command_says_what_is_wrong(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = subprocess.run(
         [ESKIN, "figures", "--out", str(tmp_path / "file")],
