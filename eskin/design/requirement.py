@@ -8,10 +8,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from itertools import combinations, product
-from typing import TYPE_CHECKING, Any, Final, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 import numpy as np
 
+from eskin.design.spread import enclose_spread
 from eskin.errors import DesignError
 from eskin.interval import Interval
 
@@ -89,8 +90,10 @@ class Narrower:
         width: Greatest width allowed, in the output's unit.
         tolerance: Relative tolerance of each part that has one: 0.01 is ±1 %.
         for_every: Parameters that may take any value of their interval.
-        pieces: Into how many pieces each of these is divided; a piece's own extent counts as width,
-            so more pieces leave less undecided.
+        pieces: Into how many pieces each of these is divided: more pieces leave less undecided.
+        expression: The model is an expression that `eskin.design.Dual` runs through, such as those
+            of `eskin.models.formulas`. Its slopes then tell a box's own extent from the width, and
+            few boxes and pieces are enough; for any other model that extent counts as width.
     """
 
     output: Output
@@ -98,6 +101,7 @@ class Narrower:
     tolerance: Mapping[str, float]
     for_every: Mapping[str, Interval] = field(default_factory=dict)
     pieces: int = 64
+    expression: bool = False
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.tolerance) <= MOST_TOLERANCES:
@@ -107,7 +111,21 @@ class Narrower:
                 raise DesignError(f"tolerance of {name}: {share} is outside of [0, 1)")
 
     def judge(self, boxes: Boxes) -> Judgement:
-        """Judge n boxes: by the whole of a box's tolerances, and by the ends of each tolerance."""
+        """Judge n boxes: by slopes, or by all that tolerances allow and by the tolerances' ends."""
+        if unknown := self.tolerance.keys() - boxes.keys():
+            raise DesignError(
+                f"tolerance of {', '.join(sorted(unknown))}: the space has {', '.join(boxes)}"
+            )
+        return self._by_slopes(boxes) if self.expression else self._by_values(boxes)
+
+    def _by_slopes(self, boxes: Boxes) -> Judgement:
+        columns = _columns(boxes)
+        whole, thin = _pieces(self.for_every, self.pieces), _samples(self.for_every, self.pieces)
+        _, most = enclose_spread(self.output, columns, whole, self.tolerance)
+        least, _ = enclose_spread(self.output, columns, thin, self.tolerance)
+        return Judgement(np.all(most <= self.width, axis=1), np.any(least > self.width, axis=1))
+
+    def _by_values(self, boxes: Boxes) -> Judgement:
         spread = {n: v * _factor(self.tolerance.get(n, 0.0)) for n, v in boxes.items()}
         whole = _call(self.output, spread, _pieces(self.for_every, self.pieces))
         certain: Truths = np.all(whole.wid <= self.width, axis=1)
@@ -152,10 +170,7 @@ def _factor(share: float) -> Interval:
 
 def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> Interval:
     """Evaluate on n boxes times m values of the others: shape ``(n, m)``."""
-    columns: dict[str, Any] = {
-        name: Interval(value.inf[:, None], value.sup[:, None]) for name, value in boxes.items()
-    }
-    result = output(**columns, **others)
+    result = output(**_columns(boxes), **others)
     n = next(iter(boxes.values())).inf.shape[0]
     if result.inf.ndim != 2 or result.inf.shape[0] != n:
         raise DesignError(
@@ -163,6 +178,10 @@ def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> Inter
             "it must follow numpy's broadcasting"
         )
     return result
+
+
+def _columns(boxes: Boxes) -> dict[str, Interval]:
+    return {name: Interval(v.inf[:, None], v.sup[:, None]) for name, v in boxes.items()}
 
 
 def _pieces(for_every: Mapping[str, Interval], pieces: int) -> dict[str, Interval]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -66,9 +67,11 @@ WIDTH = Narrower(
     tolerance={"distance": 0.05, "permittivity": 0.02},
     for_every=TOUCH,
 )
+SLOPES = replace(WIDTH, expression=True, pieces=4)
 CASES: dict[str, tuple[Requirement, Callable[[Mapping[str, float]], bool]]] = {
     "band": (BAND, meets_band),
     "width": (WIDTH, meets_width),
+    "slopes": (SLOPES, meets_width),
     "both": (All((BAND, WIDTH)), lambda point: meets_band(point) and meets_width(point)),
 }
 
@@ -99,6 +102,14 @@ def test_finer_resolution_leaves_less_undecided() -> None:
         for resolution in (1 / 16, 1 / 64, 1 / 256)
     ]
     assert shares[0] > 2 * shares[1] > 4 * shares[2]
+
+
+def test_slopes_decide_more_with_fewer_boxes() -> None:
+    values, slopes = (invert(each, SPACE, resolution=1 / 128) for each in (WIDTH, SLOPES))
+    assert 3 * len(slopes.lo) < len(values.lo)
+    assert 6 * slopes.share(Region.POSSIBLE) < values.share(Region.POSSIBLE)
+    for region in (Region.CERTAIN, Region.NEVER):
+        assert slopes.share(region) > values.share(region)
 
 
 def test_limit_of_boxes_is_kept_and_stays_honest() -> None:
@@ -179,5 +190,7 @@ def test_unusable_requirement_is_refused() -> None:
         Narrower(capacitance, width=1.0, tolerance={"distance": 1.5})
     with pytest.raises(DesignError, match="give 1 to 6"):
         Narrower(capacitance, width=1.0, tolerance={})
+    with pytest.raises(DesignError, match="tolerance of gap: the space has distance, perm"):
+        invert(Narrower(capacitance, width=1.0, tolerance={"gap": 0.1}, for_every=TOUCH), SPACE)
     with pytest.raises(DesignError, match="broadcasting"):
         invert(Within(lambda **_: Interval(1.0)), SPACE)
