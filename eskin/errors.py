@@ -18,6 +18,7 @@
     ├── StoreError               a cloud's store that cannot hold or give back
     ├── QueryError               a question that has no answer as it stands
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
+    ├── ScenarioError            a scenario that cannot be played
     └── AuditError               a data folder that cannot be audited
 
 A message says what happened, where, with which value, and what to do. Facts that a program may
@@ -160,6 +161,20 @@ class QueryError(EskinError):
 
 class DesignError(EskinError, ValueError):
     """A requirement, or a space of parameters, that cannot be used."""
+
+
+class ScenarioError(EskinError):
+    """A scenario that cannot be played.
+
+    Attributes:
+        file: The scenario.
+        place: Where in it, such as ``event 3 (slide).path``.
+    """
+
+    def __init__(self, file: Path | str, place: str, reason: str) -> None:
+        super().__init__(f"{file}: {place}: {reason}")
+        self.file = file
+        self.place = place
 
 
 class AuditError(EskinError):

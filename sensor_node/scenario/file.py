@@ -1,0 +1,131 @@
+"""Scenario files: packaged ones by their name, others by their path."""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import ValidationError
+
+from eskin.errors import ScenarioError
+from sensor_node.scenario.events import NoiseEvent
+from sensor_node.scenario.script import Script
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sensor_node.scenario.events import AnyEvent
+
+
+def scenario_names() -> list[str]:
+    """File names of the packaged scenarios."""
+    found = files("sensor_node").joinpath("scenarios").iterdir()
+    return sorted(entry.name for entry in found if entry.name.endswith(".toml"))
+
+
+def read_scenario(name: str) -> Script:
+    """Read a scenario.
+
+    Args:
+        name: Path of a TOML file, or the name of a packaged one, such as ``hand.toml``.
+
+    Raises:
+        ScenarioError: It cannot be read or played. It names file, place and reason.
+    """
+    tables = _tables(name)
+    try:
+        script = Script.model_validate(tables)
+    except ValidationError as error:
+        raise _refusal(name, error) from error
+    for place, reason in _contradictions(script):
+        raise ScenarioError(name, place, reason)
+    return script
+
+
+def _tables(name: str) -> dict[str, Any]:
+    packaged = name in scenario_names()
+    source = files("sensor_node").joinpath("scenarios", name) if packaged else Path(name)
+    try:
+        return tomllib.loads(source.read_bytes().decode())
+    except OSError as error:
+        known = ", ".join(scenario_names())
+        raise ScenarioError(
+            name, "file", f"it cannot be read: {error.strerror}; packaged scenarios: {known}"
+        ) from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ScenarioError(name, "file", f"it is no TOML: {error}") from error
+
+
+def _contradictions(script: Script) -> Iterator[tuple[str, str]]:
+    """What no single table can know: place and reason."""
+    known = script.skin.build().numbers
+    first, last = next(iter(known)), list(known)[-1]
+    for number, event in enumerate(script.event):
+        place = _event(number, event.kind)
+        for taxel in event.taxels:
+            if taxel not in known:
+                key = "path" if event.kind == "slide" else "at"
+                yield f"{place}.{key}", _absent(taxel, first, last)
+        if event.end_s > script.duration_s:
+            reason = f"it ends at {event.end_s:g} s, after duration_s = {script.duration_s:g}"
+            yield place, reason
+    for number, fault in enumerate(script.fault):
+        if fault.taxel not in known:
+            yield f"fault {number + 1}.taxel", _absent(fault.taxel, first, last)
+    yield from _disturbed(script)
+
+
+def _disturbed(script: Script) -> Iterator[tuple[str, str]]:
+    """Stretches of noise only in which something happens."""
+    slack = script.variation.time_s
+    quiet = [
+        (number, begin, begin + event.duration_s)
+        for number, event in enumerate(script.event)
+        if isinstance(event, NoiseEvent)
+        for begin in event.begins
+    ]
+    loud = [pair for pair in enumerate(script.event) if not isinstance(pair[1], NoiseEvent)]
+    for number, begin, end in quiet:
+        for other, event in loud:
+            if _meets(event, begin - slack, end + slack):
+                reason = f"{_event(other, event.kind)} happens in it (variation.time_s included)"
+                yield _event(number, "noise"), reason
+
+
+def _meets(event: AnyEvent, begin: float, end: float) -> bool:
+    return any(start < end and start + event.duration_s > begin for start in event.begins)
+
+
+def _absent(taxel: str, first: str, last: str) -> str:
+    return f"taxel '{taxel}' is not there; the skin has {first} to {last}"
+
+
+def _event(number: int, kind: str) -> str:
+    return f"event {number + 1} ({kind})"
+
+
+def _refusal(name: str, error: ValidationError) -> ScenarioError:
+    first = error.errors(include_url=False)[0]
+    place = _place(first["loc"])
+    if first["type"] == "missing":
+        return ScenarioError(name, place, "it is missing; it has no default")
+    if first["type"] == "extra_forbidden":
+        return ScenarioError(name, place, "no such key; check its spelling")
+    shown = repr(first["input"])
+    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
+    return ScenarioError(name, place, f"{shown} is not allowed: {first['msg']}")
+
+
+def _place(location: tuple[int | str, ...]) -> str:
+    """``event 3 (tap).force_N``: numbers as people count, the kind of a table in brackets."""
+    text = ""
+    for before, part in zip(("", *location), location, strict=False):
+        if isinstance(part, int):
+            text += f" {part + 1}"
+        elif before == "skin" or (isinstance(before, int) and location[0] == "event"):
+            text += f" ({part})" if len(location) > 2 or before == "skin" else f".{part}"
+        else:
+            text += f".{part}" if text else part
+    return text or "scenario"
