@@ -10,8 +10,7 @@ from pydantic import ConfigDict, Field
 from eskin.settings import Section
 from sensor_node.scenario.events import ApproachEvent, Event, NoiseEvent
 from sensor_node.scenario.surroundings import AmbientSection, BioelectricSection
-from sensor_node.skin.fault import FaultSection
-from sensor_node.skin.shapes import Shape
+from sensor_node.skin import FaultSection, Shape
 
 
 class VariationSection(Section):
