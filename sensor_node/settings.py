@@ -20,7 +20,7 @@ class NodeSection(Section):
     name: str = Field(description="the node's id: common name of its certificate")
     profile: str = Field(
         description="name of its design; without [[taxel]] tables, the packaged profile of that "
-        "name (fingertip, palm, forearm) gives them"
+        "name (fingertip, palm, forearm, hand) gives them"
     )
     description: str = Field(
         default="", max_length=200, description="one line for people; empty: the profile's"

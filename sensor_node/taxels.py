@@ -6,13 +6,21 @@ Keys carry their SI unit. A tolerance is relative: the true part lies anywhere i
 
 from __future__ import annotations
 
-from typing import Annotated, Any, ClassVar, Literal, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
 
-from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import (
+    AfterValidator,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from eskin.settings import Section
 from sensor_node.machine.crystal import BILLION
 from sensor_node.noise import Noise
+from sensor_node.scenario.fit import require_pressure, require_room, script_with
 
 Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
@@ -89,22 +97,56 @@ class _RcSection(TaxelSection):
 
 
 class CapacitiveSection(_RcSection):
-    """Capacitive taxel under a harmonic stimulus (eq. 5, 6). Noise: in A, before the ADC."""
+    """What all taxels have whose capacitance is measured (eq. 6). Noise: in A, before the ADC."""
 
     units: ClassVar[dict[str, str]] = {"capacitance": "F", "current": "A"}
+
+    capacitance_prominence: Positive | None = _unit("capacitance_prominence_F", None)
+    current_prominence: Positive | None = _unit("current_prominence_A", None)
+
+
+class HarmonicSection(CapacitiveSection):
+    """Capacitive taxel under a harmonic stimulus (eq. 5, 6). Noise: in A, before the ADC."""
 
     kind: Literal["capacitive"]
     capacitance_min: Positive = _unit("capacitance_min_F")
     capacitance_max: Positive = _unit("capacitance_max_F")
     capacitance_tolerance: Tolerance = 0.02
     stimulus: Positive = _unit("stimulus_Hz", 2.0)
-    capacitance_prominence: Positive | None = _unit("capacitance_prominence_F", None)
-    current_prominence: Positive | None = _unit("current_prominence_A", None)
 
     @field_validator("capacitance_max")
     @classmethod
     def _capacitance_range(cls, value: float, info: ValidationInfo) -> float:
         return _above(info, value, "capacitance_min_F", "capacitance_min")
+
+
+class PadSection(CapacitiveSection):
+    """Capacitive taxel of a skin, pressed as a scenario has it. Noise: in A, before the ADC.
+
+    Two plates with an elastic layer between them; docs/scenarios.md has its model.
+    """
+
+    kind: Literal["pad"]
+    scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
+    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
+    plate_area_m2: Positive
+    plate_area_tolerance: Tolerance = 1e-3
+    plate_distance_m: Positive = Field(default=1e-3, description="at rest")
+    plate_distance_tolerance: Tolerance = 1e-3
+    relative_permittivity: float = Field(default=3.0, ge=1, description="at 20 °C and 50 %")
+    relative_permittivity_tolerance: Tolerance = 1e-3
+    permittivity_per_K: float = Field(default=1e-3, ge=-0.01, le=0.01, description="relative")
+    permittivity_per_percent: float = Field(default=5e-4, ge=-5e-3, le=5e-3, description="relative")
+    elasticity_Pa: Positive = Field(default=1e5, description="pressure that halves the distance")
+    elasticity_tolerance: Tolerance = 0.02
+    pressure_max_Pa: Positive = Field(default=5e4, description="greatest pressure of a contact")
+
+    @model_validator(mode="after")
+    def _fits_the_scenario(self) -> Self:
+        script = script_with(self.scenario, self.place)
+        require_pressure(script, self.pressure_max_Pa)
+        require_room(script, self.plate_area_m2)
+        return self
 
 
 class TouchSection(_RcSection):
@@ -133,11 +175,10 @@ class TouchSection(_RcSection):
 
 
 class InductiveSection(TaxelSection):
-    """Inductive proximity of a metal object (eq. 11 to 13). Noise: in V, before the ADC."""
+    """What all taxels have that see metal by a coil (eq. 11, 12). Noise: in V, before the ADC."""
 
     units: ClassVar[dict[str, str]] = {"frequency": "Hz", "inductance": "H", "distance": "m"}
 
-    kind: Literal["inductive"]
     sampling: Rate = _unit("sampling_Hz", 1000.0)
     inductance: Positive = _unit("inductance_H", 10e-3)
     inductance_tolerance: Tolerance = 1e-3
@@ -147,9 +188,6 @@ class InductiveSection(TaxelSection):
     damping_tolerance: Tolerance = 2e-3
     capacitance: Positive = _unit("capacitance_F", 1e-6)
     capacitance_tolerance: Tolerance = 1e-3
-    distance_amplitude_m: Annotated[float, Field(ge=0)] = 0.01
-    distance_mid_m: Positive = 0.02
-    stimulus: Positive = _unit("stimulus_Hz", 1.0)
     reference: Positive = _unit("reference_Hz", 2500.0)
     reference_tolerance: Tolerance = 1e-5
     adc_min: float = _unit("adc_min_V", 0.75, ge=0)
@@ -168,15 +206,41 @@ class InductiveSection(TaxelSection):
             )
         return value
 
+    @field_validator("adc_max")
+    @classmethod
+    def _adc_range(cls, value: float, info: ValidationInfo) -> float:
+        return _above(info, value, "adc_min_V", "adc_min")
+
+
+class SwingSection(InductiveSection):
+    """Metal whose distance swings harmonically (eq. 11 to 13). Noise: in V, before the ADC."""
+
+    kind: Literal["inductive"]
+    distance_amplitude_m: Annotated[float, Field(ge=0)] = 0.01
+    distance_mid_m: Positive = 0.02
+    stimulus: Positive = _unit("stimulus_Hz", 1.0)
+
     @field_validator("distance_mid_m")
     @classmethod
     def _in_front_of_the_coil(cls, value: float, info: ValidationInfo) -> float:
         return _above(info, value, "distance_amplitude_m", "distance_amplitude_m")
 
-    @field_validator("adc_max")
-    @classmethod
-    def _adc_range(cls, value: float, info: ValidationInfo) -> float:
-        return _above(info, value, "adc_min_V", "adc_min")
+
+class CoilSection(InductiveSection):
+    """Coil in a skin that sees metal as a scenario has it. Noise: in V, before the ADC."""
+
+    kind: Literal["coil"]
+    scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
+    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
+    coil_resistance_ohm: Positive = Field(default=5.0, description="its loss resistance")
+    excitation: Positive = _unit(
+        "excitation_Hz", 1000.0, description="frequency at which eddy currents are seen"
+    )
+
+    @model_validator(mode="after")
+    def _fits_the_scenario(self) -> Self:
+        script_with(self.scenario, self.place)
+        return self
 
 
 class HybridSection(TaxelSection):
@@ -218,7 +282,9 @@ class HybridSection(TaxelSection):
         return _above(info, value, "burst_s", "burst_s")
 
 
-AnyTaxel: TypeAlias = CapacitiveSection | TouchSection | InductiveSection | HybridSection
+AnyTaxel: TypeAlias = (
+    HarmonicSection | PadSection | TouchSection | SwingSection | CoilSection | HybridSection
+)
 """A taxel of any kind."""
 
 Taxel: TypeAlias = Annotated[AnyTaxel, Field(discriminator="kind")]

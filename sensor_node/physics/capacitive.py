@@ -11,13 +11,13 @@ if TYPE_CHECKING:
     import numpy as np
 
     from eskin.interval import Floats
-    from sensor_node.taxels import CapacitiveSection
+    from sensor_node.taxels import HarmonicSection
 
 
 class CapacitiveWorld:
     """``C = (1-s)·Cmin + s·Cmax`` with the raised sine s."""
 
-    def __init__(self, taxel: CapacitiveSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: HarmonicSection, random: np.random.Generator) -> None:
         tolerance = taxel.capacitance_tolerance
         self._least = draw_part(random, taxel.capacitance_min, tolerance)
         self._most = draw_part(random, taxel.capacitance_max, tolerance)

@@ -11,13 +11,13 @@ from sensor_node.physics.signals import Signals
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
-    from sensor_node.taxels import InductiveSection
+    from sensor_node.taxels import SwingSection
 
 
 class InductiveWorld:
     """``L = L0 - ΔL·e^(-alpha·d)`` over a distance that swings harmonically."""
 
-    def __init__(self, taxel: InductiveSection, random: np.random.Generator) -> None:
+    def __init__(self, taxel: SwingSection, random: np.random.Generator) -> None:
         self._base = draw_part(random, taxel.inductance, taxel.inductance_tolerance)
         self._change = draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance)
         self._damping = draw_part(random, taxel.damping_per_m, taxel.damping_tolerance)

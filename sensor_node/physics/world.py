@@ -5,10 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol
 
 from sensor_node.physics.capacitive import CapacitiveWorld
+from sensor_node.physics.coil import CoilWorld
 from sensor_node.physics.hybrid import HybridWorld
 from sensor_node.physics.inductive import InductiveWorld
+from sensor_node.physics.pad import PadWorld
 from sensor_node.physics.touch import TouchWorld
-from sensor_node.taxels import CapacitiveSection, InductiveSection, TouchSection
+from sensor_node.taxels import (
+    CoilSection,
+    HarmonicSection,
+    PadSection,
+    SwingSection,
+    TouchSection,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -27,10 +35,14 @@ class World(Protocol):
 
 def build_world(taxel: AnyTaxel, random: np.random.Generator) -> World:
     """Draw the true parts of a taxel's world."""
-    if isinstance(taxel, CapacitiveSection):
+    if isinstance(taxel, HarmonicSection):
         return CapacitiveWorld(taxel, random)
+    if isinstance(taxel, PadSection):
+        return PadWorld(taxel, random)
     if isinstance(taxel, TouchSection):
         return TouchWorld(taxel, random)
-    if isinstance(taxel, InductiveSection):
+    if isinstance(taxel, SwingSection):
         return InductiveWorld(taxel, random)
+    if isinstance(taxel, CoilSection):
+        return CoilWorld(taxel, random)
     return HybridWorld(taxel, random)

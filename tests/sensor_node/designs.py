@@ -35,6 +35,8 @@ KINDS = {
     "touch": ("palm", 0),
     "inductive": ("forearm", 0),
     "hybrid": ("forearm", 1),
+    "pad": ("hand", 0),
+    "coil": ("hand", 14),
 }
 
 

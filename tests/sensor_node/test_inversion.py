@@ -27,12 +27,16 @@ NOISES = {
     "touch": st.sampled_from([0.0, 1e-8, 1e-6, 5e-6]),
     "inductive": st.sampled_from([0.0, 1e-6, 1e-4, 1e-3]),
     "hybrid": st.sampled_from([0.0, 1e-5, 1e-3, 0.05]),
+    "pad": st.sampled_from([0.0, 1e-8, 1e-6, 2e-5]),
+    "coil": st.sampled_from([0.0, 1e-6, 1e-4, 1e-3]),
 }
 TOLERANCES = {
     "capacitive": ("resistance", "reference", "transconductance", "capacitance"),
     "touch": ("resistance", "reference", "transconductance", "plate_distance", "supply", "area"),
     "inductive": ("inductance", "inductance_change", "damping", "capacitance", "reference"),
     "hybrid": ("current_gain", "voltage_gain", "part"),
+    "pad": ("resistance", "reference", "transconductance", "plate_area", "elasticity"),
+    "coil": ("inductance", "inductance_change", "damping", "capacitance", "reference"),
 }
 
 
@@ -114,7 +118,14 @@ def test_each_error_of_the_converter_is_taken_in(kind: str, error: str) -> None:
 @pytest.mark.parametrize("k", [1.0, 2.0, 3.0, 6.0])
 def test_misses_under_gaussian_noise_stay_within_the_coverage(kind: str, k: float) -> None:
     # Much noise and thin tolerances, so that a miss is not hidden by other width.
-    sigma = {"capacitive": 5e-6, "touch": 4e-7, "inductive": 2e-4, "hybrid": 5e-3}[kind]
+    sigma = {
+        "capacitive": 5e-6,
+        "touch": 4e-7,
+        "inductive": 2e-4,
+        "hybrid": 5e-3,
+        "pad": 5e-6,
+        "coil": 2e-4,
+    }[kind]
     changes = {f"{name}_tolerance": 1e-6 for name in TOLERANCES[kind]}
     design = taxel(kind, **changes, adc_bits=16, noise={"kind": "gaussian", "sigma": sigma, "k": k})
     n = 100_000
@@ -182,6 +193,8 @@ WIDTHS = {
     "touch": {"area": 0.12, "capacitance": 0.12, "energy": 0.12},
     "inductive": {"frequency": 3e-4, "inductance": 3e-3, "distance": 0.1},
     "hybrid": {"current": 0.01, "voltage": 0.01},
+    "pad": {"capacitance": 0.01, "current": 0.005},
+    "coil": {"frequency": 5e-4, "inductance": 3e-3},
 }
 
 

@@ -34,11 +34,11 @@ def written(folder: Path, text: str, profile: str = "fingertip") -> Path:
     return path
 
 
-def test_packaged_profiles_are_the_three() -> None:
-    assert profile_names() == ["fingertip", "forearm", "palm"]
+def test_packaged_profiles_are_the_four() -> None:
+    assert profile_names() == ["fingertip", "forearm", "hand", "palm"]
 
 
-@pytest.mark.parametrize("name", ["fingertip", "forearm", "palm"])
+@pytest.mark.parametrize("name", ["fingertip", "forearm", "hand", "palm"])
 def test_a_profile_s_name_and_its_copied_text_give_the_same_taxels(
     name: str, tmp_path: Path
 ) -> None:
@@ -72,6 +72,18 @@ def test_channels_of_the_profiles_are_those_of_the_contract(tmp_path: Path) -> N
             "t01.distance:m",
             "t02.current:A",
             "t02.voltage:V",
+        ],
+        "hand": [
+            *(
+                f"t{n:02d}.{quantity}"
+                for n in (*range(12), 13, 15)
+                for quantity in ("capacitance:F", "current:A")
+            ),
+            *(
+                f"m{n}.{quantity}"
+                for n in ("06", "10")
+                for quantity in ("frequency:Hz", "inductance:H", "distance:m")
+            ),
         ],
     }
 

@@ -1,0 +1,122 @@
+"""Pressed pads of a skin: two plates with an elastic layer between them.
+
+Under a contact of pressure p the layer is compressed to ``d = d0 / (1 + p/E)``: it hardens as it
+gets thinner and never vanishes; E halves it. A contact that covers the share s of the plate A then
+gives ``C = ε·A·[(1-s)/d0 + s/d] = C0·(1 + P/E)`` with the mean pressure ``P = s·p``: the
+capacitance is linear in it (eq. 2, 9 and 10 of the paper at once).
+
+The permittivity follows the surroundings: ``ε = ε0·εr·[1 + a·(T - 20 °C) + b·(H - 50 %)]``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sensor_node.constants import EPSILON_0, REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
+from sensor_node.physics.parameters import draw_part
+from sensor_node.physics.signals import Signals
+from sensor_node.scenario import Stage, read_scenario
+from sensor_node.skin import break_off
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eskin.interval import Floats
+    from sensor_node.scenario import Stimulus
+    from sensor_node.skin import FaultSection
+    from sensor_node.taxels import PadSection
+
+_OPEN_LINE: Final = 1e-18
+"""Capacitance in F of a line that is broken at the oscillator."""
+
+
+class Pads:
+    """Some pads with their true parts, each a row of an array.
+
+    Args:
+        taxels: Their data sheets.
+        randoms: Draw the true parts, one generator for each.
+        stage: Plays their scenario for them, in this order.
+        faults: Those of the scenario.
+    """
+
+    def __init__(
+        self,
+        taxels: Sequence[PadSection],
+        randoms: Sequence[np.random.Generator],
+        *,
+        stage: Stage,
+        faults: Sequence[FaultSection],
+    ) -> None:
+        parts = [_draw(taxel, random) for taxel, random in zip(taxels, randoms, strict=True)]
+        area, permittivity, self._distance, self._elasticity = np.array(parts).T[:, :, None]
+        self._area = area
+        self._rest = EPSILON_0 * permittivity * area / self._distance
+        self._per_kelvin = np.array([[taxel.permittivity_per_K] for taxel in taxels])
+        self._per_percent = np.array([[taxel.permittivity_per_percent] for taxel in taxels])
+        rows = {taxel.place: row for row, taxel in enumerate(taxels)}
+        self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
+        self._stage = stage
+
+    def truth(self, seconds: Floats) -> tuple[dict[str, Floats], Stimulus]:
+        """What is at some times, each quantity an array of pads × times, and what caused it.
+
+        Returns:
+            Capacitance at the oscillator in F (with crosstalk and faults), contact area in m²,
+            plate distance under the contact in m, mean pressure of the contacts in Pa.
+        """
+        stimulus = self._stage.stimulus(seconds)
+        covered = stimulus.covered
+        touched = covered > 0.0
+        local = np.where(touched, stimulus.pressure / np.where(touched, covered, 1.0), 0.0)
+        capacitance = self._capacitance(stimulus)
+        if self._faults:
+            break_off(
+                capacitance,
+                seconds,
+                self._faults,
+                intact=lambda then: self._capacitance(self._stage.stimulus(then)),
+                dead=_OPEN_LINE,
+            )
+        truth = {
+            "capacitance": capacitance,
+            "contact_area": covered * self._area,
+            "plate_distance": self._distance / (1.0 + local / self._elasticity),
+            "pressure": stimulus.pressure,
+        }
+        return truth, stimulus
+
+    def _capacitance(self, stimulus: Stimulus) -> Floats:
+        ambient = (
+            1.0
+            + self._per_kelvin * (stimulus.temperature - REFERENCE_TEMPERATURE)
+            + self._per_percent * (stimulus.humidity - REFERENCE_HUMIDITY)
+        )
+        return np.asarray(self._rest * ambient * (1.0 + stimulus.felt / self._elasticity))
+
+
+class PadWorld:
+    """One pad of a node."""
+
+    def __init__(self, taxel: PadSection, random: np.random.Generator) -> None:
+        script = read_scenario(taxel.scenario)
+        stage = Stage(script, [taxel.place])
+        self._pads = Pads([taxel], [random], stage=stage, faults=script.fault)
+
+    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+        """True capacitance in F, contact area in m², plate distance in m, pressure in Pa."""
+        del random
+        truth = {name: values[0] for name, values in self._pads.truth(seconds)[0].items()}
+        return Signals(truth, truth)
+
+
+def _draw(taxel: PadSection, random: np.random.Generator) -> tuple[float, float, float, float]:
+    """Plate area, relative permittivity, plate distance at rest, elasticity."""
+    return (
+        draw_part(random, taxel.plate_area_m2, taxel.plate_area_tolerance),
+        draw_part(random, taxel.relative_permittivity, taxel.relative_permittivity_tolerance),
+        draw_part(random, taxel.plate_distance_m, taxel.plate_distance_tolerance),
+        draw_part(random, taxel.elasticity_Pa, taxel.elasticity_tolerance),
+    )

@@ -1,0 +1,50 @@
+"""The packaged hand as a node: a skin of sixteen taxels that live one scenario."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eskin.messages import Block, Peak, decode_message
+from eskin.peaks import Verdict
+from sensor_node.truth import Truth
+from tests.sensor_node.designs import Bench
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_hand_lives_its_scenario_and_every_block_holds_its_truth(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hand")
+    bench.run_to(25.0)
+    messages = [decode_message(body) for body in bench.bodies()]
+    blocks = [message for message in messages if isinstance(message, Block)]
+    truth = Truth.read(bench.settings.truth.path, [block.position for block in blocks])
+    assert len(blocks) == 25 * (14 * 2 + 2 * 3)
+    for block in blocks:
+        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
+    peaks = {message.channel for message in messages if isinstance(message, Peak)}
+    assert {"t05.capacitance", "m06.frequency"} <= peaks
+    bench.close()
+
+
+def test_taxels_of_a_node_live_the_same_contact(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "hand")
+    bench.run_to(6.5)
+    presses = [
+        message
+        for message in map(decode_message, bench.bodies())
+        if isinstance(message, Peak)
+        and message.channel == "t10.capacitance"
+        and message.verdict is Verdict.CERTAIN
+    ]
+    truth = Truth.read(bench.settings.truth.path, Truth.positions(bench.settings.truth.path))
+    tops = {}
+    for name in ("t10", "t06", "t09"):
+        series = [block for block in truth.values() if block.channel == f"{name}.capacitance"]
+        values = np.concatenate([block.values for block in series])
+        tops[name] = int(values[1000:1500].argmax()) + 1000
+    assert presses
+    assert max(tops.values()) - min(tops.values()) <= 10, tops
+    bench.close()
