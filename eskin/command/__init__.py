@@ -12,6 +12,7 @@ import typer
 
 from eskin.command.cloud import cloud
 from eskin.command.demo import audit, demo
+from eskin.command.export import export
 from eskin.command.figures import figures
 from eskin.command.gateway import gateway
 from eskin.command.node import node
@@ -27,6 +28,7 @@ app = typer.Typer(name="eskin", add_completion=False, pretty_exceptions_enable=F
 app.command()(demo)
 app.command()(audit)
 app.command()(figures)
+app.command()(export)
 app.command()(node)
 app.command()(gateway)
 app.add_typer(cloud, name="cloud")

@@ -38,23 +38,35 @@ def read_scenario(name: str) -> Script:
     try:
         script = Script.model_validate(tables)
     except ValidationError as error:
-        raise _refusal(name, error) from error
+        raise refusal(name, error) from error
     for place, reason in _contradictions(script):
         raise ScenarioError(name, place, reason)
     return script
 
 
-def _tables(name: str) -> dict[str, Any]:
+def scenario_text(name: str) -> str:
+    """The text of a scenario's file.
+
+    Raises:
+        ScenarioError: It cannot be read.
+    """
     packaged = name in scenario_names()
     source = files("sensor_node").joinpath("scenarios", name) if packaged else Path(name)
     try:
-        return tomllib.loads(source.read_bytes().decode())
+        return source.read_bytes().decode()
     except OSError as error:
         known = ", ".join(scenario_names())
         raise ScenarioError(
             name, "file", f"it cannot be read: {error.strerror}; packaged scenarios: {known}"
         ) from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise ScenarioError(name, "file", f"it is no text in UTF-8: {error}") from error
+
+
+def _tables(name: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(scenario_text(name))
+    except tomllib.TOMLDecodeError as error:
         raise ScenarioError(name, "file", f"it is no TOML: {error}") from error
 
 
@@ -106,13 +118,22 @@ def _event(number: int, kind: str) -> str:
     return f"event {number + 1} ({kind})"
 
 
-def _refusal(name: str, error: ValidationError) -> ScenarioError:
+def refusal(name: str, error: ValidationError, *, within: str = "") -> ScenarioError:
+    """One line about the first thing that is wrong.
+
+    Args:
+        name: The file.
+        error: What pydantic found.
+        within: The table in which it was looking; empty for the whole file.
+    """
     first = error.errors(include_url=False)[0]
-    place = _place(first["loc"])
+    place = _place((within, *first["loc"]) if within else first["loc"])
     if first["type"] == "missing":
         return ScenarioError(name, place, "it is missing; it has no default")
     if first["type"] == "extra_forbidden":
         return ScenarioError(name, place, "no such key; check its spelling")
+    if first["type"] == "value_error" and isinstance(first["input"], dict):
+        return ScenarioError(name, place, str(first["ctx"]["error"]))
     shown = repr(first["input"])
     shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
     return ScenarioError(name, place, f"{shown} is not allowed: {first['msg']}")

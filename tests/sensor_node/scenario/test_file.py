@@ -91,7 +91,7 @@ def test_file_that_is_not_there_says_so(tmp_path: Path) -> None:
 def test_bytes_that_are_no_text_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "scene.toml"
     path.write_bytes(b"description = \xff")
-    with pytest.raises(ScenarioError, match="file: it is no TOML"):
+    with pytest.raises(ScenarioError, match="file: it is no text in UTF-8"):
         read_scenario(str(path))
 
 

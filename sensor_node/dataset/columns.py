@@ -1,0 +1,96 @@
+"""The columns of a dataset, with their units and meanings."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import pyarrow as pa
+
+TRUE: Final = "true"
+LO: Final = "lo"
+HI: Final = "hi"
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A quantity, which has a column for its truth and two for its interval.
+
+    Attributes:
+        name: Such as ``capacitance``.
+        unit: As it stands in the columns' names; empty for a plain number.
+        ucum: The same as a UCUM code.
+        meaning: One line.
+        measured: Whether it has an interval.
+    """
+
+    name: str
+    unit: str
+    ucum: str
+    meaning: str
+    measured: bool = True
+
+    def column(self, side: str) -> str:
+        """Name of one of its columns, such as ``capacitance_lo_F``."""
+        return f"{self.name}_{side}{'_' if self.unit else ''}{self.unit}"
+
+    @property
+    def sides(self) -> tuple[str, ...]:
+        """Which columns it has."""
+        return (TRUE, LO, HI) if self.measured else (TRUE,)
+
+
+PAD: Final = (
+    Quantity("capacitance", "F", "F", "capacitance at the oscillator, with crosstalk and faults"),
+    Quantity(
+        "pressure", "Pa", "Pa", "mean pressure of the contacts over the taxel, without crosstalk"
+    ),
+    Quantity("contact_area", "m2", "m2", "area of the plate that contacts cover"),
+    Quantity("plate_distance", "m", "m", "distance of the plates under the contact, or at rest"),
+)
+"""What pads give."""
+
+COIL: Final = (
+    Quantity("inductance", "H", "H", "inductance at the oscillator, with faults"),
+    Quantity("frequency", "Hz", "Hz", "frequency of the LC oscillator"),
+    Quantity("distance", "m", "m", "distance to the nearest metal"),
+    Quantity("eddy_amplitude", "", "1", "coil current over that without metal", measured=False),
+    Quantity("eddy_phase", "rad", "rad", "change of the coil current's phase", measured=False),
+)
+"""What coils give."""
+
+SURROUNDINGS: Final = (
+    Quantity("temperature", "Cel", "Cel", "ambient temperature"),
+    Quantity("humidity", "percent", "%", "ambient humidity, relative"),
+    Quantity("bioelectric", "V", "V", "voltage that the body makes"),
+)
+"""What is the same for all taxels."""
+
+_KEYS: Final = (
+    ("run", pa.int64(), "", "seed of the run"),
+    ("time_s", pa.float64(), "s", "since the run's begin"),
+    ("taxel", pa.string(), "", "its place in the skin"),
+    ("label", pa.string(), "", "what happens to the taxel"),
+    ("fault", pa.string(), "", "none, stuck or dead"),
+)
+_SIDES: Final = {TRUE: "truth", LO: "lower bound", HI: "upper bound"}
+
+
+def schema(quantities: tuple[Quantity, ...]) -> pa.Schema:
+    """Names, types, units and meanings, as Parquet keeps them."""
+    fields = [_field(name, kind, unit, meaning) for name, kind, unit, meaning in _KEYS]
+    fields += [
+        _field(
+            each.column(side),
+            pa.float64(),
+            each.ucum,
+            f"{each.meaning}: {_SIDES[side]}",
+        )
+        for each in quantities
+        for side in each.sides
+    ]
+    return pa.schema(fields)
+
+
+def _field(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
+    return pa.field(name, kind, nullable=False, metadata={"unit": unit, "meaning": meaning})

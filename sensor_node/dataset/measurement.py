@@ -1,0 +1,94 @@
+"""What the taxels of a skin measure, and what can be told of it for certain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sensor_node.firmware import build_inversion
+from sensor_node.frontend import build_frontend
+from sensor_node.skin import unmix
+from sensor_node.skin.pressing import PadInversion
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eskin.interval import Floats, Interval
+    from sensor_node.skin.skin import Indices
+    from sensor_node.taxels import CoilSection, PadSection
+
+
+class Chains:
+    """The measuring chains of some equal taxels, each with its true parts and its noise.
+
+    Args:
+        taxels: Their data sheets.
+        parts: Draw the true parts, one generator for each.
+        noises: Draw the noise, likewise.
+    """
+
+    def __init__(
+        self,
+        taxels: Sequence[PadSection | CoilSection],
+        parts: Sequence[np.random.Generator],
+        noises: Sequence[np.random.Generator],
+    ) -> None:
+        self._frontends = [
+            build_frontend(taxel, random) for taxel, random in zip(taxels, parts, strict=True)
+        ]
+        # Equal data sheets have equal inversions.
+        self._inversion = build_inversion(taxels[0])
+        self._noises = noises
+
+    def measure(
+        self, quantity: str, sensed: Floats
+    ) -> tuple[dict[str, Floats], dict[str, Interval]]:
+        """Run all chains on what the sensors give, taxels × times.
+
+        Returns:
+            The quantities that come to be in the chains, and the intervals.
+        """
+        done = [
+            frontend.digitise({quantity: row}, random)
+            for frontend, row, random in zip(self._frontends, sensed, self._noises, strict=True)
+        ]
+        truth = {name: np.stack([each.truth[name] for each in done]) for name in done[0].truth}
+        codes = {
+            name: np.concatenate([each.codes[name] for each in done]) for name in done[0].codes
+        }
+        measured = self._inversion.measure(codes)
+        return truth, {name: values.reshape(sensed.shape) for name, values in measured.items()}
+
+
+class SkinInversion:
+    """Tells of a whole skin of equal pads what presses it.
+
+    Args:
+        taxel: Their data sheet.
+        neighbours: Table of neighbours.
+        crosstalk: The skin's greatest coefficient.
+        broken: Taxels that are not to be believed.
+    """
+
+    def __init__(
+        self, taxel: PadSection, neighbours: Indices, *, crosstalk: float, broken: Sequence[int]
+    ) -> None:
+        self._inversion = PadInversion(taxel)
+        self._neighbours = neighbours
+        self._crosstalk = crosstalk
+        self._most = taxel.pressure_max_Pa
+        self._broken = broken
+
+    def tell(
+        self, capacitance: Interval, temperature: Interval, humidity: Interval
+    ) -> dict[str, Interval]:
+        """Pressure in Pa, contact area in m² and plate distance in m, taxels × times."""
+        own = unmix(
+            self._inversion.felt(capacitance, temperature, humidity),
+            self._neighbours,
+            bound=self._crosstalk,
+            most=self._most,
+            broken=self._broken,
+        )
+        return self._inversion.quantities(own)
