@@ -19,6 +19,7 @@
     ├── QueryError               a question that has no answer as it stands
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
     ├── ScenarioError            a scenario that cannot be played
+    ├── RecordingError           a recording that cannot be replayed, or not all of it
     └── AuditError               a data folder that cannot be audited
 
 A message says what happened, where, with which value, and what to do. Facts that a program may
@@ -169,6 +170,20 @@ class ScenarioError(EskinError):
     Attributes:
         file: The scenario.
         place: Where in it, such as ``event 3 (slide).path``.
+    """
+
+    def __init__(self, file: Path | str, place: str, reason: str) -> None:
+        super().__init__(f"{file}: {place}: {reason}")
+        self.file = file
+        self.place = place
+
+
+class RecordingError(EskinError):
+    """A recording that cannot be replayed, or not all of it.
+
+    Attributes:
+        file: The recording.
+        place: Where in it, such as ``line 17``.
     """
 
     def __init__(self, file: Path | str, place: str, reason: str) -> None:

@@ -20,7 +20,8 @@ from pydantic import (
 from eskin.settings import Section
 from sensor_node.machine.crystal import BILLION
 from sensor_node.noise import Noise
-from sensor_node.scenario.fit import require_pressure, require_room, script_with
+from sensor_node.replay import Recorded
+from sensor_node.scenario.fit import Staged, require_pressure, require_room
 
 Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
@@ -120,15 +121,19 @@ class HarmonicSection(CapacitiveSection):
         return _above(info, value, "capacitance_min_F", "capacitance_min")
 
 
-class PadSection(CapacitiveSection):
+class RecordedCapacitanceSection(Recorded, CapacitiveSection):
+    """Capacitance out of a recording, behind the chain of Fig. 3. Noise: in A, before the ADC."""
+
+    kind: Literal["recorded_capacitance"]
+
+
+class PadSection(Staged, CapacitiveSection):
     """Capacitive taxel of a skin, pressed as a scenario has it. Noise: in A, before the ADC.
 
     Two plates with an elastic layer between them; docs/scenarios.md has its model.
     """
 
     kind: Literal["pad"]
-    scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
-    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
     plate_area_m2: Positive
     plate_area_tolerance: Tolerance = 1e-3
     plate_distance_m: Positive = Field(default=1e-3, description="at rest")
@@ -143,9 +148,8 @@ class PadSection(CapacitiveSection):
 
     @model_validator(mode="after")
     def _fits_the_scenario(self) -> Self:
-        script = script_with(self.scenario, self.place)
-        require_pressure(script, self.pressure_max_Pa)
-        require_room(script, self.plate_area_m2)
+        require_pressure(self.scenario, self.pressure_max_Pa)
+        require_room(self.scenario, self.plate_area_m2)
         return self
 
 
@@ -226,21 +230,20 @@ class SwingSection(InductiveSection):
         return _above(info, value, "distance_amplitude_m", "distance_amplitude_m")
 
 
-class CoilSection(InductiveSection):
+class CoilSection(Staged, InductiveSection):
     """Coil in a skin that sees metal as a scenario has it. Noise: in V, before the ADC."""
 
     kind: Literal["coil"]
-    scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
-    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
     coil_resistance_ohm: Positive = Field(default=5.0, description="its loss resistance")
     excitation: Positive = _unit(
         "excitation_Hz", 1000.0, description="frequency at which eddy currents are seen"
     )
 
-    @model_validator(mode="after")
-    def _fits_the_scenario(self) -> Self:
-        script_with(self.scenario, self.place)
-        return self
+
+class RecordedInductanceSection(Recorded, InductiveSection):
+    """Inductance out of a recording, behind the chain of a coil. Noise: in V, before the ADC."""
+
+    kind: Literal["recorded_inductance"]
 
 
 class HybridSection(TaxelSection):
@@ -283,7 +286,14 @@ class HybridSection(TaxelSection):
 
 
 AnyTaxel: TypeAlias = (
-    HarmonicSection | PadSection | TouchSection | SwingSection | CoilSection | HybridSection
+    HarmonicSection
+    | PadSection
+    | RecordedCapacitanceSection
+    | TouchSection
+    | SwingSection
+    | CoilSection
+    | RecordedInductanceSection
+    | HybridSection
 )
 """A taxel of any kind."""
 

@@ -93,7 +93,8 @@ class Plan:
     @property
     def coverage(self) -> float:
         """Probability that a single interval holds the truth, at least."""
-        return min(taxel.noise.coverage for taxel in (*self.pads, *self.coils))
+        taxels: list[PadSection | CoilSection] = [*self.pads, *self.coils]
+        return min(taxel.noise.coverage for taxel in taxels)
 
 
 def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:

@@ -9,11 +9,14 @@ from sensor_node.physics.coil import CoilWorld
 from sensor_node.physics.hybrid import HybridWorld
 from sensor_node.physics.inductive import InductiveWorld
 from sensor_node.physics.pad import PadWorld
+from sensor_node.physics.recorded import RecordedWorld
 from sensor_node.physics.touch import TouchWorld
 from sensor_node.taxels import (
     CoilSection,
     HarmonicSection,
     PadSection,
+    RecordedCapacitanceSection,
+    RecordedInductanceSection,
     SwingSection,
     TouchSection,
 )
@@ -35,14 +38,22 @@ class World(Protocol):
 
 def build_world(taxel: AnyTaxel, random: np.random.Generator) -> World:
     """Draw the true parts of a taxel's world."""
-    if isinstance(taxel, HarmonicSection):
-        return CapacitiveWorld(taxel, random)
-    if isinstance(taxel, PadSection):
-        return PadWorld(taxel, random)
-    if isinstance(taxel, TouchSection):
-        return TouchWorld(taxel, random)
-    if isinstance(taxel, SwingSection):
-        return InductiveWorld(taxel, random)
-    if isinstance(taxel, CoilSection):
-        return CoilWorld(taxel, random)
-    return HybridWorld(taxel, random)
+    world: World
+    match taxel:
+        case HarmonicSection():
+            world = CapacitiveWorld(taxel, random)
+        case PadSection():
+            world = PadWorld(taxel, random)
+        case RecordedCapacitanceSection():
+            world = RecordedWorld(taxel, "capacitance", random)
+        case TouchSection():
+            world = TouchWorld(taxel, random)
+        case SwingSection():
+            world = InductiveWorld(taxel, random)
+        case CoilSection():
+            world = CoilWorld(taxel, random)
+        case RecordedInductanceSection():
+            world = RecordedWorld(taxel, "inductance", random)
+        case _:
+            world = HybridWorld(taxel, random)
+    return world

@@ -2,55 +2,63 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
+
+from pydantic import Field, ValidationInfo, field_validator
 
 from eskin.errors import ScenarioError
+from eskin.settings import Section
 from sensor_node.scenario.file import read_scenario
-
-if TYPE_CHECKING:
-    from sensor_node.scenario.script import Script
 
 _ROUNDING: Final = 1e-9
 
 
-def script_with(scenario: str, place: str) -> Script:
-    """Read a scenario in whose skin there is a place.
+class Staged(Section):
+    """What all taxels have that live a scenario."""
 
-    Raises:
-        ValueError: It cannot be read, or has no such place; with its file.
-    """
-    try:
-        script = read_scenario(scenario)
-    except ScenarioError as error:
-        raise ValueError(str(error)) from error
-    names = script.skin.build().names
-    if place not in names:
-        raise ValueError(
-            f"{scenario}: skin: place {place!r} is not there; it has {names[0]} to {names[-1]}"
-        )
-    return script
+    scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
+    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
+
+    @field_validator("scenario")
+    @classmethod
+    def _can_be_played(cls, value: str) -> str:
+        try:
+            read_scenario(value)
+        except ScenarioError as error:
+            raise ValueError(str(error)) from error
+        return value
+
+    @field_validator("place")
+    @classmethod
+    def _is_there(cls, value: str, info: ValidationInfo) -> str:
+        scenario = info.data.get("scenario")
+        if scenario is not None:
+            names = read_scenario(scenario).skin.build().names
+            if value not in names:
+                raise ValueError(f"the skin of {scenario} has {names[0]} to {names[-1]}")
+        return value
 
 
-def require_pressure(script: Script, most: float) -> None:
+def require_pressure(scenario: str, most: float) -> None:
     """Refuse contacts that press more than a taxel's data sheet allows, in Pa.
 
     Raises:
         ValueError: They may.
     """
-    if script.peak_pressure > most:
+    peak = read_scenario(scenario).peak_pressure
+    if peak > most:
         raise ValueError(
-            f"the scenario's contacts press with up to {script.peak_pressure:.4g} Pa, "
-            f"pressure_max_Pa is {most!r}"
+            f"the scenario's contacts press with up to {peak:.4g} Pa, pressure_max_Pa is {most!r}"
         )
 
 
-def require_room(script: Script, plate_area: float) -> None:
+def require_room(scenario: str, plate_area: float) -> None:
     """Refuse plates that are larger than a taxel of the skin, in m².
 
     Raises:
         ValueError: They are.
     """
-    cell = script.skin.build().cell_area
+    cell = read_scenario(scenario).skin.build().cell_area
     if plate_area > cell * (1.0 + _ROUNDING):
         raise ValueError(
             f"plate_area_m2 = {plate_area!r} is more than a taxel of the scenario's skin has, "

@@ -145,7 +145,7 @@ def test_dead_taxel_saturates_and_its_intervals_still_hold(
 
 
 REFUSALS: dict[str, tuple[dict[str, Any], str]] = {
-    "place": ({"place": "t21"}, "place 't21' is not there; it has t00 to t20"),
+    "place": ({"place": "t21"}, "the skin of hand.toml has t00 to t20"),
     "file": ({"scenario": "none.toml"}, "none.toml: file: it cannot be read"),
     "pressure": ({"pressure_max_Pa": 1e3}, "the scenario's contacts press with up to 1.79e+04 Pa"),
     "room": ({"plate_area_m2": 5e-4}, "is more than a taxel of the scenario's skin has, 0.0004"),
