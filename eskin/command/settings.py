@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import sys
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, get_args
 
 from authority.settings import AuthoritySettings, Expected
 from cloud.settings import CloudSettings
+from eskin.command.keys import keys_table
 from eskin.settings import table
 from gateway.settings import GatewaySettings
 from sensor_node.profile import profile_names
@@ -79,7 +79,7 @@ def _tables() -> Iterator[str]:
         if settings is NodeSettings:
             yield from _taxels()
         if settings is AuthoritySettings:
-            yield from _keys("`[[identity]]`", Expected)
+            yield from keys_table("`[[identity]]`", Expected)
 
 
 def _taxels() -> Iterator[str]:
@@ -87,50 +87,13 @@ def _taxels() -> Iterator[str]:
     links = ", ".join(f"[{name}](../sensor_node/profiles/{name}.toml)" for name in names)
     yield _TAXELS.format(profiles=links)
     for model in get_args(AnyTaxel):
-        yield from _keys(f"`[[taxel]]`, `kind = {_kind(model)}`", model)
+        yield from keys_table(f"`[[taxel]]`, `kind = {_kind(model)}`", model)
     for model in get_args(TaxelSection.model_fields["noise"].annotation):
-        yield from _keys(f"`noise = {{ kind = {_kind(model)}, … }}` of a taxel", model)
+        yield from keys_table(f"`noise = {{ kind = {_kind(model)}, … }}` of a taxel", model)
 
 
 def _kind(model: type[BaseModel]) -> str:
     return f'"{get_args(model.model_fields["kind"].annotation)[0]}"'
-
-
-def _keys(heading: str, model: type[BaseModel]) -> Iterator[str]:
-    """The keys of a table that may stand more than once."""
-    yield f"### {heading}\n\n{_oneline(model)}\n"
-    yield "| key | default | allowed | what it is |\n|---|---|---|---|"
-    for key, field in model.model_json_schema()["properties"].items():
-        if "const" in field:  # the kind, which the heading says
-            continue
-        default = _default(field)
-        yield f"| `{key}` | {default} | {_allowed(field)} | {field.get('description', '')} |"
-    yield ""
-
-
-def _default(field: dict[str, Any]) -> str:
-    if "default" not in field:
-        return "*must be given*"
-    return "*none*" if field["default"] is None else f"`{json.dumps(field['default'])}`"
-
-
-def _oneline(model: type[BaseModel]) -> str:
-    return " ".join((model.__doc__ or "").split())
-
-
-def _allowed(field: dict[str, Any]) -> str:
-    """What a JSON schema (draft 2020-12) says of one key."""
-    alternatives = field.get("anyOf", [field])
-    signs = {"exclusiveMinimum": ">", "minimum": "≥", "exclusiveMaximum": "<", "maximum": "≤"}
-    limits = [
-        f"{sign} {option[word]:g}"
-        for option in alternatives
-        for word, sign in signs.items()
-        if word in option
-    ]
-    if "pattern" in field:
-        limits.append(f"`{field['pattern']}`")
-    return ", ".join(limits)
 
 
 if __name__ == "__main__":

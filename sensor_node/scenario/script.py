@@ -39,9 +39,13 @@ class Script(Section):
         default=0, ge=0, lt=2**63, description="draws the variations where nothing else does"
     )
     skin: Shape = Field(description="where the taxels sit")
-    ambient: AmbientSection = AmbientSection()
-    bioelectric: BioelectricSection = BioelectricSection()
-    variation: VariationSection = VariationSection()
+    ambient: AmbientSection = Field(default=AmbientSection(), description="the air")
+    bioelectric: BioelectricSection = Field(
+        default=BioelectricSection(), description="a voltage that the body makes"
+    )
+    variation: VariationSection = Field(
+        default=VariationSection(), description="what the seed changes"
+    )
     event: list[Event] = Field(default=[], max_length=10_000, description="what happens")
     fault: list[FaultSection] = Field(default=[], description="which taxels break")
     pad: dict[str, Any] = Field(

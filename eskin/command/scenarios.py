@@ -1,0 +1,135 @@
+"""Scenarios as a page: ``python -m eskin.command.scenarios > docs/scenarios.md``."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Final, get_args
+
+from eskin.command.keys import keys_table
+from sensor_node.replay import Recorded
+from sensor_node.scenario import Script
+from sensor_node.scenario.events import AnyEvent
+from sensor_node.scenario.script import VariationSection
+from sensor_node.scenario.surroundings import AmbientSection, BioelectricSection
+from sensor_node.skin import FaultSection, Shape
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from pydantic import BaseModel
+
+_HEAD: Final = """\
+# Scenarios, datasets and replay
+
+A scenario is a TOML file that says what touches which taxel of a skin, when, and what surrounds
+it. It drives the taxels of a node (`kind = "pad"` and `kind = "coil"`, see
+[settings](settings.md)), and `eskin export` makes labelled datasets of it.
+[hand.toml](../sensor_node/scenarios/hand.toml) comes with eskin; the profile
+[hand](../sensor_node/profiles/hand.toml) lives it.
+
+Times count in seconds from the scenario's begin, places are names of taxels (`t00`, `t01`, …).
+Keys end in their unit. What cannot be played is refused with one line: file, place, reason, as in
+`my.toml: event 3 (slide).path: taxel 't99' is not there; the skin has t00 to t20`.
+
+```toml
+description = "two taps on a flat skin of 16 taxels"
+duration_s = 5.0
+
+[skin]
+shape = "flat"
+rows = 4
+columns = 4
+pitch_m = 0.01
+
+[[event]]
+kind = "tap"
+at = "t05"
+at_s = 1.0
+duration_s = 0.1
+times = 2
+every_s = 1.0
+force_N = 1.0
+radius_m = 4e-3
+```
+
+## What happens to a taxel
+
+- **Contacts** are round patches. With the course s of its force, which is 1 at most, a patch's
+  area grows with `s^(2/3)` and its pressure with `s^(1/3)`, as Hertz has it; a tap is half a
+  sine, a press a raised cosine, hold and slide have ramps. A taxel is covered by the area that
+  the patch shares with a disc of the taxel's size.
+- **Crosstalk**: a taxel feels its own mean pressure and `k` times the mean of its neighbours'.
+  The true `k` of each taxel is drawn from 0 to `crosstalk`.
+- **A pad** is two plates with an elastic layer between them, `d = d0 / (1 + p/E)` under the
+  pressure p of a contact: it hardens as it gets thinner. Its capacitance is `C = C0·(1 + P/E)`,
+  where P is the mean pressure that it feels. `C0 = ε0·εr·A/d0` follows the air by `1 +
+  permittivity_per_K·(T - 20 °C) + permittivity_per_percent·(H - 50 %)`.
+- **A coil** sees metal by `L = L0 - ΔL·e^(-αd)` (eq. 11 of the paper), and by eddy currents: with
+  the metal's quality q its impedance changes by `ω·ΔL·e^(-αd)·(1/q - j)`.
+- **Labels**: `noise` where nothing happens, else the kind of the contact that covers the taxel,
+  or `approach` where metal is nearer than `reach_m`.
+
+All of it follows from the seed. A node takes the scenario's own; `eskin export` one for each run.
+
+## The file
+"""
+
+_TAIL: Final = """\
+## Datasets
+
+```sh
+eskin export --scenario hand.toml --out DIR --runs 10 --test-runs 2 --seed 0 --rate 100
+```
+
+writes `train` and `test`, each as Parquet and CSV with the same rows, the scenario, and a data
+card (`README.md`): columns, units, licence, how it was made, seeds, versions. One row is one
+taxel at one instant: its label, and for each quantity the truth beside its interval. No seed is
+in both parts; the same seeds and versions give the same bytes. All taxels of the skin have a pad,
+and a coil where metal comes near; `[pad]` and `[coil]` change their data sheets and take the keys
+of these kinds in [settings](settings.md). Pressure, contact area and plate distance are
+calculated back from the capacitances of all pads together, so that what neighbours hand on is
+taken back.
+
+## Replay
+
+A taxel of `kind = "recorded_capacitance"` or `"recorded_inductance"` takes a file in the place of
+physics, and measures it through its chain:
+
+| column | what it is |
+|---|---|
+| `time` or `time_s`, or `time_ns` | seconds, or whole nanoseconds, rising in each channel |
+| `channel` | any name |
+| `value`, or `lo` and `hi` | what was recorded then; an unbounded side is `inf` or `-inf` |
+
+Others are passed over. A file whose name ends in `.parquet` is Parquet, all others are CSV with a
+header. NaN, times that stand twice or run backwards, and a file that ends in mid-line end the
+replay there, with a line in the log that says file, place and reason; what stood before is
+replayed. A gap (more than 1.5 periods without a sample) is logged and stays one: where nothing
+was recorded, the converter saturates. Of a recorded interval a value from inside is replayed.
+"""
+
+
+def page() -> str:
+    """The whole page as Markdown."""
+    return "\n".join([_HEAD, *_tables(), _TAIL])
+
+
+def _tables() -> Iterator[str]:
+    yield from keys_table("Top of the file", Script)
+    for shape in get_args(get_args(Shape)[0]):
+        yield from keys_table(f'`[skin]`, `shape = "{_constant(shape, "shape")}"`', shape)
+    yield from keys_table("`[variation]`", VariationSection)
+    yield from keys_table("`[ambient]`", AmbientSection)
+    yield from keys_table("`[bioelectric]`", BioelectricSection)
+    for event in get_args(AnyEvent):
+        yield from keys_table(f'`[[event]]`, `kind = "{_constant(event, "kind")}"`', event)
+    yield from keys_table("`[[fault]]`", FaultSection)
+    yield from keys_table("`[[taxel]]` of a node that replays", Recorded)
+
+
+def _constant(model: type[BaseModel], key: str) -> str:
+    return str(get_args(model.model_fields[key].annotation)[0])
+
+
+if __name__ == "__main__":
+    sys.stdout.write(page())

@@ -1,0 +1,50 @@
+"""Every key of a scenario is documented, the page is current, and what it shows can be played."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from eskin.command.scenarios import page
+from sensor_node.replay import Recorded
+from sensor_node.scenario import Script, read_scenario
+from sensor_node.scenario.events import AnyEvent
+from sensor_node.scenario.script import VariationSection
+from sensor_node.scenario.surroundings import AmbientSection, BioelectricSection
+from sensor_node.skin import FaultSection, Shape
+
+PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
+MODELS = [
+    Script,
+    VariationSection,
+    AmbientSection,
+    BioelectricSection,
+    FaultSection,
+    Recorded,
+    *get_args(AnyEvent),
+    *get_args(get_args(Shape)[0]),
+]
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_key_has_its_help_and_stands_on_the_page(model: type[Script]) -> None:
+    text = PAGE.read_text()
+    for key, field in model.model_json_schema()["properties"].items():
+        if "const" not in field:
+            assert field.get("description"), key
+            assert f"| `{key}` |" in text
+
+
+def test_page_of_scenarios_is_current() -> None:
+    assert PAGE.read_text() == page(), "python -m eskin.command.scenarios > docs/scenarios.md"
+
+
+def test_example_of_the_page_can_be_played(tmp_path: Path) -> None:
+    example = re.search(r"```toml\n(.*?)```", PAGE.read_text(), re.DOTALL)
+    assert example is not None
+    path = tmp_path / "example.toml"
+    path.write_text(example[1])
+    assert len(read_scenario(str(path)).event) == 1
