@@ -193,6 +193,14 @@ def test_pressure_area_and_distance_hold_the_truth(
         assert np.all(values.contains(true[quantity])), quantity
 
 
+def test_crosstalk_of_unknown_neighbours_is_taken_in() -> None:
+    stimulus = Stage(read_scenario("hand.toml"), ["t06"]).stimulus(TIMES)
+    inversion = PadInversion(pad_of("hand.toml", "t06"))
+    felt = Interval(stimulus.felt[0])
+    assert np.all(inversion.own(felt, 0.1).contains(stimulus.pressure[0]))
+    assert not np.all(inversion.own(felt, 0.0).contains(stimulus.pressure[0]))
+
+
 def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
     script = read_scenario("hand.toml")
     stage = Stage(script)

@@ -45,6 +45,10 @@ BAD = {
     ),
     "late": (HEAD + TAP.replace("at_s = 1.0", "at_s = 9.9"), "event 1 (tap): it ends at 10.1 s"),
     "disturbed": (HEAD + NOISE + TAP, "event 1 (noise): event 2 (tap) happens in it"),
+    "disturbed by a variation": (
+        HEAD + NOISE.replace("1.05", "1.0") + TAP + "[variation]\ntime_s = 0.1\n",
+        "event 1 (noise): event 2 (tap) happens in it",
+    ),
     "unknown kind": (HEAD + TAP.replace('"tap"', '"kick"'), "event 1"),
     "unknown key": (HEAD + TAP + "force_kN = 1.0\n", "event 1 (tap).force_kN: no such key"),
     "missing": (HEAD + TAP.replace("force_N = 1.0\n", ""), "event 1 (tap).force_N: it is missing"),

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from scipy.integrate import trapezoid
 
 from sensor_node.scenario import LABELS, Stage, read_scenario
+from sensor_node.scenario.cast import Cast
 from sensor_node.scenario.stimulus import overlap
 from tests.sensor_node.scenario.scripts import HEAD, TAP, script
 
@@ -170,6 +171,19 @@ def test_repetition_varies_and_without_it_nothing_more_happens() -> None:
     assert not np.array_equal(first, second)
     once = hand.model_copy(update={"repeat": False})
     assert not Stage(once).stimulus(TIMES + 20.0).pressure.any()
+
+
+def test_varied_places_stay_on_the_skin(tmp_path: Path) -> None:
+    text = HEAD.replace('"flat"', '"cylinder"').replace("0.01", "0.05") + TAP
+    design = script(tmp_path, text + "[variation]\nposition_m = 5e-3\n")
+    stage = Stage(design)
+    normal, centre = stage.skin.normals[5], stage.skin.positions[5]
+    assert abs(normal[0]) > 0.9  # not along z
+    for seed in range(20):
+        cast = Cast.draw(design, stage.skin, np.random.default_rng(seed))
+        moved = cast.contacts[0].way[0] - centre
+        assert moved @ normal == pytest.approx(0.0, abs=1e-12)
+        assert np.linalg.norm(moved) > 0.0
 
 
 def test_variations_stay_within_their_bounds(tmp_path: Path) -> None:
