@@ -10,7 +10,7 @@ import numpy as np
 from eskin.messages import Encoding, Position
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.record import BLOCK
-from sensor_node.firmware.taxel import KINDS
+from sensor_node.firmware.taxel import CHAINS
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
@@ -61,7 +61,7 @@ class EmulatedTaxel:
         self._noise_seed = noise_seed
         self._clock = clock
         self._boot = boot
-        self._calibrated = KINDS[taxel.kind](data_sheet(taxel), functions)
+        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), functions)
         self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sensor_node.firmware import build_inversion
 from sensor_node.frontend import build_frontend
+from sensor_node.machine.inversion import Inversion
 from sensor_node.skin import unmix
 from sensor_node.skin.pressing import PadInversion
 
@@ -38,7 +38,7 @@ class Chains:
             build_frontend(taxel, random) for taxel, random in zip(taxels, parts, strict=True)
         ]
         # Equal data sheets have equal inversions.
-        self._inversion = build_inversion(taxels[0])
+        self._inversion = Inversion(taxels[0])
         self._noises = noises
 
     def measure(

@@ -10,8 +10,8 @@ import numpy as np
 from pydantic import ValidationError
 
 from eskin.errors import ScenarioError
-from sensor_node.constants import EPSILON_0
 from sensor_node.dataset.columns import COIL, PAD, SURROUNDINGS
+from sensor_node.firmware.calibration import EPSILON_0
 from sensor_node.scenario import read_scenario
 from sensor_node.scenario.file import refusal
 from sensor_node.taxels import CoilSection, PadSection

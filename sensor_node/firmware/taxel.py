@@ -157,10 +157,10 @@ class HybridTaxel(Taxel):
             )
 
 
-KINDS: "Mapping[str, type[Taxel]]" = {
+CHAINS: "Mapping[str, type[Taxel]]" = {
     "capacitive": CapacitiveTaxel,
     "touch": TouchTaxel,
     "inductive": InductiveTaxel,
     "hybrid": HybridTaxel,
 }
-"""Class of each kind that a data sheet may name."""
+"""Class of each chain."""

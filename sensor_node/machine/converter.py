@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 import numpy as np
 
@@ -10,9 +10,22 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from sensor_node.taxels import AnyTaxel
 
 Codes: TypeAlias = "NDArray[np.int64]"
+
+
+class ConverterSheet(Protocol):
+    """The data sheet of a converter: its range, its resolution, bounds of its errors."""
+
+    adc_bits: int
+    adc_max: float
+    adc_gain_error: float
+    adc_offset_error: float
+    adc_nonlinearity: float
+
+    @property
+    def adc_min(self) -> float:
+        """Lower end of the range."""
 
 
 class Converter:
@@ -22,11 +35,11 @@ class Converter:
     capacitor array does, within the data sheet's bound.
 
     Args:
-        taxel: The data sheet: range, resolution, bounds of the errors.
+        taxel: Its data sheet.
         random: Draws the true errors.
     """
 
-    def __init__(self, taxel: AnyTaxel, random: np.random.Generator) -> None:
+    def __init__(self, taxel: ConverterSheet, random: np.random.Generator) -> None:
         codes = 1 << taxel.adc_bits
         step = (taxel.adc_max - taxel.adc_min) / codes
         self.last = codes - 1

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sensor_node.constants import EPSILON_0, REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
+from sensor_node.firmware.calibration import EPSILON_0
 from sensor_node.physics.parameters import draw_part
 from sensor_node.physics.signals import Signals
+from sensor_node.physics.surroundings import REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
 from sensor_node.scenario import Stage, read_scenario
 from sensor_node.skin import break_off
 

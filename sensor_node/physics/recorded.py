@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.interval import Interval
-from sensor_node.constants import SECOND
+from sensor_node.machine.crystal import BILLION
 from sensor_node.physics.signals import Signals
 from sensor_node.replay import read_recording
 
@@ -67,4 +67,4 @@ class RecordedWorld:
 
 
 def _ticks(seconds: Floats) -> NDArray[np.int64]:
-    return np.rint(seconds * SECOND).astype(np.int64)
+    return np.rint(seconds * BILLION).astype(np.int64)

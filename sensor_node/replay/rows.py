@@ -15,13 +15,13 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from eskin.errors import RecordingError
-from sensor_node.constants import SECOND
+from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-_TIMES: Final = {"time": SECOND, "time_s": SECOND, "time_ns": 1}
+_TIMES: Final = {"time": BILLION, "time_s": BILLION, "time_ns": 1}
 """Column to its nanoseconds."""
 _PIECE: Final = 65_536
 _LATEST: Final = 2**62

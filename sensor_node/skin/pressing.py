@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.interval import Interval
-from sensor_node.constants import EPSILON_0, REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
+from sensor_node.firmware.calibration import EPSILON_0
+from sensor_node.physics.surroundings import REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
 
 if TYPE_CHECKING:
     from sensor_node.taxels import PadSection

@@ -11,7 +11,7 @@ from sensor_node.firmware.clock import Clock
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.schedule import Schedule
-from sensor_node.firmware.taxel import KINDS
+from sensor_node.firmware.taxel import CHAINS
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def reals(table: "Table") -> "dict[str, float]":
 def control_unit(taxel: "Table", clock: Clock, scribe: Scribe) -> ControlUnit:
     return ControlUnit(
         taxel["id"],
-        KINDS[taxel["kind"]](reals(taxel["sheet"])),
+        CHAINS[taxel["kind"]](reals(taxel["sheet"])),
         schedule=Schedule(*taxel["schedule"]),
         coverage=real(taxel["coverage"]),
         prominences=reals(taxel["prominences"]),

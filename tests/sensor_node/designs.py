@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from array import array
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import TypeAdapter
 
-from eskin.interval import Interval
-from sensor_node.firmware.taxel import KINDS as CALIBRATED
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
-from sensor_node.machine.sheet import data_sheet
 from sensor_node.node import Node
 from sensor_node.profile import Profile
 from sensor_node.settings import NodeSettings
@@ -21,10 +17,9 @@ from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from sensor_node.machine.converter import Codes
     from sensor_node.taxels import AnyTaxel
 
 START = 1_790_000_000_000_000_000
@@ -50,19 +45,6 @@ def taxel(kind: str, /, **changes: Any) -> AnyTaxel:
     """A packaged taxel, changed."""
     found: AnyTaxel = TypeAdapter(Taxel).validate_python(table(kind, **changes))
     return found
-
-
-def invert(design: AnyTaxel, codes: Mapping[str, Codes]) -> dict[str, Interval]:
-    """What the firmware says of ADC codes."""
-    calibrated = CALIBRATED[design.kind](data_sheet(design))
-    given = [array("q", codes[name].tobytes()) for name in calibrated.inputs]
-    n = len(given[0])
-    bounds = [array("d", bytes(8 * n)) for _ in range(2 * len(calibrated.quantities))]
-    calibrated.measure(given, n, bounds)
-    return {
-        quantity: Interval(np.array(bounds[2 * k]), np.array(bounds[2 * k + 1]))
-        for k, (quantity, _) in enumerate(calibrated.quantities)
-    }
 
 
 def settings(folder: Path, profile: str = "fingertip", **sections: Any) -> NodeSettings:

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sensor_node.firmware import inversion
-from sensor_node.firmware.taxel import KINDS
+from sensor_node.firmware.taxel import CHAINS
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.sheet import data_sheet
 from tests.sensor_node.designs import taxel
@@ -22,14 +22,14 @@ CODES = st.lists(st.integers(0, 4095), min_size=1, max_size=50)
 
 
 def measured(kind: str, codes: list[int], functions: ModuleType, inl: float) -> list[bytes]:
-    calibrated = KINDS[kind](data_sheet(taxel(kind, adc_nonlinearity=inl)), functions)
+    calibrated = CHAINS[kind](data_sheet(taxel(kind, adc_nonlinearity=inl)), functions)
     given_codes = [array("q", codes) for _ in calibrated.inputs]
     bounds = [array("d", bytes(8 * len(codes))) for _ in range(2 * len(calibrated.quantities))]
     calibrated.measure(given_codes, len(codes), bounds)
     return [each.tobytes() for each in bounds]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", CHAINS)
 def test_compiled_gives_the_same_bits(kind: str) -> None:
     @settings(deadline=None)
     @given(CODES, st.sampled_from([0.0, 0.5, 3.0]))

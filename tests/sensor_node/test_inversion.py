@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 from scipy.stats import binom
 
 from sensor_node.frontend import build_frontend
+from sensor_node.machine.inversion import Inversion
 from sensor_node.physics import build_world
-from tests.sensor_node.designs import KINDS, invert, taxel
+from tests.sensor_node.designs import KINDS, taxel
 
 if TYPE_CHECKING:
     from eskin.interval import Floats, Interval
@@ -63,7 +64,7 @@ def measure(
     seconds = np.sort(random.uniform(0.0, span, n))
     signals = world.signals(seconds, random)
     digitised = frontend.digitise(signals.sensed, random)
-    return signals.truth | digitised.truth, invert(design, digitised.codes)
+    return signals.truth | digitised.truth, Inversion(design).measure(digitised.codes)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -158,7 +159,7 @@ def test_saturation_opens_the_side_that_is_not_measured(
     design = taxel(kind, **changes)
     last = 2**12 - 1
     name = "voltage" if kind == "inductive" else "current"
-    measured = invert(design, {name: np.array([0, 1000, last])})
+    measured = Inversion(design).measure({name: np.array([0, 1000, last])})
     for quantity, side in open_sides.items():
         values = measured[quantity]
         opened = {"lo": np.isinf(values.inf), "hi": np.isinf(values.sup)}
@@ -182,7 +183,7 @@ def test_hybrid_saturation_opens_both_ways() -> None:
 def test_distance_is_unknown_where_the_frequency_fits_no_distance() -> None:
     # Far below the empty coil's frequency no distance explains the code.
     design = taxel("inductive", adc_min_V=0.1, adc_max_V=0.9)
-    measured = invert(design, {"voltage": np.array([500, 3700])})
+    measured = Inversion(design).measure({"voltage": np.array([500, 3700])})
     assert measured["distance"].inf[0] == -np.inf
     assert measured["distance"].sup[0] == np.inf
     assert np.isfinite(measured["distance"].sup[1])

@@ -12,8 +12,8 @@ from pydantic import ValidationError
 
 from eskin.interval import Interval
 from eskin.models import capacitance, proximity_at
-from sensor_node.firmware import build_inversion
 from sensor_node.frontend import build_frontend
+from sensor_node.machine.inversion import Inversion
 from sensor_node.physics import build_world
 from sensor_node.physics.pad import Pads
 from sensor_node.scenario import Stage, read_scenario
@@ -138,7 +138,7 @@ def test_dead_taxel_saturates_and_its_intervals_still_hold(
     random = np.random.default_rng(1)
     world, frontend = build_world(design, random), build_frontend(design, random)
     signals = world.signals(TIMES, random)
-    measured = build_inversion(design).measure(frontend.digitise(signals.sensed, random).codes)
+    measured = Inversion(design).measure(frontend.digitise(signals.sensed, random).codes)
     values = measured[quantity]
     assert np.array_equal(~values.is_common, TIMES >= 3.0)
     assert np.all(values.contains(signals.truth[quantity]))
@@ -210,7 +210,7 @@ def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
     felt = []
     for design, random, row in zip(designs, randoms, true["capacitance"], strict=True):
         codes = build_frontend(design, random).digitise({"capacitance": row}, random).codes
-        measured = build_inversion(design).measure(codes)["capacitance"]
+        measured = Inversion(design).measure(codes)["capacitance"]
         air = Interval(stimulus.temperature), Interval(stimulus.humidity)
         felt.append(PadInversion(design).felt(measured, *air))
     own = unmix(Interval.stack(felt), stage.skin.neighbours, bound=0.1, most=5e4)
@@ -236,9 +236,7 @@ def test_faults_of_a_skin_are_found_from_its_intervals(tmp_path: Path) -> None:
         random = np.random.default_rng((1, number))
         world, frontend = build_world(each, random), build_frontend(each, random)
         sensed = world.signals(TIMES[:400], random).sensed
-        rows.append(
-            build_inversion(each).measure(frontend.digitise(sensed, random).codes)["capacitance"]
-        )
+        rows.append(Inversion(each).measure(frontend.digitise(sensed, random).codes)["capacitance"])
     health = examine(Interval.stack(rows), skin.neighbours, still=3e-14, moves=6e-14)
     assert np.flatnonzero(health.stuck.certain).tolist() == [5]
     assert np.flatnonzero(health.dead.certain).tolist() == [11]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sensor_node.firmware.clock import Clock
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.record import Scribe
-from sensor_node.firmware.taxel import KINDS, Taxel
+from sensor_node.firmware.taxel import CHAINS, Taxel
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ class Recorder:
         self._watch_working(monkeypatch)
 
     def _watch_making(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        kinds = {made: name for name, made in KINDS.items()}
+        kinds = {made: name for name, made in CHAINS.items()}
         make_clock, make_taxel, make_unit = Clock.__init__, Taxel.__init__, ControlUnit.__init__
 
         def clock(made: Clock, reading: int, error: int, drift: int) -> None:

@@ -11,8 +11,8 @@ from pydantic import TypeAdapter
 
 from eskin.errors import RecordingError
 from eskin.messages import Block, decode_message
-from sensor_node.firmware import build_inversion
 from sensor_node.frontend import build_frontend
+from sensor_node.machine.inversion import Inversion
 from sensor_node.physics import build_world
 from sensor_node.physics.recorded import RecordedWorld
 from sensor_node.taxels import Taxel
@@ -61,7 +61,7 @@ def test_recorded_values_are_the_truth_and_the_intervals_hold_them(tmp_path: Pat
     world, frontend = build_world(taxel, random), build_frontend(taxel, random)
     signals = world.signals(TIMES, random)
     assert signals.truth["capacitance"] == pytest.approx(WAVE * 1e-12)
-    measured = build_inversion(taxel).measure(frontend.digitise(signals.sensed, random).codes)
+    measured = Inversion(taxel).measure(frontend.digitise(signals.sensed, random).codes)
     assert np.all(measured["capacitance"].contains(signals.truth["capacitance"]))
     assert measured["capacitance"].wid.max() < 4e-12
 
@@ -72,7 +72,7 @@ def test_inductance_travels_the_chain_of_a_coil(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     world, frontend = build_world(taxel, random), build_frontend(taxel, random)
     signals = world.signals(np.arange(10.0), random)
-    measured = build_inversion(taxel).measure(frontend.digitise(signals.sensed, random).codes)
+    measured = Inversion(taxel).measure(frontend.digitise(signals.sensed, random).codes)
     assert signals.truth["inductance"] == pytest.approx(6e-3 + np.arange(10) * 1e-4)
     assert np.all(measured["inductance"].contains(signals.truth["inductance"]))
 
@@ -106,7 +106,7 @@ def test_nothing_is_made_up_in_gaps_after_the_end_and_where_it_is_unbounded(
     assert np.flatnonzero(world.missing(times)).tolist() == [4, 5, 6, 9, 10, 11]
     random = np.random.default_rng(2)
     codes = build_frontend(taxel, random).digitise(world.signals(times, random).sensed, random)
-    measured = build_inversion(taxel).measure(codes.codes)["capacitance"]
+    measured = Inversion(taxel).measure(codes.codes)["capacitance"]
     assert np.array_equal(~measured.is_common, world.missing(times))
 
 

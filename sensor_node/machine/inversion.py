@@ -1,0 +1,41 @@
+"""The firmware's measurement of whole arrays of codes, for datasets and tests."""
+
+from __future__ import annotations
+
+from array import array
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eskin.interval import Interval
+from sensor_node.firmware.taxel import CHAINS
+from sensor_node.machine.compilation import compiled_inversion
+from sensor_node.machine.sheet import data_sheet
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sensor_node.machine.converter import Codes
+    from sensor_node.taxels import AnyTaxel
+
+
+class Inversion:
+    """What the control unit makes of ADC codes, by its own arithmetic, compiled.
+
+    Args:
+        taxel: Its settings; never its true parts.
+    """
+
+    def __init__(self, taxel: AnyTaxel) -> None:
+        self._taxel = CHAINS[taxel.chain](data_sheet(taxel), compiled_inversion())
+
+    def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
+        """Quantity to intervals, as many as there are codes."""
+        given = [array("q", codes[name].tobytes()) for name in self._taxel.inputs]
+        n = len(given[0])
+        bounds = [array("d", bytes(8 * n)) for _ in range(2 * len(self._taxel.quantities))]
+        self._taxel.measure(given, n, bounds)
+        return {
+            quantity: Interval(np.array(bounds[2 * k]), np.array(bounds[2 * k + 1]))
+            for k, (quantity, _) in enumerate(self._taxel.quantities)
+        }

@@ -1,0 +1,55 @@
+"""Settings of a taxel (one sensing element): a ``[[taxel]]`` table of a node's file."""
+
+from __future__ import annotations
+
+from typing import Annotated, TypeAlias
+
+from pydantic import Field
+
+from sensor_node.taxels.capacitive import (
+    CapacitiveSection,
+    HarmonicSection,
+    PadSection,
+    RecordedCapacitanceSection,
+    TouchSection,
+)
+from sensor_node.taxels.hybrid import HybridSection
+from sensor_node.taxels.inductive import (
+    CoilSection,
+    InductiveSection,
+    RecordedInductanceSection,
+    SwingSection,
+)
+from sensor_node.taxels.section import TaxelSection, period
+
+AnyTaxel: TypeAlias = (
+    HarmonicSection
+    | PadSection
+    | RecordedCapacitanceSection
+    | TouchSection
+    | SwingSection
+    | CoilSection
+    | RecordedInductanceSection
+    | HybridSection
+)
+"""A taxel of any kind."""
+
+Taxel: TypeAlias = Annotated[AnyTaxel, Field(discriminator="kind")]
+"""The same, told apart by ``kind`` when read."""
+
+__all__ = [
+    "AnyTaxel",
+    "CapacitiveSection",
+    "CoilSection",
+    "HarmonicSection",
+    "HybridSection",
+    "InductiveSection",
+    "PadSection",
+    "RecordedCapacitanceSection",
+    "RecordedInductanceSection",
+    "SwingSection",
+    "Taxel",
+    "TaxelSection",
+    "TouchSection",
+    "period",
+]

@@ -1,0 +1,71 @@
+"""What all taxels have, and how their keys are written.
+
+Keys carry their SI unit. A tolerance is relative: the true part lies anywhere inside
+``value · [1 - tolerance, 1 + tolerance]``, and this is all that the firmware knows of it.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, ClassVar, TypeAlias
+
+from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo
+
+from eskin.settings import Section
+from sensor_node.machine.crystal import BILLION
+from sensor_node.noise import Noise
+
+Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
+Positive: TypeAlias = Annotated[float, Field(gt=0)]
+
+
+def period(hertz: float) -> int:
+    """Sampling period in ns."""
+    return round(BILLION / hertz)
+
+
+def _whole_period(hertz: float) -> float:
+    if abs(period(hertz) * hertz - BILLION) > 1e-6 * BILLION:
+        raise ValueError("the sampling period must be a whole number of nanoseconds")
+    return hertz
+
+
+Rate: TypeAlias = Annotated[float, Field(gt=0, le=1e6), AfterValidator(_whole_period)]
+
+
+def unit(alias: str, default: Any = ..., **limits: Any) -> Any:
+    """A field whose key in the file carries a unit that is no Python name."""
+    return Field(default, alias=alias, **limits)
+
+
+def above(info: ValidationInfo, value: float, key: str, name: str) -> float:
+    """Refuse an upper end that is not above its lower end."""
+    lower = info.data.get(name)
+    if lower is not None and value <= lower:
+        raise ValueError(f"it must be greater than {key} = {lower!r}")
+    return value
+
+
+class TaxelSection(Section):
+    """What all taxels have."""
+
+    model_config = ConfigDict(strict=True)
+
+    units: ClassVar[dict[str, str]] = {}
+    """Quantity to UCUM unit, in the order of its channels."""
+    chain: ClassVar[str]
+    """The measuring chain, as the firmware calls it."""
+
+    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$", description="such as t01")
+    noise: Noise = Field(description="disturbance of the measurement")
+    adc_bits: int = Field(default=12, ge=4, le=24, description="the converter's resolution")
+    adc_gain_error: Tolerance = 0.0
+    adc_offset_error: float = Field(default=0.0, ge=0, le=1000, description="in steps")
+    adc_nonlinearity: float = Field(default=0.0, ge=0, le=1000, description="INL, in steps")
+    longest_region_s: float = Field(
+        default=5.0, gt=0, description="after this time an undecided stretch is reported"
+    )
+
+    def prominence(self, quantity: str) -> float | None:
+        """Least prominence of a peak, in the channel's unit; ``None``: peaks are not sought."""
+        value: float | None = getattr(self, f"{quantity}_prominence")
+        return value
