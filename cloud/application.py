@@ -8,7 +8,18 @@ from starlette.responses import Response
 from cloud.dependencies import Reader
 from cloud.headers import HeadersMiddleware
 from cloud.problems import answer_problems
-from cloud.routes import dashboard, events, health, ingest, live, login, nodes, series
+from cloud.routes import (
+    commands,
+    dashboard,
+    deliveries,
+    events,
+    health,
+    ingest,
+    live,
+    login,
+    nodes,
+    series,
+)
 from cloud.routes.answers import as_json
 from cloud.state import Cloud
 
@@ -19,7 +30,7 @@ _VERSION: Final = "1"
 def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     app = _application(cloud, "eskin cloud", secure=cloud.secure)
-    for resource in (nodes, series, events, live):
+    for resource in (nodes, commands, series, events, live):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)
@@ -33,9 +44,10 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 
 def gateway_application(cloud: Cloud) -> FastAPI:
-    """Ingest; gateways prove who they are with each request."""
+    """Ingest and deliveries; gateways prove who they are with each request."""
     app = _application(cloud, "eskin cloud, ingest", secure=True)
-    app.include_router(ingest.router, prefix=API)
+    for resource in (ingest, deliveries):
+        app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     return app
 

@@ -67,13 +67,38 @@ def require_read(visitor: Visitor) -> Access:
     Raises:
         ProblemError: 401 without proof, 403 without the scope.
     """
+    return _require(visitor, Scope.READ)
+
+
+def require_operate(request: Request, visitor: Visitor) -> Access:
+    """Whoever may command nodes; browsers only from our own pages.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    require_same_site(request)
+    return _require(visitor, Scope.OPERATE)
+
+
+def require_same_site(request: Request) -> None:
+    """Refuse what other sites have a browser send; browsers say where a request comes from.
+
+    Raises:
+        ProblemError: It comes from another site.
+    """
+    if request.headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
+        raise ProblemError(403, "another site had this sent; do it on this page, or with a token")
+
+
+def _require(visitor: Access | None, scope: Scope) -> Access:
     if visitor is None:
         raise ProblemError(
             401, "a token is missing or no more good; send Authorization: Bearer TOKEN, or sign in"
         )
-    if Scope.READ not in visitor.scopes:
-        raise ProblemError(403, "this token lacks the scope read; ask for one that has it")
+    if scope not in visitor.scopes:
+        raise ProblemError(403, f"this token lacks the scope {scope}; ask for one that has it")
     return visitor
 
 
 Reader = Annotated[Access, Depends(require_read)]
+Operator = Annotated[Access, Depends(require_operate)]

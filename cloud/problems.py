@@ -11,6 +11,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from cloud.commands.errors import BacklogError
 from cloud.ingest.errors import (
     BatchError,
     BatchTooLargeError,
@@ -19,7 +20,7 @@ from cloud.ingest.errors import (
     UnauthenticatedError,
 )
 from cloud.query.errors import UnknownPlaceError
-from eskin.errors import EskinError, QueryError, StoreError
+from eskin.errors import CommandError, EskinError, QueryError, StoreError
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -33,6 +34,8 @@ RETRY_SECONDS: Final = 5
 _STATUSES: Final[tuple[tuple[type[EskinError], int], ...]] = (
     (UnknownPlaceError, 404),
     (QueryError, 422),
+    (CommandError, 422),
+    (BacklogError, 409),
     (StoreError, 503),
     (UnauthenticatedError, 401),
     (BatchTooLargeError, 413),

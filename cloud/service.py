@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cloud.application import gateway_application, people_application
+from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
 from cloud.ingest.replay import Replay
 from cloud.ingest.warrant import Verifier
@@ -74,7 +75,7 @@ def make_cloud(
         clock=clock,
         replay=Replay(),
     )
-    return Cloud(settings, store, feed, verifier, Metrics(store, feed), clock, dashboard)
+    return Cloud(settings, store, feed, Board(), verifier, Metrics(store, feed), clock, dashboard)
 
 
 async def _serve(cloud: Cloud) -> None:
@@ -112,6 +113,7 @@ async def _serve(cloud: Cloud) -> None:
         )
         await stopping.wait()
         cloud.feed.close()
+        cloud.board.close()
         for listener in listeners:
             listener.should_exit = True
 

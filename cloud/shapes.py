@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import orjson
 
+from cloud.commands.wish import is_settled
 from cloud.query.series import union_coverage
 from eskin.moment import format_moment
 
@@ -123,6 +125,48 @@ def node_shape(row: Row, *, channels: int, health: str) -> Json:
         "gaps": row["gaps"] or 0,
         "channels": channels,
     }
+
+
+def command_shape(row: Row, *, now: int) -> Json:
+    """A command, and what became of it by now."""
+    state, reason = row["outcome"], row["reason"]
+    if state is None and now >= row["expires"]:
+        state, reason = "expired", "no answer came in time"
+    elif state is None:
+        state = "pending" if row["delivered"] is None else "delivered"
+    return {
+        "id": row["id"],
+        "node": row["node"],
+        "name": row["name"],
+        "arguments": orjson.loads(row["arguments"]),
+        "state": state,
+        "reason": reason,
+        "issued": format_moment(row["issued"]),
+        "expires": format_moment(row["expires"]),
+        "delivered": _moment(row["delivered"]),
+        "answered": _stretch(row["t_lo"], row["t_hi"]),
+    }
+
+
+def state_shape(node: str, row: Row | None) -> Json:
+    """How a node should be set, and how it is; without a row nobody said either."""
+    known: Row = row if row is not None else defaultdict(lambda: None)
+    desired = orjson.loads(known["desired"] or "{}")
+    reported = None if known["reported"] is None else orjson.loads(known["reported"])
+    return {
+        "node": node,
+        "desired": desired,
+        "desired_at": _moment(known["desired_at"]),
+        "desired_by": known["desired_by"],
+        "reported": reported,
+        "reported_at": _stretch(known["t_lo"], known["t_hi"]),
+        "reported_by": known["reported_by"],
+        "settled": is_settled(desired, reported),
+    }
+
+
+def _stretch(lo: int | None, hi: int | None) -> Json | None:
+    return None if lo is None or hi is None else {"lo": format_moment(lo), "hi": format_moment(hi)}
 
 
 def _interval(lo: float | None, hi: float | None) -> Json | None:

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
+    from cloud.commands import Board
     from cloud.ingest.warrant import Verifier
     from cloud.live import Feed
     from cloud.metrics import Metrics
@@ -24,6 +25,7 @@ class Cloud:
         settings: All settings.
         store: Keeps everything.
         feed: Tells what is stored as it comes.
+        board: Wakes gateways that wait for commands.
         verifier: Checks gateways' tokens.
         metrics: Counts.
         clock: Gives UTC ns.
@@ -33,6 +35,7 @@ class Cloud:
     settings: CloudSettings
     store: Store
     feed: Feed
+    board: Board
     verifier: Verifier
     metrics: Metrics
     clock: Callable[[], int]

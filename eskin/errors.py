@@ -4,6 +4,7 @@
     ├── IntervalError            bounds that are no interval, or shapes that do not fit
     ├── SettingsError            a configuration that cannot be used
     ├── MessageError             bytes that are no message of the wire contract
+    ├── CommandError             a command that asks for what is not allowed
     ├── EnvelopeError            a sealed message that cannot be trusted
     │   ├── MalformedEnvelopeError
     │   ├── UnknownSenderError
@@ -34,6 +35,15 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+def shown(value: object) -> str:
+    """A value as a message shows it, whatever a peer sent."""
+    try:
+        text = repr(value)
+    except ValueError:  # an integer of thousands of digits
+        text = f"a very long {type(value).__name__}"
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
 class EskinError(Exception):
     """Root of all errors that eskin raises on purpose."""
 
@@ -56,6 +66,23 @@ class SettingsError(EskinError):
 
 class MessageError(EskinError):
     """Bytes that are no message of the wire contract (``docs/eskin.cddl``)."""
+
+
+class CommandError(EskinError):
+    """A command that asks for what is not allowed.
+
+    Attributes:
+        field: Which of its arguments.
+        value: What it asks for; ``None`` where something is missing.
+        allowed: What may be asked for.
+    """
+
+    def __init__(self, field: str, value: object, allowed: str) -> None:
+        asked = "" if value is None else f" is {shown(value)}"
+        super().__init__(f"{field}{asked}; allowed: {allowed}")
+        self.field = field
+        self.value = value
+        self.allowed = allowed
 
 
 class EnvelopeError(EskinError):

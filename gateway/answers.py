@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from eskin.errors import UntrustedCertificateError
-from eskin.messages import Block, Status
+from eskin.messages import Block, Gap, Peak, Status
 from gateway import public
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ class Answers:
         for node, message, live in outcome.messages:
             if isinstance(message, Block):
                 yield *public.live(node, message), False
-            elif not isinstance(message, Status):
+            elif isinstance(message, Peak | Gap):
                 yield *public.event(node, message), False
             status = message if isinstance(message, Status) else None
             yield from self._presence.heard(node, status, live=live, now=now)

@@ -17,7 +17,7 @@ from eskin.errors import (
     UnknownSenderError,
     UntrustedCertificateError,
 )
-from eskin.messages import Block, Gap, Message, Peak, Position, Status, decode_message
+from eskin.messages import Block, Gap, Message, Peak, Position, Result, Status, decode_message
 from eskin.topics import FROM_NODE, Stream, parse_node_topic
 from gateway.batch import Batch, DeadLetter, Entry
 from gateway.poison import poison_position
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 
 _FITS: Final = {
     Stream.BLOCKS: (Block,),
-    Stream.EVENTS: (Peak, Gap),
+    Stream.EVENTS: (Peak, Gap, Result),
     Stream.STATUS: (Status,),
 }
 _REASONS: Final = (

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Final, Generic, Literal, TypeVar
 
-from pydantic import BaseModel, Field
+from pydantic import BaseModel, ConfigDict, Field
 
 from cloud.problems import documented
 
@@ -20,6 +20,21 @@ REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 503
 """What every question may be answered with."""
 REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 404, 422, 503)
 """What a question about a node or a channel may be answered with."""
+
+CBOR_BODY: Final[dict[str, Any]] = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/cbor": {"schema": {"type": "string", "format": "binary"}}},
+    },
+    "security": [{"gateway": []}],
+}
+"""The description of what gateways post."""
+
+
+class NoQuery(BaseModel):
+    """No parameters."""
+
+    model_config = ConfigDict(extra="forbid")
 
 
 class IntervalDocument(BaseModel):
@@ -115,7 +130,7 @@ class EventDocument(BaseModel):
     id: str
     node: str
     channel: str | None
-    kind: Literal["peak", "gap", "status"]
+    kind: Literal["peak", "gap", "status", "command"]
     verdict: Literal["certain", "possible"] | None
     time: TimeDocument
     height: IntervalDocument | None
@@ -126,6 +141,42 @@ class EventDocument(BaseModel):
     boot: int
     sequence: int
     detail: str | None
+
+
+class CommandDocument(BaseModel):
+    """A command.
+
+    ``expired`` without an answer may still turn into what the node says: it may have done it in
+    time, and its word is on its way.
+    """
+
+    id: int
+    node: str
+    name: Literal["calibrate", "set", "reset"]
+    arguments: dict[str, float | str]
+    state: Literal["pending", "delivered", "done", "refused", "expired"]
+    reason: str | None
+    issued: Moment
+    expires: Moment
+    delivered: Moment | None
+    answered: TimeDocument | None
+
+
+class StateDocument(BaseModel):
+    """How a node should be set, and how it says that it is.
+
+    Both map a place (a channel, a taxel, or ``*`` for the whole node) to its settings; ``…_by`` is
+    the command behind. ``settled`` says whether the node reports all that is desired.
+    """
+
+    node: str
+    desired: dict[str, dict[str, float | str]]
+    desired_at: Moment | None
+    desired_by: int | None
+    reported: dict[str, dict[str, float | str]] | None
+    reported_at: TimeDocument | None
+    reported_by: int | None
+    settled: bool
 
 
 class PageDocument(BaseModel, Generic[T]):

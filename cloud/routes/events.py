@@ -1,4 +1,4 @@
-"""Events: peaks, gaps, and what changed in a node's status."""
+"""Events: peaks, gaps, answered commands, and what changed in a node's status."""
 
 from typing import Annotated, Literal
 
@@ -26,7 +26,9 @@ class EventsQuery(BaseModel):
 
     node: str | None = Field(default=None, max_length=100, description="of this node only")
     channel: str | None = Field(default=None, max_length=100, description="of this channel only")
-    kind: Literal["peak", "gap", "status"] | None = Field(default=None, description="only these")
+    kind: Literal["peak", "gap", "status", "command"] | None = Field(
+        default=None, description="only these"
+    )
     verdict: Literal["certain", "possible"] | None = Field(default=None, description="only these")
     start: str | None = Field(default=None, max_length=100, description=f"not over before; {_TIME}")
     end: str | None = Field(default=None, max_length=100, description=f"begun before; {_TIME}")

@@ -45,7 +45,7 @@ class EventStream(StreamingResponse):
     "/live",
     response_class=EventStream,
     responses={
-        200: {"description": "server-sent events: block, peak, gap, status"},
+        200: {"description": "server-sent events: block, peak, gap, status, command"},
         **REFUSALS_OF_PLACE,
     },
 )

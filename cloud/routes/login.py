@@ -8,7 +8,7 @@ from fastapi import APIRouter, Cookie, Query, Request
 from starlette.responses import RedirectResponse, Response
 
 from cloud.access import close_session, open_session, redeem_login_code
-from cloud.dependencies import COOKIE, CloudState
+from cloud.dependencies import COOKIE, CloudState, require_same_site
 from cloud.login import login_page, login_script, login_style
 from cloud.problems import ProblemError
 from cloud.state import Cloud
@@ -38,7 +38,7 @@ async def get_login(
 @router.post("/login")
 async def post_login(cloud: CloudState, request: Request) -> Response:
     """Take the form's token."""
-    _require_same_site(request)
+    require_same_site(request)
     token = await _read_token(request)
     opened = await asyncio.to_thread(open_session, cloud.store, token, lifetime=_lifetime(cloud))
     if opened is None:
@@ -53,7 +53,7 @@ async def post_logout(
     session: Annotated[str | None, Cookie(alias=COOKIE)] = None,
 ) -> Response:
     """End the session."""
-    _require_same_site(request)
+    require_same_site(request)
     if session is not None:
         await asyncio.wrap_future(close_session(cloud.store, session[:_LONGEST_SECRET]))
     answer = RedirectResponse("/login", 303)
@@ -86,12 +86,6 @@ async def _read_token(request: Request) -> str:
             raise ProblemError(413, f"the form is longer than {_LONGEST_FORM} bytes")
     fields = parse_qs(body.decode("latin-1"))
     return fields.get("token", [""])[0].strip()[:_LONGEST_SECRET]
-
-
-def _require_same_site(request: Request) -> None:
-    """Refuse forms of other sites; browsers say where a request comes from."""
-    if request.headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
-        raise ProblemError(403, "this form was sent by another site; sign in on this page")
 
 
 def _signed_in(cloud: Cloud, session: str) -> Response:

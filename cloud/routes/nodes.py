@@ -16,6 +16,7 @@ from cloud.routes.documents import (
     REFUSALS_OF_PLACE,
     ChannelDocument,
     NodeDocument,
+    NoQuery,
     PageDocument,
 )
 from cloud.shapes import channel_shape, node_shape, page
@@ -31,12 +32,6 @@ class ListQuery(BaseModel):
     model_config = ConfigDict(extra="forbid")
 
     cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
-
-
-class NoQuery(BaseModel):
-    """No parameters."""
-
-    model_config = ConfigDict(extra="forbid")
 
 
 @router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)

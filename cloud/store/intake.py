@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import insert
 
 from cloud.store.channels import add_block, check_units, declare
+from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
@@ -16,7 +17,7 @@ from cloud.store.presence import see
 from cloud.store.schema import NODE_LENGTH, blocks, events
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
-from eskin.messages import Block, Gap, Message, Peak, Status, decode_message
+from eskin.messages import Block, Gap, Message, Peak, Result, decode_message
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,7 +68,7 @@ class Item:
 
 
 @dataclass(frozen=True, slots=True)
-class Result:
+class Receipt:
     """What became of one item.
 
     Attributes:
@@ -83,7 +84,7 @@ class Result:
 class Outcome:
     """What became of a batch: results in the batch's order, and news for the live feed."""
 
-    results: list[Result]
+    results: list[Receipt]
     entries: list[Entry]
     buried: int
 
@@ -135,20 +136,20 @@ def take_in(
     return Outcome(results, batch.entries, buried)
 
 
-def _take(batch: _Batch, item: Item, gateway: str) -> Result:
+def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
     message, reason = item.message, item.reason
     if message is not None:
         place = message.position
         if place.sequence in batch.ledger.ranges(batch.connection, item.node, place.boot):
-            return Result(DUPLICATE)
+            return Receipt(DUPLICATE)
         reason = check_units(batch.connection, batch.ledger, item.node, message)
     if message is None or reason is not None:
         reason = reason or "no message"
         batch.dead.append(_letter(item, reason, gateway, batch.now))
-        return Result(REJECTED, reason)
+        return Receipt(REJECTED, reason)
     _store(batch, item.node, message, item.data)
     batch.ledger.add(batch.connection, item.node, place.boot, place.sequence)
-    return Result(STORED)
+    return Receipt(STORED)
 
 
 def _store(batch: _Batch, node: str, message: Message, data: bytes) -> None:
@@ -164,13 +165,14 @@ def _store(batch: _Batch, node: str, message: Message, data: bytes) -> None:
         batch.tell(peak_row(node, message, data))
     elif isinstance(message, Gap):
         batch.tell(gap_row(node, message, data))
+    elif isinstance(message, Result):
+        _tell_if_any(batch, keep_result(batch.connection, node, message, data))
     else:
-        _store_status(batch, node, message, data)
+        declare(batch.connection, batch.ledger, node, message)
+        _tell_if_any(batch, status_row(batch.connection, batch.ledger, node, message, data))
 
 
-def _store_status(batch: _Batch, node: str, status: Status, data: bytes) -> None:
-    declare(batch.connection, batch.ledger, node, status)
-    row = status_row(batch.connection, batch.ledger, node, status, data)
+def _tell_if_any(batch: _Batch, row: Row | None) -> None:
     if row is not None:
         batch.tell(row)
 

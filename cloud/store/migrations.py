@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, func, insert, inspect, select
 
-from cloud.store.schema import feed, metadata, versions
+from cloud.store.schema import commands, feed, metadata, states, versions
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -14,11 +14,16 @@ if TYPE_CHECKING:
 
 
 def _first(connection: Connection) -> None:
-    metadata.create_all(connection)
+    later = {commands, states}
+    metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
 
-MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first,)
+def _second(connection: Connection) -> None:
+    metadata.create_all(connection, [commands, states])
+
+
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second)
 CURRENT: Final = len(MIGRATIONS)
 
 

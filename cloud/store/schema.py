@@ -151,7 +151,49 @@ events = Table(
     Index("events_by_time", "t_lo", "cursor"),
     Index("events_by_node", "node", "t_lo", "cursor"),
 )
-"""Peaks, gaps, and what changed in a node's status; ``data`` is the message byte for byte."""
+"""Peaks, gaps, answered commands, and what changed in a node's status.
+
+``data`` is the message byte for byte.
+"""
+
+commands = Table(
+    "commands",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("id", BigInteger, primary_key=True, autoincrement=False),
+    Column("name", String(16), nullable=False),
+    Column("arguments", Text, nullable=False),
+    Column("issued", BigInteger, nullable=False),
+    Column("expires", BigInteger, nullable=False),
+    Column("delivered", BigInteger),
+    Column("outcome", String(8)),
+    Column("reason", String(200)),
+    Column("t_lo", BigInteger),
+    Column("t_hi", BigInteger),
+    Column("data", LargeBinary, nullable=False),
+    Index("commands_open", "outcome", "expires"),
+)
+"""Commands, ``data`` as they were signed.
+
+``delivered`` is when a gateway first had handed it to its broker; ``outcome``, ``reason`` and the
+time (``t_lo``, ``t_hi``) are the node's word.
+"""
+
+states = Table(
+    "states",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("desired", Text),
+    Column("desired_at", BigInteger),
+    Column("desired_by", BigInteger),
+    Column("reported", Text),
+    Column("boot", BigInteger),
+    Column("sequence", BigInteger),
+    Column("t_lo", BigInteger),
+    Column("t_hi", BigInteger),
+    Column("reported_by", BigInteger),
+)
+"""How each node should be set (JSON), and how it says that it is; ``…_by`` is the command."""
 
 sequences = Table(
     "sequences",

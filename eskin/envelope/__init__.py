@@ -11,6 +11,10 @@ Protected header: 1 alg (A256GCM), -20 salt, -27 x5t-sender and 34 x5t (RFC 9360
 recipient's certificates), and ``HELD``: the lowest boot and sequence that the sender still holds.
 Unprotected: 5 IV, and -29 x5chain-sender where the sender introduces itself.
 External data: the topic. So a message moved to another topic is no message.
+
+What must hold from end to end, past the gateways, is signed: COSE_Sign1 (RFC 9052, section 4.2)
+with ES256 (RFC 9053, section 2.1). Protected header: 1 alg (ES256) and 33 x5chain (RFC 9360).
+External data: the topic.
 """
 
 from __future__ import annotations
@@ -19,5 +23,16 @@ from eskin.envelope.header import introduction
 from eskin.envelope.labels import HELD, MOST_ENVELOPE
 from eskin.envelope.opener import Opened, Opener
 from eskin.envelope.sealer import Sealer
+from eskin.envelope.signer import sign
+from eskin.envelope.verifier import Verifier
 
-__all__ = ["HELD", "MOST_ENVELOPE", "Opened", "Opener", "Sealer", "introduction"]
+__all__ = [
+    "HELD",
+    "MOST_ENVELOPE",
+    "Opened",
+    "Opener",
+    "Sealer",
+    "Verifier",
+    "introduction",
+    "sign",
+]

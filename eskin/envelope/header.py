@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cbor2
 
@@ -53,9 +53,7 @@ class Header:
         Raises:
             MalformedEnvelopeError: It is none of ours.
         """
-        header = _load(protected, "protected header")
-        if not isinstance(header, dict):
-            raise MalformedEnvelopeError("protected header is no map")
+        header = load_header(protected)
         if header.get(ALG) != A256GCM:
             raise MalformedEnvelopeError("algorithm is not A256GCM (3)")
         salt = header.get(SALT)
@@ -92,22 +90,40 @@ def read_parts(envelope: bytes) -> tuple[bytes, dict[object, object], bytes]:
     Raises:
         MalformedEnvelopeError: The bytes are no envelope of ours.
     """
+    protected, unprotected, sealed = read_tagged(envelope, ENCRYPT0, 3, "COSE_Encrypt0")
+    return protected, unprotected, sealed
+
+
+def read_tagged(envelope: bytes, tag: int, parts: int, what: str) -> tuple[Any, ...]:
+    """Protected header, unprotected header, and the byte strings behind them.
+
+    Raises:
+        MalformedEnvelopeError: The bytes are no envelope of that tag.
+    """
     if len(envelope) > MOST_ENVELOPE:
         raise MalformedEnvelopeError(
             f"envelope of {len(envelope)} bytes; at most {MOST_ENVELOPE} are allowed"
         )
     tagged = _load(envelope, "envelope")
-    if isinstance(tagged, cbor2.CBORTag) and tagged.tag == ENCRYPT0:
+    if isinstance(tagged, cbor2.CBORTag) and tagged.tag == tag:
         value = tagged.value
-        if isinstance(value, list) and len(value) == 3:
-            protected, unprotected, sealed = value
-            if (
-                isinstance(protected, bytes)
-                and isinstance(unprotected, dict)
-                and isinstance(sealed, bytes)
-            ):
-                return protected, unprotected, sealed
-    raise MalformedEnvelopeError("envelope is no COSE_Encrypt0 (RFC 9052, section 5.2)")
+        if isinstance(value, list) and len(value) == parts:
+            types = (bytes, dict, *(bytes for _ in value[2:]))
+            if all(isinstance(part, kind) for part, kind in zip(value, types, strict=True)):
+                return tuple(value)
+    raise MalformedEnvelopeError(f"envelope is no {what} (RFC 9052)")
+
+
+def load_header(protected: bytes) -> dict[object, object]:
+    """Decode a protected header.
+
+    Raises:
+        MalformedEnvelopeError: It is no map.
+    """
+    header = _load(protected, "protected header")
+    if not isinstance(header, dict):
+        raise MalformedEnvelopeError("protected header is no map")
+    return header
 
 
 def read_iv(unprotected: Mapping[object, object]) -> bytes:

@@ -25,3 +25,10 @@ CHAIN: Final = -29
 SHA256_ID: Final = -16
 HELD: Final = -70_001
 """Header (private use) with the lowest position that a node still holds."""
+SIGN1: Final = 18
+"""CBOR tag."""
+ES256: Final = -7
+SIGNATURE_BYTES: Final = 64
+"""Of ES256: r and s, 32 bytes each."""
+SIGNER_CHAIN: Final = 33
+"""Header x5chain."""

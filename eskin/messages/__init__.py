@@ -7,28 +7,36 @@ from typing import TypeAlias
 from eskin.errors import MessageError
 from eskin.messages.acknowledgement import Acknowledgement
 from eskin.messages.block import Block
+from eskin.messages.command import Command
 from eskin.messages.encoding import Encoding
 from eskin.messages.fields import load
 from eskin.messages.gap import Gap
 from eskin.messages.head import Kind, Position
 from eskin.messages.peak import Peak
+from eskin.messages.result import Outcome, Result
 from eskin.messages.status import ChannelInfo, Status
+from eskin.messages.vocabulary import CommandName, Mode
 
 __all__ = [
     "Acknowledgement",
     "Block",
     "ChannelInfo",
+    "Command",
+    "CommandName",
     "Encoding",
     "Gap",
     "Kind",
     "Message",
+    "Mode",
+    "Outcome",
     "Peak",
     "Position",
+    "Result",
     "Status",
     "decode_message",
 ]
 
-Message: TypeAlias = Block | Peak | Gap | Status
+Message: TypeAlias = Block | Peak | Gap | Status | Result
 """Whatever a node says in its sequence."""
 
 
@@ -51,4 +59,6 @@ def decode_message(data: bytes) -> Message:
         return Gap.read(fields)
     if kind == Kind.STATUS:
         return Status.read(fields)
-    raise MessageError(f"field 1 is {kind}; a node says kinds 1 to 4")
+    if kind == Kind.RESULT:
+        return Result.read(fields)
+    raise MessageError(f"field 1 is {kind}; a node says kinds 1 to 5")

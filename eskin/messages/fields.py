@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final
 
 import cbor2
 
-from eskin.errors import MessageError
+from eskin.errors import MessageError, shown
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -133,16 +133,16 @@ class Fields:
 def integer(value: object, what: str, least: int, most: int) -> int:
     """Check an integer."""
     if type(value) is not int:
-        raise MessageError(f"{what} is {_shown(value)}; expected an integer")
+        raise MessageError(f"{what} is {shown(value)}; expected an integer")
     if not least <= value <= most:
-        raise MessageError(f"{what} is {_shown(value)}; allowed is {least} to {most}")
+        raise MessageError(f"{what} is {shown(value)}; allowed is {least} to {most}")
     return value
 
 
 def real(value: object, what: str, least: float = -math.inf, most: float = math.inf) -> float:
     """Check a float."""
     if type(value) is not float:
-        raise MessageError(f"{what} is {_shown(value)}; expected a float")
+        raise MessageError(f"{what} is {shown(value)}; expected a float")
     if not least <= value <= most:
         raise MessageError(f"{what} is {value!r}; allowed is {least} to {most}")
     return value
@@ -151,10 +151,10 @@ def real(value: object, what: str, least: float = -math.inf, most: float = math.
 def text(value: object, what: str, longest: int) -> str:
     """Check a text."""
     if type(value) is not str:
-        raise MessageError(f"{what} is {_shown(value)}; expected a text")
+        raise MessageError(f"{what} is {shown(value)}; expected a text")
     if not 1 <= len(value) <= longest or not value.isprintable():
         raise MessageError(
-            f"{what} is {_shown(value)}; expected 1 to {longest} printable characters"
+            f"{what} is {shown(value)}; expected 1 to {longest} printable characters"
         )
     return value
 
@@ -162,7 +162,7 @@ def text(value: object, what: str, longest: int) -> str:
 def items(value: object, what: str, most: int) -> list[object]:
     """Check an array."""
     if not isinstance(value, list):
-        raise MessageError(f"{what} is {_shown(value)}; expected an array")
+        raise MessageError(f"{what} is {shown(value)}; expected an array")
     if len(value) > most:
         raise MessageError(f"{what} has {len(value)} items; at most {most} are allowed")
     return value
@@ -187,11 +187,3 @@ def integer_pair(value: object, what: str, least: int, most: int) -> tuple[int, 
 
 def _is_key(key: object) -> bool:
     return type(key) is int and abs(key) < 2**16
-
-
-def _shown(value: object) -> str:
-    try:
-        shown = repr(value)
-    except ValueError:  # an integer of thousands of digits
-        shown = f"a very long {type(value).__name__}"
-    return shown if len(shown) <= 80 else f"{shown[:77]}..."

@@ -24,7 +24,9 @@ class Kind(IntEnum):
     PEAK = 2
     GAP = 3
     STATUS = 4
+    RESULT = 5
     ACKNOWLEDGEMENT = 16
+    COMMAND = 17
 
 
 @dataclass(frozen=True, slots=True, order=True)

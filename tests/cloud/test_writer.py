@@ -122,7 +122,8 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
     assert given_up.cancel()
     held.set_result(None)
     put(store, block(0))
-    assert [row["version"] for row in rows(store, versions)] == [migrations.CURRENT]
+    applied = [row["version"] for row in rows(store, versions)]
+    assert applied == list(range(1, migrations.CURRENT + 1))
 
 
 def test_later_schema_is_refused(tmp_path: Path) -> None:
@@ -155,7 +156,26 @@ def test_failed_migration_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.Mo
     with Store(path) as store, store.read() as connection:
         query = text("SELECT count(*) FROM sqlite_master WHERE name = 'half'")
         assert connection.execute(query).scalar_one() == 0
-        assert connection.execute(select(func.max(versions.c.version))).scalar_one() == 1
+        newest = select(func.max(versions.c.version))
+        assert connection.execute(newest).scalar_one() == migrations.CURRENT
+
+
+def test_store_of_the_first_version_is_brought_up_to_date(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "s.sqlite"
+    tables = text("SELECT name FROM sqlite_master WHERE name IN ('commands', 'states')")
+    with monkeypatch.context() as patch:
+        patch.setattr(migrations, "MIGRATIONS", migrations.MIGRATIONS[:1])
+        patch.setattr(migrations, "CURRENT", 1)
+        with Store(path) as store:
+            put(store, block(0))
+            with store.read() as connection:
+                assert connection.execute(tables).all() == []
+    with Store(path) as store:
+        assert len(rows(store, blocks)) == 1
+        with store.read() as connection:
+            assert len(connection.execute(tables).all()) == 2
 
 
 def test_file_that_is_no_store_is_refused(tmp_path: Path) -> None:

@@ -156,7 +156,7 @@ def test_mutated_block_is_refused_or_still_an_interval(data: st.DataObject) -> N
         ({3: -1}, "allowed is 0"),
         ({2: True}, "expected an integer"),
         ({99: 1}, "field 99 is unknown"),
-        ({1: 9}, "kinds 1 to 4"),
+        ({1: 9}, "kinds 1 to 5"),
         ({12: b"raw"}, "no typed array"),
     ],
 )

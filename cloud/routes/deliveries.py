@@ -1,0 +1,69 @@
+"""Deliveries: gateways ask for commands, and wait for an answer as long as there is none."""
+
+import asyncio
+import time
+from typing import Final
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from cloud.commands.deliveries import (
+    Changes,
+    Holding,
+    find_changes,
+    find_unmarked,
+    mark_delivered,
+)
+from cloud.dependencies import CloudState
+from cloud.ingest.reception import MEDIA_TYPE, receive
+from cloud.problems import documented
+from cloud.routes.documents import CBOR_BODY
+from cloud.state import Cloud
+
+router = APIRouter(tags=["ingest"])
+
+_LOOK_S: Final = 5.0
+"""Time passes, too: commands expire without anybody's word."""
+
+
+class CborResponse(Response):
+    """An answer in CBOR."""
+
+    media_type = MEDIA_TYPE
+
+
+@router.post(
+    "/deliveries",
+    response_class=CborResponse,
+    responses=documented(401, 413, 415, 422, 503),
+    openapi_extra=CBOR_BODY,
+)
+async def post_deliveries(cloud: CloudState, request: Request) -> Response:
+    """Commands that a gateway does not hold yet, and those that it should deliver no more."""
+    _, body = await receive(cloud, request)
+    holding = Holding.read(body)
+    await _mark(cloud, holding)
+    deadline = time.monotonic() + holding.wait_s
+    while True:
+        version = cloud.board.version
+        changes = await asyncio.to_thread(_find, cloud, holding)
+        left = deadline - time.monotonic()
+        if changes.give or changes.drop or left <= 0 or cloud.board.closed:
+            return CborResponse(changes.encode())
+        await cloud.board.wait(version, min(left, _LOOK_S))
+
+
+def _find(cloud: Cloud, holding: Holding) -> Changes:
+    with cloud.store.read() as connection:
+        return find_changes(connection, holding, now=cloud.clock())
+
+
+async def _mark(cloud: Cloud, holding: Holding) -> None:
+    def unmarked() -> list[tuple[str, int]]:
+        with cloud.store.read() as connection:
+            return find_unmarked(connection, holding)
+
+    sent = await asyncio.to_thread(unmarked) if holding.sent else []
+    if sent:
+        written = cloud.store.write(lambda c: mark_delivered(c, sent, now=cloud.clock()))
+        await asyncio.wrap_future(written)

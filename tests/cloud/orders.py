@@ -1,0 +1,74 @@
+"""Commanding nodes in tests: as people do, and as gateways fetch."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import cbor2
+
+from cloud.access import Scope, create_token
+from eskin.envelope import Verifier
+from eskin.identity import IdentityKind, Trust
+from eskin.messages import Command, Outcome, Position, Result
+from eskin.topics import Stream, node_topic
+from tests.cloud.clouds import warrant
+from tests.cloud.messages import NODE, START
+
+if TYPE_CHECKING:
+    import httpx
+
+    from eskin.messages.vocabulary import State
+    from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+
+def result(
+    sequence: int,
+    command: int,
+    *,
+    boot: int = 1,
+    reason: str | None = None,
+    state: State | None = None,
+) -> Result:
+    """A node's answer; refused where there is a reason."""
+    outcome = Outcome.DONE if reason is None else Outcome.REFUSED
+    place = Position(boot, sequence)
+    return Result(place, (START, START + 9), command, outcome, reason, state or {})
+
+
+async def order(
+    stand: Stand, body: Any, *, node: str = NODE, token: str | None = None, **options: Any
+) -> httpx.Response:
+    """Ask something of a node."""
+    if token is None:
+        token = create_token(
+            stand.cloud.store,
+            scopes=[Scope.READ, Scope.OPERATE],
+            name="operator",
+            lifetime=timedelta(hours=1),
+        )
+    async with stand.client(token=token) as client:
+        return await client.post(f"/api/v1/nodes/{node}/commands", json=body, **options)
+
+
+async def fetch(
+    stand: Stand, held: Any = (), *, wait: Any = 0.0, body: bytes | None = None
+) -> httpx.Response:
+    """Ask for commands as a gateway does."""
+    if body is None:
+        body = cbor2.dumps({"held": list(held), "wait_s": wait})
+    headers = {
+        "Authorization": f"Bearer {warrant(stand.gateway, body, stand.clock())}",
+        "Content-Type": "application/cbor",
+    }
+    async with stand.ingest_client() as client:
+        return await client.post("/api/v1/deliveries", content=body, headers=headers)
+
+
+def opened(identities: Identities, signed: bytes, node: str = NODE) -> Command:
+    """A command, as the node checks it."""
+    verifier = Verifier(
+        Trust(identities.authority.root), kind=IdentityKind.SERVER, name="server.cloud"
+    )
+    return Command.decode(verifier.verify(signed, topic=node_topic(node, Stream.COMMANDS)))
