@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from typing import TYPE_CHECKING
 
-from eskin.envelope import Sealer
 from eskin.messages import Acknowledgement, Position
 from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
@@ -15,21 +13,18 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from eskin.identity import Identity
+    from gateway.sealers import Sealers
 
 
 class Acknowledger:
     """Seals acknowledgements.
 
     Args:
-        site: The site's identity.
-        capacity: How many nodes' keys are remembered.
+        sealers: Seal for nodes.
     """
 
-    def __init__(self, site: Identity, *, capacity: int = 4096) -> None:
-        self._site = site
-        self._capacity = capacity
-        self._sealers: OrderedDict[bytes, Sealer] = OrderedDict()
+    def __init__(self, sealers: Sealers) -> None:
+        self._sealers = sealers
 
     def seal(
         self,
@@ -54,15 +49,5 @@ class Acknowledger:
             boots.setdefault(position.boot, SequenceRanges()).add(position.sequence)
         spans = tuple((boot, first, last) for boot in sorted(boots) for first, last in boots[boot])
         topic = node_topic(node, Stream.ACKS)
-        sealer = self._sealer(to, named)
-        return topic, sealer.seal(Acknowledgement(time, spans).encode(), topic=topic)
-
-    def _sealer(self, to: x509.Certificate, named: bytes) -> Sealer:
-        sealer = self._sealers.get(named)
-        if sealer is None:
-            # A sealer that is made again draws a fresh salt, so that no nonce comes twice.
-            sealer = self._sealers[named] = Sealer(self._site, to)
-            if len(self._sealers) > self._capacity:
-                self._sealers.popitem(last=False)
-        self._sealers.move_to_end(named)
-        return sealer
+        plaintext = Acknowledgement(time, spans).encode()
+        return topic, self._sealers.seal(plaintext, topic=topic, to=to, named=named)

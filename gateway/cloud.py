@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import uuid
-from base64 import b64encode
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
 from time import time
@@ -12,20 +9,16 @@ from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
 
 import cbor2
 import httpx
-import jwt
 import orjson
 
 from eskin.errors import CloudError
-from eskin.identity import der
 
 if TYPE_CHECKING:
     import ssl
     from collections.abc import Callable, Sequence
 
-    from eskin.identity import Identity
+    from gateway.warrants import Warrants
 
-AUDIENCE: Final = "eskin-cloud"
-TOKEN_S: Final = 60
 _MOST_ANSWER: Final = 4_194_304
 
 
@@ -61,7 +54,7 @@ class HttpsCloud:
 
     Args:
         url: The ingest.
-        identity: The gateway's, which signs each request.
+        warrants: Prove who sends.
         context: Leads to our root.
         timeout_s: Seconds to wait.
         clock: Seconds since 1970.
@@ -71,15 +64,14 @@ class HttpsCloud:
         self,
         url: str,
         *,
-        identity: Identity,
+        warrants: Warrants,
         context: ssl.SSLContext,
         timeout_s: float,
         clock: Callable[[], float] = time,
     ) -> None:
         self._url = url
-        self._identity = identity
+        self._warrants = warrants
         self._clock = clock
-        self._chain = [b64encode(der(part)).decode() for part in identity.chain]
         # The environment's proxies are no part of the way from a gateway to its cloud.
         self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
 
@@ -90,10 +82,7 @@ class HttpsCloud:
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
         """See `Cloud.send`."""
         body = cbor2.dumps([list(message) for message in messages])
-        headers = {
-            "Content-Type": "application/cbor",
-            "Authorization": f"Bearer {self._token(body)}",
-        }
+        headers = self._warrants.headers(body)
         try:
             with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
                 if answer.status_code != httpx.codes.OK:
@@ -101,19 +90,6 @@ class HttpsCloud:
                 return _answers(_read(answer), len(messages))
         except httpx.HTTPError as error:
             raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
-
-    def _token(self, body: bytes) -> str:
-        now = int(self._clock())
-        claims = {
-            "iss": self._identity.name,
-            "aud": AUDIENCE,
-            "iat": now,
-            "exp": now + TOKEN_S,
-            "jti": str(uuid.uuid4()),
-            "sha256": hashlib.sha256(body).hexdigest(),
-        }
-        headers = {"x5c": self._chain}
-        return jwt.encode(claims, self._identity.key, algorithm="ES256", headers=headers)
 
     def _refusal(self, answer: httpx.Response) -> CloudError:
         return CloudError(

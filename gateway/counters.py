@@ -23,6 +23,8 @@ class Counters:
         self.accepted = self._count("messages_accepted", "messages made durable")
         self.duplicate = self._count("messages_duplicate", "messages that were durable already")
         self.acknowledged = self._count("messages_acknowledged", "positions acknowledged to nodes")
+        self.commands = self._count("commands_published", "commands handed to the broker")
+        self.answers = self._count("commands_answered", "results of commands made durable")
         self.published = self._count("publications", "public messages handed to the broker")
         self.batches = self._count("batches", "commits of the spool")
         self.refusals = self._count("spool_refusals", "commits that found no room or failed")

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gateway.counters import Counters
+    from gateway.courier import Courier
     from gateway.forwarder import Forwarder
     from gateway.inbox import Inbox
     from gateway.mqtt import MqttBroker
@@ -29,18 +30,18 @@ class Health:
         worker: Worker,
         spool: Spool,
         forwarder: Forwarder,
+        courier: Courier,
         presence: Presence,
         revocations: Revocations,
-        now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._broker = broker
         self._inbox = inbox
         self._worker = worker
         self._spool = spool
         self._forwarder = forwarder
+        self._courier = courier
         self._presence = presence
         self._revocations = revocations
-        self._now = now
 
     def reasons(self) -> list[str]:
         """Why the gateway is not healthy; empty where it is."""
@@ -48,6 +49,7 @@ class Health:
             "broker": self._broker.fault,
             "spool": self._worker.fault,
             "cloud": self._forwarder.fault,
+            "commands": self._courier.fault,
             "revocations": self._revocations.fault,
         }
         return [f"{part}: {fault}" for part, fault in faults.items() if fault is not None]
@@ -81,7 +83,7 @@ class Health:
     def oldest_age(self) -> float | None:
         """Seconds since the oldest message in the spool came; ``None`` where there is none."""
         oldest = self._spool.oldest()
-        return None if oldest is None else max(0.0, (self._now() - oldest) / 1e9)
+        return None if oldest is None else max(0.0, (time.time_ns() - oldest) / 1e9)
 
     def export(self, counters: Counters) -> None:
         """Add the parts' own figures to the counters."""

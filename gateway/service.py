@@ -7,7 +7,7 @@ import signal
 from random import SystemRandom
 from threading import Event
 from time import monotonic
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from eskin.envelope import Opener
 from eskin.errors import SettingsError
@@ -17,8 +17,12 @@ from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
 from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
+from gateway.commands import Commands
 from gateway.complaints import Complaints
 from gateway.counters import Counters
+from gateway.courier import Courier
+from gateway.deliveries import HttpsDeliveries
+from gateway.dispatcher import Dispatcher
 from gateway.forwarder import Forwarder
 from gateway.health import Health
 from gateway.inbox import Inbox
@@ -28,11 +32,14 @@ from gateway.mqtt import MqttBroker
 from gateway.presence import Presence
 from gateway.records import Records
 from gateway.revocations import Revocations
+from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.spool import Spool
+from gateway.warrants import Warrants
 from gateway.worker import Worker
 
 if TYPE_CHECKING:
+    import ssl
     from pathlib import Path
     from types import FrameType
 
@@ -72,6 +79,14 @@ def run(settings: GatewaySettings) -> None:
     log.info("ended: %d messages wait in the spool for the next start", gateway.left)
 
 
+class _Reach(TypedDict):
+    """How the cloud is reached, for what is sent and for what is fetched."""
+
+    warrants: Warrants
+    context: ssl.SSLContext
+    timeout_s: float
+
+
 class Gateway:
     """All parts of one gateway, put together.
 
@@ -97,10 +112,18 @@ class Gateway:
         self._revocations = Revocations(Trust(identity.root), settings.identity.revocations)
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
+        self.commands = Commands(settings.commands.resend_s)
         self.broker = self._make_broker(identity)
         self.worker = self._make_worker(site)
-        self.cloud = self._make_cloud(identity)
+        context = client_context(identity.directory / ROOT_FILE)
+        reach: _Reach = {
+            "warrants": Warrants(identity),
+            "context": context,
+            "timeout_s": settings.cloud.timeout_s,
+        }
+        self.cloud = HttpsCloud(settings.cloud.url, **reach)
         self.forwarder = self._make_forwarder()
+        self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
         self.monitor = self._make_monitor()
 
     def _make_broker(self, identity: Identity) -> MqttBroker:
@@ -120,11 +143,20 @@ class Gateway:
             records=Records(self.spool),
             complaints=Complaints(),
         )
+        sealers = Sealers(site)
         answers = Answers(
             broker=self.broker,
-            acknowledger=Acknowledger(site),
+            acknowledger=Acknowledger(sealers),
             senders=senders,
             presence=self._presence,
+            counters=self.counters,
+        )
+        dispatcher = Dispatcher(
+            self.commands,
+            broker=self.broker,
+            sealers=sealers,
+            senders=senders,
+            spool=self.spool,
             counters=self.counters,
         )
         return Worker(
@@ -133,15 +165,8 @@ class Gateway:
             intake=intake,
             spool=self.spool,
             answers=answers,
+            dispatcher=dispatcher,
             counters=self.counters,
-        )
-
-    def _make_cloud(self, identity: Identity) -> HttpsCloud:
-        return HttpsCloud(
-            self._settings.cloud.url,
-            identity=identity,
-            context=client_context(identity.directory / ROOT_FILE),
-            timeout_s=self._settings.cloud.timeout_s,
         )
 
     def _make_forwarder(self) -> Forwarder:
@@ -154,6 +179,16 @@ class Gateway:
             counters=self.counters,
         )
 
+    def _make_courier(self, deliveries: HttpsDeliveries) -> Courier:
+        cloud = self._settings.cloud
+        return Courier(
+            self.commands,
+            deliveries=deliveries,
+            wait_s=self._settings.commands.wait_s,
+            backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
+            counters=self.counters,
+        )
+
     def _make_monitor(self) -> Monitor:
         health = Health(
             broker=self.broker,
@@ -161,6 +196,7 @@ class Gateway:
             worker=self.worker,
             spool=self.spool,
             forwarder=self.forwarder,
+            courier=self.courier,
             presence=self._presence,
             revocations=self._revocations,
         )
@@ -171,12 +207,14 @@ class Gateway:
         """Start all threads."""
         self.monitor.start()
         self.forwarder.start()
+        self.courier.start()
         self.worker.start()
         self.broker.start()
 
     def stop(self) -> None:
         """Take nothing more, commit and answer what came, forward what the cloud takes, close."""
         self.broker.refuse()
+        self.courier.stop()
         self.worker.stop()
         self.broker.stop()
         self.forwarder.stop()

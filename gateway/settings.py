@@ -47,7 +47,7 @@ class CloudSection(Section):
     url: str = Field(
         default="https://localhost:8443/api/v1/ingest",
         pattern=r"^https://[^\s/@]+(/\S*)?$",
-        description="where to send; https only",
+        description="where to send; https only; commands come from `deliveries` beside it",
     )
     timeout_s: float = Field(
         default=10.0, gt=0, le=600, description="seconds to wait for an answer"
@@ -59,6 +59,17 @@ class CloudSection(Section):
     retry_s: float = Field(default=0.5, gt=0, le=60, description="seconds before the first retry")
     retry_most_s: float = Field(
         default=30.0, gt=0, le=3600, description="most seconds between retries"
+    )
+
+
+class CommandsSection(Section):
+    """Commands from the cloud to nodes."""
+
+    wait_s: float = Field(
+        default=20.0, ge=0, le=60, description="seconds that the cloud may let a question wait"
+    )
+    resend_s: float = Field(
+        default=5.0, gt=0, le=3600, description="seconds before an unanswered one is sent again"
     )
 
 
@@ -115,6 +126,7 @@ class GatewaySettings(Settings):
     broker: BrokerSection = BrokerSection()
     identity: IdentitySection
     cloud: CloudSection = CloudSection()
+    commands: CommandsSection = CommandsSection()
     spool: SpoolSection
     http: HttpSection = HttpSection()
     nodes: NodesSection = NodesSection()

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from gateway.arrival import Arrival
     from gateway.batch import Batch
     from gateway.counters import Counters
+    from gateway.dispatcher import Dispatcher
     from gateway.inbox import Inbox
     from gateway.intake import Intake, Outcome
     from gateway.settings import SpoolSection
@@ -34,6 +35,7 @@ class Worker:
         intake: Judges them.
         spool: Makes them durable.
         answers: Given only then.
+        dispatcher: Publishes commands meanwhile.
         counters: What is counted.
     """
 
@@ -45,6 +47,7 @@ class Worker:
         intake: Intake,
         spool: Spool,
         answers: Answers,
+        dispatcher: Dispatcher,
         counters: Counters,
     ) -> None:
         self._settings = settings
@@ -52,6 +55,7 @@ class Worker:
         self._intake = intake
         self._spool = spool
         self._answers = answers
+        self._dispatcher = dispatcher
         self._counters = counters
         self._stopping = Event()
         self.fault: str | None = None
@@ -86,6 +90,13 @@ class Worker:
                 self._counters.rejected(Reason.FAULT, len(arrivals))
                 self._intake.forget()
                 self._answers.release(arrivals)
+            self._dispatch()
+
+    def _dispatch(self) -> None:
+        try:
+            self._dispatcher.dispatch()
+        except SpoolError as error:
+            log.warning("commands not published, trying again: %s", error)
 
     def process(self, arrivals: list[Arrival]) -> None:
         """Judge a batch, make it durable, and answer."""
@@ -97,6 +108,7 @@ class Worker:
             self._intake.forget()
             return
         self._intake.committed(batch)
+        self._dispatcher.note(outcome)
         self._answers.give(outcome, arrivals)
         self._count(outcome)
 

@@ -5,7 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from eskin.interval import Interval
-from eskin.messages import Block, ChannelInfo, Encoding, Gap, Peak, Position, Status
+from eskin.messages import (
+    Block,
+    ChannelInfo,
+    Encoding,
+    Gap,
+    Outcome,
+    Peak,
+    Position,
+    Result,
+    Status,
+)
 from eskin.peaks import Verdict
 from eskin.tube import Tube
 
@@ -55,3 +65,9 @@ def status(sequence: int, *, boot: int = 1, description: str = "a fingertip") ->
         gaps=0,
         channels=(ChannelInfo(CHANNEL, "F", 10**6, 1.0),),
     )
+
+
+def result(sequence: int, command: int, *, boot: int = 1) -> Result:
+    """A command that was done."""
+    place = Position(boot, sequence)
+    return Result(place, (EPOCH, EPOCH + 9), command, Outcome.DONE, None, {"t01": {"rate": 5.0}})

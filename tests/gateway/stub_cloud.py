@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+import time
 from base64 import b64decode
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Any, Self
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 class StubCloud:
     """Stores in memory, each plaintext once.
 
-    ``mode``: ok, error, busy, nonsense, short, slow, reject, large.
+    ``mode``: ok, error, busy, nonsense, short, slow, reject, large. ``commands`` are given to the
+    gateway, a node's id and bytes; ``held`` is what it said last that it has.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -40,6 +42,8 @@ class StubCloud:
         self.duplicates = 0
         self.requests = 0
         self.faults: list[str] = []
+        self.commands: dict[str, tuple[int, bytes]] = {}
+        self.held: dict[tuple[str, int], bool] = {}
         self._tokens: set[str] = set()
         self._server: uvicorn.Server | None = None
         self._thread: Thread | None = None
@@ -95,8 +99,12 @@ class StubCloud:
                 return
             body += message.get("body", b"")
             more = message.get("more_body", False)
-        self.requests += 1
-        status, answer = await self._answer(dict(scope["headers"]), body)
+        asked = dict(scope["headers"])
+        if scope["path"].endswith("/deliveries"):
+            status, answer = await self._deliver(asked, body)
+        else:
+            self.requests += 1
+            status, answer = await self._answer(asked, body)
         headers = [(b"content-type", b"application/json")]
         if status in {429, 503}:
             headers.append((b"retry-after", self.retry_after.encode()))
@@ -117,6 +125,24 @@ class StubCloud:
         if mode == "short":
             return 200, orjson.dumps({"items": []})
         return 200, orjson.dumps({"items": [self._store(node, data) for node, data in items]})
+
+    async def _deliver(self, headers: dict[bytes, bytes], body: bytes) -> tuple[int, bytes]:
+        self._check(headers, body)
+        asked = cbor2.loads(body)
+        self.held = {(node, number): sent for node, number, sent in asked["held"]}
+        deadline = time.monotonic() + asked["wait_s"]
+        while True:
+            wanted = {(node, number) for node, (number, _) in self.commands.items()}
+            give = [
+                [node, number, signed]
+                for node, (number, signed) in self.commands.items()
+                if (node, number) not in self.held
+            ]
+            drop = [list(place) for place in self.held if place not in wanted]
+            ending = self._server is None or self._server.should_exit
+            if give or drop or ending or time.monotonic() > deadline:
+                return 200, cbor2.dumps({"give": give, "drop": drop})
+            await asyncio.sleep(0.02)
 
     def _store(self, node: str, data: bytes) -> dict[str, str | None]:
         if self.mode == "reject":

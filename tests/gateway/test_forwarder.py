@@ -15,6 +15,7 @@ from gateway.counters import Counters
 from gateway.forwarder import Forwarder
 from gateway.settings import CloudSection
 from gateway.spool import Spool
+from gateway.warrants import Warrants
 from tests.gateway.stub_cloud import StubCloud
 from tests.gateway.twins import quick
 from tests.processes import wait_until
@@ -71,7 +72,8 @@ class Setup:
 
 def https(stub: StubCloud, identities: Identities, *, timeout_s: float = 5.0) -> HttpsCloud:
     context = client_context(identities.gateway.directory / ROOT_FILE)
-    return HttpsCloud(stub.url, identity=identities.gateway, context=context, timeout_s=timeout_s)
+    warrants = Warrants(identities.gateway)
+    return HttpsCloud(stub.url, warrants=warrants, context=context, timeout_s=timeout_s)
 
 
 @pytest.fixture(params=["memory", "https"])

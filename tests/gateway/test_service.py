@@ -56,12 +56,14 @@ def test_gateway_without_broker_or_cloud_says_why(
     node.say(Stream.STATUS, status(0))
     node.wait_for((1, 0))
     wait_until(lambda: gateway.forwarder.reachable is False, "it noticed the cloud")
+    wait_until(lambda: gateway.courier.fault is not None, "no commands can be fetched")
     broker.stop()
     wait_until(lambda: not gateway.broker.connected, "it noticed the broker")
     answer = healthz(gateway)
     report = answer.json()
     assert answer.status_code == 503
-    assert [reason.partition(":")[0] for reason in report["reasons"]] == ["broker", "cloud"]
+    parts = [reason.partition(":")[0] for reason in report["reasons"]]
+    assert parts == ["broker", "cloud", "commands"]
     assert report["spool"]["messages"] == 1
     assert report["spool"]["oldest_age_s"] >= 0.0
 

@@ -14,13 +14,16 @@ from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
 from gateway.arrival import Arrival
 from gateway.backoff import Backoff
+from gateway.commands import Commands
 from gateway.complaints import Complaints
 from gateway.counters import Counters
+from gateway.dispatcher import Dispatcher
 from gateway.inbox import Inbox
 from gateway.intake import Intake
 from gateway.presence import Presence
 from gateway.records import Records
 from gateway.revocations import Revocations
+from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.settings import SpoolSection
 from gateway.spool import Spool
@@ -100,11 +103,22 @@ class Inside:
             records=self.records,
             complaints=Complaints(),
         )
+        sealers = Sealers(identities.site)
         answers = Answers(
             broker=self.broker,
-            acknowledger=Acknowledger(identities.site),
+            acknowledger=Acknowledger(sealers),
             senders=self.senders,
             presence=self.presence,
+            counters=self.counters,
+            clock=self.clock,
+        )
+        self.commands = Commands(5.0)
+        self.dispatcher = Dispatcher(
+            self.commands,
+            broker=self.broker,
+            sealers=sealers,
+            senders=self.senders,
+            spool=self.spool,
             counters=self.counters,
             clock=self.clock,
         )
@@ -114,6 +128,7 @@ class Inside:
             intake=self.intake,
             spool=self.spool,
             answers=answers,
+            dispatcher=self.dispatcher,
             counters=self.counters,
         )
         self._mid = 0

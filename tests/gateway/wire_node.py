@@ -23,12 +23,17 @@ if TYPE_CHECKING:
 
 
 class WireNode:
-    """Over the real broker. ``acknowledged`` holds all positions that the gateway vouched for."""
+    """Over the real broker.
+
+    ``acknowledged`` holds all positions that the gateway vouched for, ``commands`` what came as
+    commands, opened, and whether the broker had kept it.
+    """
 
     def __init__(self, identity: Identity, site: Identity, port: int) -> None:
         self.name = identity.name
         self.acknowledged: set[tuple[int, int]] = set()
         self.times: list[int] = []
+        self.commands: list[tuple[bytes, bool]] = []
         self.seal = Seal(identity, site)
         self._opener = Opener(
             [identity],
@@ -74,7 +79,8 @@ class WireNode:
         wait_until(lambda: self.acknowledged.issuperset(positions), f"{positions} are acknowledged")
 
     def _on_connect(self, client: paho.Client, *_: Any) -> None:
-        client.subscribe(node_topic(self.name, Stream.ACKS), qos=1)
+        wanted = (Stream.ACKS, Stream.COMMANDS)
+        client.subscribe([(node_topic(self.name, stream), 1) for stream in wanted])
 
     def _on_subscribe(self, *_: Any) -> None:
         self.ready = True
@@ -84,7 +90,12 @@ class WireNode:
 
     def _on_message(self, client: paho.Client, userdata: Any, message: paho.MQTTMessage) -> None:
         del client, userdata
+        if not message.payload:
+            return  # the broker forgets a command
         opened = self._opener.open(bytes(message.payload), topic=message.topic)
+        if message.topic == node_topic(self.name, Stream.COMMANDS):
+            self.commands.append((opened.plaintext, message.retain))
+            return
         answer = Acknowledgement.decode(opened.plaintext)
         self.times.append(answer.time)
         for boot, first, last in answer.spans:

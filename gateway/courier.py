@@ -1,0 +1,103 @@
+"""The thread that fetches commands: it connects out and waits; nobody connects in."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+from threading import Thread
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import CloudError
+
+if TYPE_CHECKING:
+    from gateway.backoff import Backoff
+    from gateway.commands import Commands
+    from gateway.counters import Counters
+    from gateway.deliveries import Deliveries
+
+log = logging.getLogger(__name__)
+
+_LOOK_S: Final = 0.05
+_MOST_LOOKS: Final = 20
+
+
+class Courier:
+    """Asks the cloud again and again, each time until something changes.
+
+    Args:
+        commands: Takes what the cloud gives.
+        deliveries: The cloud.
+        wait_s: Seconds that the cloud may let it wait.
+        backoff: Between failures.
+        counters: What is counted.
+    """
+
+    def __init__(
+        self,
+        commands: Commands,
+        *,
+        deliveries: Deliveries,
+        wait_s: float,
+        backoff: Backoff,
+        counters: Counters,
+    ) -> None:
+        self._commands = commands
+        self._deliveries = deliveries
+        self._wait = wait_s
+        self._backoff = backoff
+        self._counters = counters
+        self.fault: str | None = None
+        self._loop = asyncio.new_event_loop()
+        self._task = self._loop.create_task(self._serve())
+        self._thread = Thread(target=self._run, name="courier", daemon=True)
+
+    def start(self) -> None:
+        """Work in a thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Hang up at once, and end the thread."""
+        self._loop.call_soon_threadsafe(self._task.cancel)
+        self._thread.join()
+        self._loop.close()
+
+    def _run(self) -> None:
+        with suppress(asyncio.CancelledError):
+            self._loop.run_until_complete(self._task)
+        self._loop.run_until_complete(self._deliveries.close())
+
+    async def _serve(self) -> None:
+        while True:
+            try:
+                await self.fetch()
+            except CloudError as error:
+                self._counters.cloud_failures.inc()
+                if self.fault is None:
+                    log.warning("commands cannot be fetched: %s", error)
+                self.fault = str(error)
+                await asyncio.sleep(self._backoff.failed(at_least=error.retry_after))
+            except Exception:  # the thread's outermost loop: what broke is told and counted
+                log.exception("fetching commands failed unexpectedly; trying again")
+                self._counters.cloud_failures.inc()
+                await asyncio.sleep(self._backoff.failed())
+
+    async def fetch(self) -> None:
+        """Ask once.
+
+        Raises:
+            CloudError: The cloud did not answer as agreed.
+        """
+        # After a failure it is first of all good to know that the cloud answers again.
+        wait = 0.0 if self.fault is not None else self._wait
+        changes = await self._deliveries.fetch(self._commands.held(), wait)
+        self._backoff.succeeded()
+        self.fault = None
+        self._commands.change(changes.give, changes.drop)
+        if changes.give:
+            log.info("commands fetched: nodes=%d", len(changes.give))
+        # So that the next question can tell of what was published; and never without a pause.
+        for _ in range(_MOST_LOOKS):
+            await asyncio.sleep(_LOOK_S)
+            if all(sent for _, _, sent in self._commands.held()):
+                break

@@ -1,0 +1,146 @@
+"""Fetching commands from the cloud over HTTPS: the gateway asks, the cloud lets it wait."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+import cbor2
+import httpx
+
+from eskin.errors import CloudError, IdentityError, MessageError
+from eskin.identity import IdentityKind
+from eskin.messages.fields import MOST_BYTES, MOST_COUNT, integer, items, load_any
+
+if TYPE_CHECKING:
+    import ssl
+    from collections.abc import Sequence
+
+    from gateway.warrants import Warrants
+
+_MOST_HELD: Final = 10_000
+_MOST_ANSWER: Final = 8_388_608
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What the cloud says.
+
+    Attributes:
+        give: ``(node, id, signed command)`` to deliver.
+        drop: ``(node, id)`` to deliver no more.
+    """
+
+    give: list[tuple[str, int, bytes]]
+    drop: list[tuple[str, int]]
+
+    @classmethod
+    def read(cls, body: bytes) -> Changes:
+        """Read an answer.
+
+        Raises:
+            CloudError: It is not as agreed.
+        """
+        try:
+            said = load_any(body, "the answer")
+            give = [_given(item) for item in _list(said, "give")]
+            drop = [_place(item, 2) for item in _list(said, "drop")]
+        except (MessageError, IdentityError) as error:
+            raise CloudError(f"the cloud's answer is not as agreed: {error}") from error
+        return cls(give, drop)
+
+
+class Deliveries(Protocol):
+    """What the gateway needs of the cloud to learn of commands."""
+
+    async def fetch(self, held: Sequence[tuple[str, int, bool]], wait_s: float) -> Changes:
+        """Ask, and wait for a change.
+
+        Args:
+            held: ``(node, id, published)`` of the commands that the gateway has.
+            wait_s: Seconds to wait at most.
+
+        Raises:
+            CloudError: The cloud did not answer as agreed.
+        """
+
+    async def close(self) -> None:
+        """Close the connection."""
+
+
+class HttpsDeliveries:
+    """The cloud's deliveries over HTTPS.
+
+    Args:
+        url: The cloud's ingest; deliveries are beside it.
+        warrants: Prove who asks.
+        context: Leads to our root.
+        timeout_s: Seconds to wait for an answer that is due.
+    """
+
+    def __init__(
+        self, url: str, *, warrants: Warrants, context: ssl.SSLContext, timeout_s: float
+    ) -> None:
+        self._url = httpx.URL(url).join("deliveries")
+        self._warrants = warrants
+        self._timeout = timeout_s
+        # The environment's proxies are no part of the way from a gateway to its cloud. Between two
+        # questions no connection is kept: it would hold up a cloud that ends.
+        self._client = httpx.AsyncClient(
+            verify=context, trust_env=False, limits=httpx.Limits(max_keepalive_connections=0)
+        )
+
+    async def fetch(self, held: Sequence[tuple[str, int, bool]], wait_s: float) -> Changes:
+        """See `Deliveries.fetch`."""
+        body = cbor2.dumps({"held": [list(one) for one in held[:_MOST_HELD]], "wait_s": wait_s})
+        timeout = httpx.Timeout(self._timeout, read=self._timeout + wait_s)
+        try:
+            async with self._client.stream(
+                "POST",
+                self._url,
+                content=body,
+                headers=self._warrants.headers(body),
+                timeout=timeout,
+            ) as answer:
+                if answer.status_code != httpx.codes.OK:
+                    raise CloudError(
+                        f"{self._url} answered {answer.status_code} {answer.reason_phrase}",
+                        status=answer.status_code,
+                    )
+                return Changes.read(await _read(answer))
+        except httpx.HTTPError as error:
+            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
+
+    async def close(self) -> None:
+        """See `Deliveries.close`."""
+        await self._client.aclose()
+
+
+async def _read(answer: httpx.Response) -> bytes:
+    body = bytearray()
+    async for part in answer.aiter_bytes():
+        body += part
+        if len(body) > _MOST_ANSWER:
+            raise CloudError(f"the cloud's answer is longer than {_MOST_ANSWER} bytes")
+    return bytes(body)
+
+
+def _list(said: object, name: str) -> list[object]:
+    if not isinstance(said, dict) or set(said) != {"give", "drop"}:
+        raise MessageError("it is no map of give and drop")
+    return items(said[name], name, _MOST_HELD)
+
+
+def _given(item: object) -> tuple[str, int, bytes]:
+    node, number = _place(item, 3)
+    signed = items(item, "entry", 3)[2]
+    if not isinstance(signed, bytes) or len(signed) > MOST_BYTES:
+        raise MessageError(f"the command of {node} is no byte string of at most {MOST_BYTES}")
+    return node, number, signed
+
+
+def _place(item: object, parts: int) -> tuple[str, int]:
+    found = items(item, "entry", parts)
+    if len(found) != parts or not isinstance(found[0], str):
+        raise MessageError("an entry does not begin with a node's name and an id")
+    return IdentityKind.NODE.require_name(found[0]), integer(found[1], "id", 1, MOST_COUNT)

@@ -1,0 +1,51 @@
+"""How the gateway proves to the cloud who it is: a token for each request."""
+
+from __future__ import annotations
+
+import hashlib
+import uuid
+from base64 import b64encode
+from time import time
+from typing import TYPE_CHECKING, Final
+
+import jwt
+
+from eskin.identity import der
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eskin.identity import Identity
+
+AUDIENCE: Final = "eskin-cloud"
+TOKEN_S: Final = 60
+
+
+class Warrants:
+    """Makes the headers of requests to the cloud.
+
+    Args:
+        identity: The gateway's, which signs each request.
+        clock: Seconds since 1970.
+    """
+
+    def __init__(self, identity: Identity, *, clock: Callable[[], float] = time) -> None:
+        self._identity = identity
+        self._clock = clock
+        self._chain = [b64encode(der(part)).decode() for part in identity.chain]
+
+    def headers(self, body: bytes) -> dict[str, str]:
+        """Headers for one body in CBOR, with a JWT (ES256) that is good for it alone."""
+        now = int(self._clock())
+        claims = {
+            "iss": self._identity.name,
+            "aud": AUDIENCE,
+            "iat": now,
+            "exp": now + TOKEN_S,
+            "jti": str(uuid.uuid4()),
+            "sha256": hashlib.sha256(body).hexdigest(),
+        }
+        token = jwt.encode(
+            claims, self._identity.key, algorithm="ES256", headers={"x5c": self._chain}
+        )
+        return {"Content-Type": "application/cbor", "Authorization": f"Bearer {token}"}
