@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
-from eskin.messages import Kind, Position
+from eskin.messages import Kind, Position, Result
 from sensor_node.batch import Batch
 from sensor_node.losses import Loss
-from sensor_node.stored import SCHEMA, Stored, record_of
+from sensor_node.stored import SCHEMA, WEIGHTS, Stored, record_of
+from sensor_node.usage import Usage
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -35,16 +36,6 @@ FAILED: Final = "flash write failed"
 class _Level:
     messages: int
     used: int
-    gaps: int
-
-
-@dataclass(frozen=True, slots=True)
-class Usage:
-    """How full the flash is: messages, bytes, capacity in bytes, gaps ever recorded."""
-
-    messages: int
-    used: int
-    capacity: int
     gaps: int
 
 
@@ -172,6 +163,16 @@ class Flash:
                 self._open = None
             return Stored(position, rows[0][0], rows[0][1]) if rows else None
 
+    def answer(self) -> Result | None:
+        """The last result that was stored, also after it was acknowledged.
+
+        Raises:
+            FlashError: It cannot be read.
+        """
+        with self._lock:
+            rows = self._query("SELECT body FROM answer", ())
+        return Result.decode(rows[0][0]) if rows else None
+
     def held(self) -> Position:
         """A position below which nothing waits or will come."""
         with self._lock:
@@ -247,11 +248,13 @@ class Flash:
         self._open = opened
 
     def _insert(self, record: Record, level: _Level) -> None:
-        weight = 0 if record.kind == Kind.BLOCK else 1
+        weight = WEIGHTS.get(record.kind, 1)
         place = (self.boot, record.sequence, weight, record.earliest, record.latest)
         self._db.execute(
             _INSERT, (*place, record.samples, 1 + record.named, record.kind, record.body)
         )
+        if record.kind == Kind.RESULT:
+            self._db.execute("INSERT OR REPLACE INTO answer VALUES (1, ?)", (record.body,))
         level.messages += 1
         level.used += len(record.body)
         level.gaps += record.kind == Kind.GAP

@@ -21,7 +21,7 @@ from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from eskin.messages import Position
     from sensor_node.flash import Flash
@@ -35,8 +35,10 @@ _STREAMS: Final = {
     Kind.PEAK: Stream.EVENTS,
     Kind.GAP: Stream.EVENTS,
     Kind.STATUS: Stream.STATUS,
+    Kind.RESULT: Stream.EVENTS,
 }
 _MOST_ACKNOWLEDGEMENTS: Final = 1000
+_MOST_COMMANDS: Final = 16
 _TURN_S: Final = 0.1
 
 
@@ -51,12 +53,13 @@ class _Flight:
 class Publisher:
     """Publishes what waits in flash, oldest first, within a window.
 
-    Threads: paho's own, which only takes acknowledgements into a queue; and one that seals, sends
-    and forgets.
+    Threads: paho's own, which only takes what arrives into queues; and one that seals, sends,
+    forgets, and takes commands.
 
     Args:
         flash: The outbox.
         record_status: Puts a fresh status into flash and gives its position.
+        take_command: Takes a command that was sealed to this node; ``None``: it obeys none.
         broker: Where to publish.
         identity: Who the node is, and its site.
 
@@ -69,6 +72,7 @@ class Publisher:
         flash: Flash,
         *,
         record_status: Callable[[], Position],
+        take_command: Callable[[bytes], None] | None = None,
         broker: BrokerSection,
         identity: IdentitySection,
     ) -> None:
@@ -76,6 +80,7 @@ class Publisher:
         site = load_certificates(identity.site)[0]
         self._flash = flash
         self._record_status = record_status
+        self._take_command = take_command
         self._broker = broker
         self._node = own.name
         self._sealer = Sealer(own, site)
@@ -83,7 +88,12 @@ class Publisher:
             [own], sender=lambda print_: site if print_ == thumbprint(site) else None
         )
         self._acks_topic = node_topic(own.name, Stream.ACKS)
-        self._inbox: queue.Queue[bytes] = queue.Queue(_MOST_ACKNOWLEDGEMENTS)
+        self._commands_topic = node_topic(own.name, Stream.COMMANDS)
+        self._inboxes: dict[str, queue.Queue[bytes]] = {
+            self._acks_topic: queue.Queue(_MOST_ACKNOWLEDGEMENTS)
+        }
+        if take_command is not None:
+            self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
         self._flights: dict[Position, _Flight] = {}
         self._sent_up_to: Position | None = None
         self._newest_status: Position | None = None
@@ -139,7 +149,7 @@ class Publisher:
             log.error("broker refuses: reason=%s", reason)
             return
         log.info("connected: broker=%s:%d", self._broker.host, self._broker.port)
-        client.subscribe(self._acks_topic, qos=1)
+        client.subscribe([(topic, 1) for topic in self._inboxes])
         self._fresh.set()
         self._wake.set()
 
@@ -157,13 +167,15 @@ class Publisher:
             log.warning("connection lost, messages wait in flash: reason=%s", reason)
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
-        if message.topic != self._acks_topic:
+        inbox = self._inboxes.get(message.topic)
+        if inbox is None:
             log.warning("message ignored: topic=%.200r", message.topic)
             return
         try:
-            self._inbox.put_nowait(bytes(message.payload))
+            if message.payload:  # without one, the broker forgets what it has kept
+                inbox.put_nowait(bytes(message.payload))
         except queue.Full:
-            log.warning("acknowledgement dropped, messages will be sent again: queue=full")
+            log.warning("message dropped, it will come again: topic=%s queue=full", message.topic)
         self._wake.set()
 
     def _run(self) -> None:
@@ -183,6 +195,7 @@ class Publisher:
 
     def _turn(self) -> None:
         self._take_acknowledgements()
+        self._take_commands()
         if not self._client.is_connected():
             return
         now = time.monotonic()
@@ -200,18 +213,31 @@ class Publisher:
         self._send_again(now)
         self._send_new()
 
-    def _take_acknowledgements(self) -> None:
-        durable: dict[int, SequenceRanges] = {}
+    def _opened(self, topic: str, what: str) -> Iterator[bytes]:
+        """What came on a topic, as far as the site has sealed it to this node."""
+        inbox = self._inboxes[topic]
         while True:
             try:
-                payload = self._inbox.get_nowait()
+                payload = inbox.get_nowait()
             except queue.Empty:
-                break
+                return
             try:
-                opened = self._opener.open(payload, topic=self._acks_topic)
-                for boot, first, last in Acknowledgement.decode(opened.plaintext).spans:
+                yield self._opener.open(payload, topic=topic).plaintext
+            except EnvelopeError as error:
+                log.warning("%s rejected: reason=%s", what, error)
+
+    def _take_commands(self) -> None:
+        if self._take_command is not None:
+            for signed in self._opened(self._commands_topic, "command"):
+                self._take_command(signed)
+
+    def _take_acknowledgements(self) -> None:
+        durable: dict[int, SequenceRanges] = {}
+        for plaintext in self._opened(self._acks_topic, "acknowledgement"):
+            try:
+                for boot, first, last in Acknowledgement.decode(plaintext).spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
-            except (EnvelopeError, MessageError) as error:
+            except MessageError as error:
                 log.warning("acknowledgement rejected: reason=%s", error)
         if durable:
             self._flash.forget(

@@ -80,6 +80,11 @@ class IdentitySection(Section):
 
     directory: Path = Field(description="folder with key.pem, chain.pem and root.pem")
     site: Path = Field(description="PEM file of the site's certificate")
+    cloud: str = Field(
+        default="server.cloud",
+        pattern=r"^server\.[a-z0-9][a-z0-9_-]{0,62}$",
+        description="common name of the server whose commands are obeyed",
+    )
 
 
 class FlashSection(Section):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from eskin.messages import Block, Gap, Kind, Peak, Status
+from eskin.messages import Block, Gap, Kind, Peak, Result, Status
 from sensor_node.firmware.record import Record
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ INSERT OR IGNORE INTO counter VALUES ('boot', 0), ('gaps', 0);
 CREATE TABLE IF NOT EXISTS message (
     boot INTEGER NOT NULL,
     sequence INTEGER NOT NULL,
-    weight INTEGER NOT NULL,   -- 0 raw block, 1 peak, gap or status: what gives way first
+    weight INTEGER NOT NULL,   -- what gives way first: 0 raw block, 1 peak, gap, status, 2 result
     earliest INTEGER NOT NULL, -- UTC ns
     latest INTEGER NOT NULL,
     samples INTEGER NOT NULL,
@@ -25,6 +25,10 @@ CREATE TABLE IF NOT EXISTS message (
     kind INTEGER NOT NULL,
     body BLOB NOT NULL,
     PRIMARY KEY (boot, sequence)
+) STRICT;
+CREATE TABLE IF NOT EXISTS answer ( -- the last result: by it no command is done twice
+    one INTEGER PRIMARY KEY CHECK (one = 1),
+    body BLOB NOT NULL
 ) STRICT;
 CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence);
 """
@@ -34,7 +38,10 @@ _KINDS: Final[dict[type, Kind]] = {
     Peak: Kind.PEAK,
     Gap: Kind.GAP,
     Status: Kind.STATUS,
+    Result: Kind.RESULT,
 }
+WEIGHTS: Final[dict[int, int]] = {Kind.BLOCK: 0, Kind.RESULT: 2}
+"""What gives way first in a full flash; other kinds weigh 1."""
 
 
 @dataclass(frozen=True, slots=True)
