@@ -1,4 +1,4 @@
-import type { ChannelItem, EventItem, NodeItem, Page, SegmentItem, SeriesAnswer } from "./contract";
+import type { ChannelItem, EventItem, NodeItem, NodeState, Page, SegmentItem, SeriesAnswer } from "./contract";
 import { Failure, isAbort } from "./failure";
 import type { Instant } from "../time/instant";
 
@@ -50,6 +50,10 @@ export class Client {
 
   channels(node: string, signal: AbortSignal): Promise<ChannelItem[]> {
     return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, {}, signal).then((list) => list.items);
+  }
+
+  state(node: string, signal: AbortSignal): Promise<NodeState> {
+    return this.get(address(`/nodes/${part(node)}/state`), signal);
   }
 
   series(

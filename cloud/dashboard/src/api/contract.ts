@@ -4,7 +4,7 @@ import type { IntervalJson } from "../interval/interval";
 
 export type Health = "online" | "late" | "offline";
 export type Verdict = "certain" | "possible";
-export type EventKind = "peak" | "gap" | "status";
+export type EventKind = "peak" | "gap" | "status" | "command";
 
 export interface Page<Item> {
   readonly items: readonly Item[];
@@ -75,6 +75,21 @@ export interface EventItem {
   readonly boot: number;
   readonly sequence: number;
   readonly detail: string | null;
+}
+
+export type Setting = number | string;
+/** Settings of each place: a channel, a taxel, or "*" for the whole node. */
+export type Settings = Readonly<Record<string, Readonly<Record<string, Setting>>>>;
+
+export interface NodeState {
+  readonly node: string;
+  readonly desired: Settings;
+  readonly desired_at: string | null;
+  readonly desired_by: number | null;
+  readonly reported: Settings | null;
+  readonly reported_at: { readonly lo: string; readonly hi: string } | null;
+  readonly reported_by: number | null;
+  readonly settled: boolean;
 }
 
 /** RFC 9457 problem details. */

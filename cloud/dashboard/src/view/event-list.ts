@@ -37,7 +37,7 @@ export class EventList {
     private readonly context: Context,
     private readonly scope: EventScope,
   ) {
-    const kinds = this.choice("kind", "all kinds", ["peak", "gap", "status"]);
+    const kinds = this.choice("kind", "all kinds", ["peak", "gap", "status", "command"]);
     const verdicts = this.choice("verdict", "all verdicts", ["certain", "possible"]);
     const filters = element("div", { class: "filters" }, kinds, verdicts);
     const head = element("header", { class: "side-head" }, element("h2", {}, "Events"), filters);

@@ -14,7 +14,7 @@ export interface EventScope {
 
 function symbol(event: EventItem): SVGSVGElement {
   if (event.kind === "peak" && event.verdict) return verdictSymbol(event.verdict);
-  const made = icon(event.kind === "gap" ? ICONS.gap : ICONS.status);
+  const made = icon(event.kind === "gap" ? ICONS.gap : event.kind === "command" ? ICONS.command : ICONS.status);
   made.classList.add("kind", event.kind);
   return made;
 }
@@ -24,7 +24,7 @@ function what(event: EventItem): string {
     const length = Number(parseInstant(event.time.hi) - parseInstant(event.time.lo));
     return [`gap of ${formatDuration(length, "up")}`, event.detail].filter(Boolean).join(": ");
   }
-  if (event.kind === "status") return event.detail ?? "status";
+  if (event.kind === "status" || event.kind === "command") return event.detail ?? event.kind;
   const height = event.height ? formatInterval(readInterval(event.height), event.unit ?? "") : "";
   const count = event.count ? formatCount(readInterval(event.count)) : "1";
   return `${height}${count === "1" ? "" : ` × ${count}`}`;

@@ -13,6 +13,7 @@ import type { Context } from "./context";
 import { element } from "./element";
 import { EventList } from "./event-list";
 import { NodeSection } from "./node-section";
+import { NodeSettings } from "./node-settings";
 import { notice } from "./notice";
 import { ThresholdForm } from "./threshold-form";
 
@@ -41,6 +42,7 @@ export class Page {
   private readonly list: EventList;
   private readonly scope: { readonly node: string | null; readonly channel: string | null };
   private form: ThresholdForm | null = null;
+  private readonly settings: NodeSettings | null = null;
   private feed: Feed | null = null;
   private feedUrl = "";
   private eventLoading = new AbortController();
@@ -58,6 +60,10 @@ export class Page {
     else this.column.append(notice("loading", "Loading nodes…", ""));
     if (place.node !== null && place.channel !== null) {
       this.column.prepend(crumbs(context, place.node, place.channel));
+    }
+    if (place.node !== null && place.channel === null) {
+      this.settings = new NodeSettings(context, place.node);
+      this.column.prepend(this.settings.root);
     }
     this.apply(place);
   }
@@ -93,6 +99,7 @@ export class Page {
     for (const section of this.sections.values()) section.frame(at);
     this.list.frame(at);
     this.form?.frame(at);
+    this.settings?.frame(at);
     this.remark();
   }
 
@@ -122,6 +129,7 @@ export class Page {
   destroy(): void {
     this.feed?.stop();
     this.form?.destroy();
+    this.settings?.destroy();
     this.eventLoading.abort();
     if (this.timer !== null) clearTimeout(this.timer);
     for (const section of this.sections.values()) section.destroy();
@@ -216,11 +224,12 @@ export class Page {
       if (message.event === "block") {
         const block = JSON.parse(message.data) as SeriesAnswer;
         this.sections.get(block.node)?.take(block, at);
-      } else if (["peak", "gap", "status"].includes(message.event)) {
+      } else if (["peak", "gap", "status", "command"].includes(message.event)) {
         const event = JSON.parse(message.data) as EventItem;
         this.list.take(event);
         this.sections.get(event.node)?.takeEvent(event);
         if (event.kind === "status") this.options.onStatus();
+        if (event.kind === "command") this.settings?.refresh();
       } else if (message.event === "lagging") {
         for (const section of this.sections.values()) section.refill();
         void this.loadEvents();

@@ -29,6 +29,7 @@ export function verdictSymbol(verdict: Verdict): SVGSVGElement {
 export const ICONS = {
   gap: "M2 4 V12 M14 4 V12 M5 8 H6 M10 8 H11",
   status: "M2 8 H5 L7 4 L9 12 L11 8 H14",
+  command: "M2 4 H9 M13 4 H14 M11 2 V6 M2 12 H3 M7 12 H14 M5 10 V14 M2 8 H14",
   moon: "M13 9.5 A5.5 5.5 0 1 1 6.5 3 A4.5 4.5 0 0 0 13 9.5 Z",
   sun: "M8 5.2a2.8 2.8 0 1 0 0 5.6a2.8 2.8 0 1 0 0-5.6z M8 1.5V3 M8 13v1.5 M1.5 8H3 M13 8h1.5 M3.4 3.4l1 1 M11.6 11.6l1 1 M3.4 12.6l1-1 M11.6 4.4l1-1",
   logout: "M6 3 H3 V13 H6 M7 8 H14 M11 5 L14 8 L11 11",
