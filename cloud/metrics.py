@@ -9,6 +9,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, gene
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from cloud.commands import Board
     from cloud.live import Feed
     from cloud.store import Store
 
@@ -23,7 +24,7 @@ class Metrics:
         requests: Answered requests, by method and status.
     """
 
-    def __init__(self, store: Store, feed: Feed) -> None:
+    def __init__(self, store: Store, feed: Feed, board: Board) -> None:
         self._registry = CollectorRegistry()
         self.items = Counter(
             "eskin_cloud_items",
@@ -48,6 +49,7 @@ class Metrics:
             registry=self._registry,
         )
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
+        self._gauge("waiting", "Gateways that wait for commands.", lambda: board.waiting)
         self._gauge("feed_cursor", "Latest place in the feed.", lambda: feed.last)
         self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
         self._gauge("commits", "Commits since the start.", lambda: store.writer.commits)

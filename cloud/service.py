@@ -66,7 +66,7 @@ def make_cloud(
         IdentityError: The server's identity cannot be read.
     """
     own = settings.gateways
-    feed = Feed(store, recent=settings.live.recent)
+    feed, board = Feed(store, recent=settings.live.recent), Board()
     trust = Trust(Identity.load(own.identity).root)
     verifier = Verifier(
         Gatekeeper(trust, revocations=own.revocations).verify,
@@ -75,7 +75,8 @@ def make_cloud(
         clock=clock,
         replay=Replay(),
     )
-    return Cloud(settings, store, feed, Board(), verifier, Metrics(store, feed), clock, dashboard)
+    metrics = Metrics(store, feed, board)
+    return Cloud(settings, store, feed, board, verifier, metrics, clock, dashboard)
 
 
 async def _serve(cloud: Cloud) -> None:

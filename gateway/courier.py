@@ -48,24 +48,28 @@ class Courier:
         self._backoff = backoff
         self._counters = counters
         self.fault: str | None = None
-        self._loop = asyncio.new_event_loop()
-        self._task = self._loop.create_task(self._serve())
-        self._thread = Thread(target=self._run, name="courier", daemon=True)
+        self._running: tuple[asyncio.AbstractEventLoop, asyncio.Task[None], Thread] | None = None
 
     def start(self) -> None:
         """Work in a thread."""
-        self._thread.start()
+        loop = asyncio.new_event_loop()
+        task = loop.create_task(self._serve())
+        thread = Thread(target=self._run, args=(loop, task), name="courier", daemon=True)
+        self._running = loop, task, thread
+        thread.start()
 
     def stop(self) -> None:
         """Hang up at once, and end the thread."""
-        self._loop.call_soon_threadsafe(self._task.cancel)
-        self._thread.join()
-        self._loop.close()
+        if self._running is not None:
+            loop, task, thread = self._running
+            loop.call_soon_threadsafe(task.cancel)
+            thread.join()
+            loop.close()
 
-    def _run(self) -> None:
+    def _run(self, loop: asyncio.AbstractEventLoop, task: asyncio.Task[None]) -> None:
         with suppress(asyncio.CancelledError):
-            self._loop.run_until_complete(self._task)
-        self._loop.run_until_complete(self._deliveries.close())
+            loop.run_until_complete(task)
+        loop.run_until_complete(self._deliveries.close())
 
     async def _serve(self) -> None:
         while True:

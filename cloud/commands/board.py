@@ -10,11 +10,13 @@ class Board:
 
     Attributes:
         version: Grows with every change.
+        waiting: How many gateways wait.
         closed: Whether nobody should wait any more.
     """
 
     def __init__(self) -> None:
         self.version = 0
+        self.waiting = 0
         self.closed = False
         self._news = asyncio.Event()
 
@@ -34,7 +36,10 @@ class Board:
         news = self._news
         if self.version != version or self.closed:
             return
+        self.waiting += 1
         try:
             await asyncio.wait_for(news.wait(), seconds)
         except TimeoutError:
             return
+        finally:
+            self.waiting -= 1
