@@ -50,19 +50,27 @@ class Answer:
     def __invert__(self) -> Answer:
         return Answer(self.impossible, self.certain)
 
-    def __and__(self, other: Answer) -> Answer:
-        return Answer(self.certain & other.certain, self.impossible | other.impossible)
+    def __and__(self, other: Answer | ArrayLike) -> Answer:
+        that = _answer(other)
+        return Answer(self.certain & that.certain, self.impossible | that.impossible)
 
-    def __or__(self, other: Answer) -> Answer:
-        return Answer(self.certain | other.certain, self.impossible & other.impossible)
+    def __or__(self, other: Answer | ArrayLike) -> Answer:
+        that = _answer(other)
+        return Answer(self.certain | that.certain, self.impossible & that.impossible)
 
-    def all(self) -> Answer:
-        """Whether all are true."""
-        return Answer(np.all(self.certain), np.any(self.impossible))
+    def __xor__(self, other: Answer | ArrayLike) -> Answer:
+        that = _answer(other)
+        return (self & ~that) | (~self & that)
 
-    def any(self) -> Answer:
-        """Whether one is true."""
-        return Answer(np.any(self.certain), np.all(self.impossible))
+    __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
+
+    def all(self, axis: int | tuple[int, ...] | None = None) -> Answer:
+        """Whether all are true, or all along an axis."""
+        return Answer(np.all(self.certain, axis=axis), np.any(self.impossible, axis=axis))
+
+    def any(self, axis: int | tuple[int, ...] | None = None) -> Answer:
+        """Whether one is true, or one along an axis."""
+        return Answer(np.any(self.certain, axis=axis), np.all(self.impossible, axis=axis))
 
     def __bool__(self) -> bool:
         if self.certain.size != 1:
@@ -78,3 +86,15 @@ class Answer:
             self.certain, "certain", np.where(self.impossible, "impossible", "possible")
         )
         return f"Answer({words.tolist()!r})" if self.certain.ndim else f"Answer({words.item()!r})"
+
+
+def _answer(value: Answer | ArrayLike) -> Answer:
+    """The answer itself, or what plain booleans are certain of."""
+    if isinstance(value, Answer):
+        return value
+    known = np.asarray(value)
+    if known.dtype != np.bool_:
+        raise IntervalError(
+            f"{value!r} is neither an answer nor a boolean; compare it with something"
+        )
+    return Answer(known, ~known)

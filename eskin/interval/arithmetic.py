@@ -13,7 +13,7 @@ from eskin.kernels import arithmetic, powers
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
 
     from eskin.interval.conversion import Floats
 
@@ -29,6 +29,15 @@ def _round_away(x: Floats) -> Floats:
     with np.errstate(invalid="ignore"):
         up = np.abs(x - whole) >= 0.5
     return whole + np.where(up, np.sign(x), 0.0)
+
+
+def _width(x: Bounds) -> tuple[Floats, Floats]:
+    """Half of the width in two words: without error, but for less than the least float."""
+    with np.errstate(all="ignore"):
+        top, bottom = 0.5 * x.sup, 0.5 * x.inf
+        width = top - bottom
+        part = width - top
+        return width, (top - (width - part)) - (bottom + part)
 
 
 class Arithmetic(Bounds):
@@ -135,13 +144,40 @@ class Arithmetic(Bounds):
         lo, hi = step(self.inf) + 0.0, step(self.sup) + 0.0
         return self._trusted(np.where(empty, np.inf, lo), np.where(empty, -np.inf, hi))
 
-    def min(self, other: Bounds | ArrayLike) -> Self:
+    def lesser(self, other: Bounds | ArrayLike) -> Self:
         """The lesser of two numbers, one of each."""
         that = self.of(other)
         empty = (self.inf > self.sup) | (that.inf > that.sup)
         lo, hi = np.minimum(self.inf, that.inf), np.minimum(self.sup, that.sup)
         return self._trusted(np.where(empty, np.inf, lo + 0.0), np.where(empty, -np.inf, hi + 0.0))
 
-    def max(self, other: Bounds | ArrayLike) -> Self:
+    def greater(self, other: Bounds | ArrayLike) -> Self:
         """The greater of two numbers, one of each."""
-        return -(-self).min(-self.of(other))
+        return -(-self).lesser(-self.of(other))
+
+    def cancel_minus(self, other: Bounds | ArrayLike) -> Self:
+        """The least z with ``other + z`` around this; everything where there is none."""
+        that = self.of(other)
+        lo, hi = (
+            self._end(self.inf) - self._end(that.inf),
+            self._end(self.sup) - self._end(that.sup),
+        )
+        bounded = np.isfinite(that.inf) & np.isfinite(that.sup)
+        empty = (self.inf > self.sup) & (bounded | (that.inf > that.sup))
+        bounded &= np.isfinite(self.inf) & np.isfinite(self.sup) & ~self._is_narrower(that)
+        low = np.where(bounded, lo.inf, np.where(empty, np.inf, -np.inf))
+        return self._trusted(low, np.where(bounded, hi.sup, np.where(empty, -np.inf, np.inf)))
+
+    def cancel_plus(self, other: Bounds | ArrayLike) -> Self:
+        """The least z with ``z - other`` around this; everything where there is none."""
+        return self.cancel_minus(-self.of(other))
+
+    def _end(self, side: Floats) -> Self:
+        """Bounds as numbers, whose differences round outward; infinite ones as anything."""
+        finite = np.where(np.isfinite(side), side, 0.0)
+        return self._trusted(finite, finite)
+
+    def _is_narrower(self, other: Bounds) -> NDArray[np.bool_]:
+        """Whether the width is less than another's, exactly; of bounded intervals."""
+        ours, theirs = _width(self), _width(other)
+        return np.asarray((ours[0] < theirs[0]) | ((ours[0] == theirs[0]) & (ours[1] < theirs[1])))

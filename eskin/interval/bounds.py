@@ -94,6 +94,11 @@ class Bounds:
         return self.inf.size
 
     @property
+    def dtype(self) -> np.dtype[np.float64]:
+        """What the bounds are: float64."""
+        return self.inf.dtype
+
+    @property
     def T(self) -> Self:  # noqa: N802 - numpy's name
         """Axes in reverse order."""
         return self._trusted(self.inf.T, self.sup.T)

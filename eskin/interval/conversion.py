@@ -42,6 +42,11 @@ def enclose(value: ArrayLike, name: str) -> tuple[Floats, Floats]:
     Raises:
         IntervalError: It holds anything else, or rows of different lengths.
     """
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        where = first_index(np.ma.getmaskarray(value))
+        raise IntervalError(
+            f"{name} is masked at index {where}; fill it (entire: -inf, inf) or leave it out first"
+        )
     try:
         array = np.asarray(value)
     except (ValueError, TypeError, OverflowError) as error:

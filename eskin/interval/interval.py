@@ -14,9 +14,7 @@ import numpy as np
 from eskin.errors import IntervalError
 from eskin.interval.answer import Answer
 from eskin.interval.printing import text_of
-from eskin.interval.sets import Sets
-from eskin.kernels import summation
-from eskin.kernels.rounding_mode import rounding_to_nearest
+from eskin.interval.reductions import Reductions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +24,7 @@ if TYPE_CHECKING:
     from eskin.interval.bounds import Bounds
 
 
-class Interval(Sets):
+class Interval(Reductions):
     """An array of closed intervals.
 
     Behaves as a numpy array of numbers does: it is broadcast, indexed and calculated with, and
@@ -65,19 +63,6 @@ class Interval(Sets):
     def relative(cls, value: ArrayLike, tolerance: ArrayLike) -> Self:
         """``value · [1 - tolerance, 1 + tolerance]``, rounded outward: a part's data sheet."""
         return cls(value) * cls.around(1.0, tolerance)
-
-    @rounding_to_nearest
-    def sum(self, axis: int | None = None) -> Self:
-        """The sum of all, or along an axis; as tight as if it were rounded once or twice."""
-        whole = self.ravel() if axis is None else self
-        along = 0 if axis is None else axis
-        lo, hi = (np.moveaxis(side, along, -1) for side in (whole.inf, whole.sup))
-        n = lo.shape[-1]
-        rows = lo.size // n if n else int(np.prod(lo.shape[:-1]))
-        low, high = (np.ascontiguousarray(side).reshape(rows, n) for side in (lo, hi))
-        out = np.empty((2, rows))
-        summation.sums(low, high, out[0], out[1])
-        return self._trusted(*out.reshape(2, *lo.shape[:-1]))
 
     def __lt__(self, other: Bounds | ArrayLike) -> Answer:
         that = self._compared(other)
@@ -134,6 +119,13 @@ class Interval(Sets):
             )
         return _UFUNCS[ufunc](type(self).of(inputs[0]), *inputs[1:])
 
+    def __array_function__(self, function: Any, _: Any, inputs: Any, options: Any) -> Any:
+        if function not in _FUNCTIONS:
+            raise IntervalError(
+                f"numpy's {function.__name__} is not defined for intervals; take .inf, .sup or .mid"
+            )
+        return _FUNCTIONS[function](*inputs, **options)
+
 
 def as_interval(value: Interval | ArrayLike) -> Interval:
     """The interval itself, or the least one around a plain number or array."""
@@ -179,12 +171,27 @@ _UFUNCS: Final[dict[Any, Callable[..., Any]]] = {
     np.arcsinh: Interval.asinh,
     np.arccosh: Interval.acosh,
     np.arctanh: Interval.atanh,
-    np.minimum: Interval.min,
-    np.maximum: Interval.max,
+    np.minimum: Interval.lesser,
+    np.maximum: Interval.greater,
     np.less: Interval.__lt__,
     np.less_equal: Interval.__le__,
     np.greater: Interval.__gt__,
     np.greater_equal: Interval.__ge__,
     np.equal: Interval.__eq__,
     np.not_equal: Interval.__ne__,
+}
+_FUNCTIONS: Final[dict[Any, Callable[..., Any]]] = {
+    np.sum: Interval.sum,
+    np.mean: Interval.mean,
+    np.min: Interval.min,
+    np.amin: Interval.min,
+    np.max: Interval.max,
+    np.amax: Interval.max,
+    np.stack: Interval.stack,
+    np.concatenate: Interval.concatenate,
+    np.reshape: Interval.reshape,
+    np.ravel: Interval.ravel,
+    np.shape: lambda x: x.shape,
+    np.ndim: lambda x: x.ndim,
+    np.size: lambda x: x.size,
 }

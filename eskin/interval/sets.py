@@ -39,7 +39,7 @@ class Sets(Functions):
         return np.asarray(self.inf == self.sup)
 
     @property
-    def is_common(self) -> NDArray[np.bool_]:
+    def is_common_interval(self) -> NDArray[np.bool_]:
         """Whether each is bounded and not empty."""
         return np.asarray(np.isfinite(self.inf) & np.isfinite(self.sup))
 
@@ -94,10 +94,14 @@ class Sets(Functions):
         below, above = enclose(value, "value")
         return np.asarray((self.inf <= below) & (above <= self.sup) & np.isfinite(below))
 
-    def hull(self, other: Bounds | ArrayLike) -> Self:
+    is_member = contains
+
+    def convex_hull(self, other: Bounds | ArrayLike) -> Self:
         """The least interval that holds both."""
         that = self.of(other)
         return self._trusted(np.minimum(self.inf, that.inf), np.maximum(self.sup, that.sup))
+
+    hull = convex_hull
 
     def intersection(self, other: Bounds | ArrayLike) -> Self:
         """The common members; empty where there are none."""
@@ -149,3 +153,26 @@ class Sets(Functions):
         """Whether it lies left of the other, and does not touch it."""
         that = self.of(other)
         return np.asarray((self.sup < that.inf) | self.is_empty | that.is_empty)
+
+    def overlap(self, other: Bounds | ArrayLike) -> NDArray[np.str_]:
+        """How they lie, in one of the 16 words of IEEE 1788-2015, 10.6.4, such as ``starts``."""
+        that = self.of(other)
+        a, b, c, d = self.inf, self.sup, that.inf, that.sup
+        states = {
+            "both_empty": self.is_empty & that.is_empty,
+            "first_empty": self.is_empty,
+            "second_empty": that.is_empty,
+            "before": b < c,
+            "after": d < a,
+            "equals": (a == c) & (b == d),
+            "meets": (b == c) & (a < b) & (c < d),
+            "met_by": (d == a) & (a < b) & (c < d),
+            "starts": (a == c) & (b < d),
+            "started_by": (a == c) & (d < b),
+            "finishes": (b == d) & (c < a),
+            "finished_by": (b == d) & (a < c),
+            "contained_by": (c < a) & (b < d),
+            "contains": (a < c) & (d < b),
+            "overlaps": a < c,
+        }
+        return np.select(list(states.values()), list(states), "overlapped_by")

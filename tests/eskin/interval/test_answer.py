@@ -70,3 +70,16 @@ def test_only_a_single_decided_answer_is_a_boolean() -> None:
     assert repr(Interval(1.0, 3.0) < 2.0) == "Answer('possible')"
     assert 1.5 in Interval(1.0, 2.0)
     assert 2.5 not in Interval(1.0, 2.0)
+
+
+def test_answers_combine_with_plain_booleans() -> None:
+    known = Answer([True, False, False], [False, False, True])
+    for both in (known & True, True & known, known & np.array([True, True, True])):
+        assert np.array_equal(both.certain, known.certain)
+        assert np.array_equal(both.impossible, known.impossible)
+    assert np.all((known | True).certain)
+    assert np.all((False & known).impossible)
+    assert np.array_equal((known ^ True).certain, known.impossible)
+    assert np.array_equal(Answer([[True, False]], [[False, True]]).any(axis=1).certain, [True])
+    with pytest.raises(IntervalError, match="neither an answer nor a boolean"):
+        known & 1

@@ -61,6 +61,7 @@ def test_lesser_floats_and_booleans_are_exact() -> None:
         (1j, 2j, "complex128"),
         ("a", "b", "dtype"),
         (None, None, "NoneType"),
+        (np.ma.masked_array([1.0, 2.0], [False, True]), None, r"lo is masked at index \(1,\)"),
         (np.datetime64(0, "s"), None, "datetime64"),
         ([1, None], None, r"NoneType\) at index \(1,\)"),
         ([Interval(1.0), Interval(2.0)], None, "Interval.stack"),

@@ -100,10 +100,41 @@ def test_what_would_lose_bounds_says_what_to_do() -> None:
         np.logaddexp(X, X)
     with pytest.raises(IntervalError, match=r"add\.reduce"):
         np.add.reduce(X)
+    with pytest.raises(IntervalError, match="median"):
+        np.median(X)
     with pytest.raises(IntervalError, match="out"):
         np.sqrt(X, out=np.empty((2, 3)))
     with pytest.raises(TypeError):
         hash(X)
+
+
+def test_reductions_are_numpys() -> None:
+    total: Any = np.sum(X)
+    assert same(total, Interval(21.0, 24.0))
+    assert same(np.sum(X, axis=0), Interval([5.0, 7.0, 9.0], [6.0, 8.0, 10.0]))
+    assert X.sum(axis=(0, 1), keepdims=True).shape == (1, 1)
+    assert np.sum(X, axis=-1, keepdims=True).shape == (2, 1)
+    average: Any = np.mean(X, axis=1)
+    assert same(average, Interval([2.0, 5.0], [2.5, 5.5]))
+    for least in (np.min(X), X.min(), X.min(axis=1)[0], X.min(1).min(0)):
+        assert same(least, Interval(1.0, 1.5))
+    for greatest in (np.max(X), X.max(), X.max((0, 1)), np.amax(X, axis=0)[2]):
+        assert same(greatest, Interval(6.0, 6.5))
+    lesser: Any = np.minimum(X, 2.0)
+    assert same(X.min(Interval(2.0)), lesser)
+    assert Interval.stack([X[0], Interval.empty(3)]).max(axis=0).is_empty.all()
+    with pytest.raises(IntervalError, match=r"axis 2 of shape \(2, 3\)"):
+        X.sum(axis=2)
+    with pytest.raises(IntervalError, match="no intervals"):
+        Interval([]).min()
+
+
+def test_sum_of_nothing_is_a_plain_zero() -> None:
+    nothing = Interval([]).sum()
+    assert nothing.inf == nothing.sup == 0.0
+    assert not np.signbit([nothing.inf, nothing.sup]).any()
+    assert Interval([]).mean().is_empty
+    assert X.dtype == np.float64
 
 
 def test_copies_and_pickles_are_equal() -> None:

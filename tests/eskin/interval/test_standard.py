@@ -96,11 +96,54 @@ def same(result: Interval, expected: Interval) -> bool:
         (EMPTY.min(1.0), EMPTY),
         (Interval(1.0, 4.0).min(Interval(2.0, 3.0)), Interval(1.0, 3.0)),
         (Interval(1.0, 4.0).max(Interval(2.0, 3.0)), Interval(2.0, 4.0)),
-        (Interval(1.0, 2.0).hull(EMPTY), Interval(1.0, 2.0)),
-        (Interval(1.0, 2.0).hull(Interval(4.0, 5.0)), Interval(1.0, 5.0)),
+        (Interval(1.0, 2.0).convex_hull(EMPTY), Interval(1.0, 2.0)),
+        (Interval(1.0, 2.0).convex_hull(Interval(4.0, 5.0)), Interval(1.0, 5.0)),
         (Interval(1.0, 2.0).intersection(Interval(3.0, 4.0)), EMPTY),
         (Interval(1.0, 3.0).intersection(Interval(2.0, 4.0)), Interval(2.0, 3.0)),
         (Interval(0.0, 4.0) * 1.0, Interval(0.0, 4.0)),
+        (Interval(0.5, 3.0).asin(), Interval(0.5, 1.0).asin()),
+        (Interval(1.5, 3.0).acos(), EMPTY),
+        (Interval(1.0).acos(), ZERO),
+        (Interval(-INF, 0.5).acosh(), EMPTY),
+        (Interval(0.5, 1.0).acosh(), ZERO),
+        (Interval(-3.0, -1.0).atanh(), EMPTY),
+        (Interval(-1.0, 1.0).atanh(), ENTIRE),
+        (ENTIRE.tanh(), Interval(-1.0, 1.0)),
+        (ENTIRE.cosh(), Interval(1.0, INF)),
+        (ENTIRE.sinh(), ENTIRE),
+        (ENTIRE.asinh(), ENTIRE),
+        (ENTIRE.expm1(), Interval(-1.0, INF)),
+        (Interval(-5.0, -1.0).log1p(), EMPTY),
+        (Interval(-1.0, 0.0).log1p(), Interval(-INF, 0.0)),
+        (Interval(-1074.0, 10.0).exp2(), Interval(TINY, 1024.0)),
+        (Interval(0.0, 22.0).exp10(), Interval(1.0, 1e22)),
+        (Interval(TINY, 1024.0).log2(), Interval(-1074.0, 10.0)),
+        (Interval(1.0, 1e22).log10(), Interval(0.0, 22.0)),
+        (Interval(-27.0, 64.0).rootn(3), Interval(-3.0, 4.0)),
+        (Interval(-16.0, 81.0).rootn(4), Interval(0.0, 3.0)),
+        (Interval(-16.0, -1.0).rootn(4), EMPTY),
+        (Interval(0.0, 32.0).rootn(-5), Interval(0.5, INF)),
+        (Interval(-32.0, 1.0).rootn(-5), ENTIRE),
+        (ZERO.rootn(-5), EMPTY),
+        (Interval(-3.0, 1.0).hypot(Interval(-4.0, 4.0)), Interval(0.0, 5.0)),
+        (Interval(1e-200).hypot(ZERO), Interval(1e-200)),
+        (Interval(-1.5, 2.0).sign(), Interval(-1.0, 1.0)),
+        (EMPTY.sign(), EMPTY),
+        (Interval(-1.5, 2.5).round_ties_to_even(), Interval(-2.0, 2.0)),
+        (Interval(-1.5, 2.5).round_ties_to_away(), Interval(-2.0, 3.0)),
+        (Interval(0.49999999999999994).round_ties_to_away(), ZERO),
+        (Interval(-1.5, 2.5).trunc(), Interval(-1.0, 2.0)),
+        (Interval(1.0, 4.0).cancel_minus(Interval(1.0, 2.0)), Interval(0.0, 2.0)),
+        (Interval(1.0, 2.0).cancel_minus(Interval(1.0, 4.0)), ENTIRE),
+        (Interval(1.0, 4.0).cancel_plus(Interval(1.0, 2.0)), Interval(3.0, 5.0)),
+        (EMPTY.cancel_minus(Interval(1.0, 2.0)), EMPTY),
+        (EMPTY.cancel_minus(ENTIRE), ENTIRE),
+        (Interval(1.0, 2.0).cancel_minus(EMPTY), ENTIRE),
+        (
+            Interval(-TINY, MOST).cancel_minus(Interval(-MOST, TINY)),
+            Interval(math.nextafter(MOST, 0.0), MOST),
+        ),
+        (Interval(1.0, 2.0 + 2**-51).cancel_minus(Interval(1.0, 2.0 + 2**-50)), ENTIRE),
         (Interval(TINY) * 0.5, Interval(0.0, TINY)),
         (Interval(MOST) * 2.0, Interval(MOST, INF)),
     ],
@@ -175,6 +218,29 @@ def test_relation_is_as_in_the_standard(
     assert bool(relation(a, b)) is holds, name
 
 
+@pytest.mark.parametrize(
+    ("other", "state"),
+    [
+        (Interval(5.0, 6.0), "before"),
+        (Interval(4.0, 6.0), "meets"),
+        (Interval(3.0, 6.0), "overlaps"),
+        (Interval(2.0, 6.0), "starts"),
+        (Interval(1.0, 6.0), "contained_by"),
+        (Interval(1.0, 4.0), "finishes"),
+        (Interval(2.0, 4.0), "equals"),
+        (Interval(3.0, 4.0), "finished_by"),
+        (Interval(2.5, 3.0), "contains"),
+        (Interval(2.0, 3.0), "started_by"),
+        (Interval(1.0, 3.0), "overlapped_by"),
+        (Interval(1.0, 2.0), "met_by"),
+        (Interval(0.0, 1.0), "after"),
+        (EMPTY, "second_empty"),
+    ],
+)
+def test_overlap_is_one_of_the_standards_states(other: Interval, state: str) -> None:
+    assert Interval(2.0, 4.0).overlap(other) == state
+
+
 def floats(*arrays: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> tuple[float, ...]:
     return tuple(float(array) for array in arrays)
 
@@ -198,8 +264,8 @@ def test_numbers_of_an_interval_are_as_in_the_standard() -> None:
     assert 0.0 <= float(Interval(0.0, TINY).mid) <= TINY
     assert Interval(1.0).is_singleton
     assert ENTIRE.is_entire
-    assert not Interval(0.0, INF).is_common
-    assert Interval(0.0, 1.0).is_common
+    assert not Interval(0.0, INF).is_common_interval
+    assert Interval(0.0, 1.0).is_common_interval
     wide = Interval(0.1, 0.30000000000000004)
     assert wide.wid == math.nextafter(0.20000000000000004, 1.0) or wide.wid >= 0.2
     assert np.array_equal(Interval([0.0, 1.0], [1.0, 2.0]).contains([0.5, 5.0]), [True, False])

@@ -1,0 +1,100 @@
+"""Functions in two words are within the error that their bounds allow for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import flint
+import numpy as np
+import pytest
+
+from eskin.kernels import arctangent, exponential, logarithm, two_words
+from eskin.kernels.compiled import part
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
+
+    Floats = NDArray[np.float64]
+
+N = 2000
+RANDOM = np.random.default_rng(31)
+WIDE = 10.0 ** RANDOM.uniform(-200.0, 300.0, N)
+SMALL = 10.0 ** RANDOM.uniform(-20.0, 2.0, N)
+BESIDE_ONE = 1.0 + RANDOM.uniform(-0.5, 1.0, N) * 10.0 ** RANDOM.uniform(-15.0, 0.0, N)
+POSITIVE = np.concatenate([WIDE, SMALL, BESIDE_ONE, RANDOM.uniform(0.0, 2.0, N)])
+UNIT = POSITIVE[POSITIVE < 1.0]
+EXPONENTS = np.concatenate([RANDOM.uniform(-600.0, 700.0, N), RANDOM.uniform(-1.0, 1.0, N), -SMALL])
+
+
+@part
+def exp(x: float) -> two_words.Two:
+    return exponential.exp_of_two((x, 0.0), 0)
+
+
+@part
+def expm1(x: float) -> two_words.Two:
+    return exponential.expm1_of_two((x, 0.0))
+
+
+@part
+def log(x: float) -> two_words.Two:
+    return logarithm.log_of_two((x, 0.0))
+
+
+@part
+def log1p(x: float) -> two_words.Two:
+    return logarithm.log1p_of_two((x, 0.0), 0.0)
+
+
+@part
+def atan(x: float) -> two_words.Two:
+    return arctangent.angle_of((x, 0.0), (1.0, 0.0))
+
+
+@part
+def acos(x: float) -> two_words.Two:
+    return arctangent.angle_of(arctangent.cosine_of(x), (x, 0.0))
+
+
+@pytest.fixture(autouse=True)
+def _many_bits() -> Iterable[None]:
+    before = flint.ctx.prec
+    flint.ctx.prec = 300
+    yield
+    flint.ctx.prec = before
+
+
+@pytest.mark.parametrize(
+    ("function", "truth", "arguments"),
+    [
+        (exp, flint.arb.exp, EXPONENTS),
+        (expm1, flint.arb.expm1, EXPONENTS),
+        (log, flint.arb.log, POSITIVE),
+        (log1p, flint.arb.log1p, np.concatenate([POSITIVE, -UNIT])),
+        (logarithm.log2_of, lambda x: x.log() / flint.arb(2).log(), POSITIVE),
+        (logarithm.log10_of, lambda x: x.log() / flint.arb(10).log(), POSITIVE),
+        (logarithm.asinh_of, flint.arb.asinh, POSITIVE),
+        (logarithm.acosh_of, flint.arb.acosh, POSITIVE[POSITIVE > 1.0]),
+        (logarithm.atanh_of, flint.arb.atanh, UNIT),
+        (exponential.exp2_of, lambda x: (x * flint.arb(2).log()).exp(), EXPONENTS),
+        (exponential.exp10_of, lambda x: (x * flint.arb(10).log()).exp(), EXPONENTS / 3.0),
+        (atan, flint.arb.atan, POSITIVE),
+        (acos, flint.arb.acos, UNIT),
+    ],
+)
+def test_function_is_within_half_of_its_error(
+    function: Callable[[float], two_words.Two],
+    truth: Callable[[Any], Any],
+    arguments: Floats,
+) -> None:
+    allowed = flint.arb(0.5 * two_words.RELATIVE_ERROR)
+    worst = 0.0
+    for x in arguments.tolist():
+        high, low = function(x)
+        exact = truth(flint.arb(x))
+        error = abs(flint.arb(high) + flint.arb(low) - exact) / abs(exact) / allowed
+        worst = max(worst, float(error.mid()))
+    assert worst < 1.0
+    assert worst > 1e-4  # what is tested is not exact by some other way
