@@ -20,7 +20,6 @@ from eskin.kernels.rounding import (
     div_up,
     greater,
     mul_up,
-    next_down,
     next_up,
     sqrt_down,
     sqrt_up,
@@ -53,7 +52,7 @@ def unless_empty(lo: float, hi: float, empty: bool) -> Pair:  # noqa: FBT001 - c
     return (math.inf if empty else lo + 0.0), (-math.inf if empty else hi + 0.0)
 
 
-@part
+@inlined
 def add_pair(a: float, b: float, c: float, d: float) -> Pair:
     """``[a, b] + [c, d]``."""
     return unless_empty(add_down(a, c), add_up(b, d), (a > b) | (c > d))
@@ -80,73 +79,57 @@ def mul_pair(a: float, b: float, c: float, d: float) -> Pair:
     return unless_empty(lo, hi, (a > b) | (c > d))
 
 
-@part
-def quotient_down(a: float, b: float) -> float:
-    """``a/b`` rounded down; infinity by infinity is zero, which the other corners have as well."""
-    return 0.0 if (abs(a) == math.inf) & (abs(b) == math.inf) else div_down(a, b)
-
-
-@part
-def quotient_up(a: float, b: float) -> float:
-    """``a/b`` rounded up; infinity by infinity is zero."""
-    return 0.0 if (abs(a) == math.inf) & (abs(b) == math.inf) else div_up(a, b)
-
-
-@part
-def div_by_positive(a: float, b: float, c: float, d: float) -> Pair:
-    """``[a, b] / [c, d]`` for ``0 <= c``, ``0 < d``."""
-    if a == 0.0 and b == 0.0:
-        return 0.0, 0.0
-    if c > 0.0:
-        lo = min(quotient_down(a, c), quotient_down(a, d))
-        return lo, max(quotient_up(b, c), quotient_up(b, d))
-    if a >= 0.0:
-        return quotient_down(a, d), math.inf
-    if b <= 0.0:
-        return -math.inf, quotient_up(b, d)
-    return -math.inf, math.inf
-
-
-@part
+@inlined
 def div_pair(a: float, b: float, c: float, d: float) -> Pair:
-    """``[a, b] / [c, d]``: all quotients that exist."""
-    if (a > b) or (c > d) or (c == 0.0 and d == 0.0):
-        return math.inf, -math.inf
-    if c < 0.0 < d:
-        return (0.0, 0.0) if a == 0.0 and b == 0.0 else (-math.inf, math.inf)
-    if c >= 0.0:
-        lo, hi = div_by_positive(a, b, c, d)
-    else:
-        lo, hi = div_by_positive(-b, -a, -d, -c)
-    return lo + 0.0, hi + 0.0
+    """``[a, b] / [c, d]``: all quotients that exist.
+
+    A divisor that is not positive changes signs with the dividend. Then the bounds lie at the ends
+    that the dividend's signs choose; infinity by infinity is not among them.
+    """
+    turned = d <= 0.0
+    w, x = (-b, -a) if turned else (a, b)
+    y, z = (-d, -c) if turned else (c, d)
+    lo, hi = div_down(w, z if w >= 0.0 else y), div_up(x, y if x >= 0.0 else z)
+    lo = -math.inf if (y < 0.0) | ((y == 0.0) & (w < 0.0)) else lo
+    hi = math.inf if (y < 0.0) | ((y == 0.0) & (x > 0.0)) else hi
+    lo = 0.0 if (w == 0.0) & ((x == 0.0) | (y >= 0.0)) else lo
+    hi = 0.0 if (x == 0.0) & ((w == 0.0) | (y >= 0.0)) else hi
+    return unless_empty(lo, hi, (a > b) | (c > d) | ((c == 0.0) & (d == 0.0)))
 
 
-@part
+@inlined
 def mig_of(a: float, b: float) -> float:
     """Least magnitude in ``[a, b]``."""
     return greater(greater(a, -b), 0.0)
 
 
-@part
+@inlined
 def sqr_pair(a: float, b: float) -> Pair:
     """``x²``."""
     least, most = mig_of(a, b), greater(-a, b)
     return unless_empty(-product_up(-least, least), product_up(most, most), a > b)
 
 
-@part
+@inlined
 def sqrt_pair(a: float, b: float) -> Pair:
     """``√x`` of what is not negative."""
-    lo = sqrt_down(max(a, 0.0))
-    return unless_empty(lo, sqrt_up(max(b, 0.0)), (a > b) | (b < 0.0))
+    lo = sqrt_down(greater(a, 0.0))
+    return unless_empty(lo, sqrt_up(greater(b, 0.0)), (a > b) | (b < 0.0))
 
 
-@part
+@inlined
 def fma_corner(a: float, b: float, c: float) -> float:
     """``a·b + c`` rounded once; an infinite ``c`` wins, and zero times infinity is zero."""
-    if abs(c) == math.inf or a == 0.0 or b == 0.0:
-        return c
-    return fma(a, b, c)
+    return c if (abs(c) == math.inf) | (a == 0.0) | (b == 0.0) else fma(a, b, c)
+
+
+@inlined
+def greatest_fma(a: float, b: float, c: float, d: float, f: float) -> float:
+    """The greatest corner of ``[a, b]·[c, d] + f``, rounded once."""
+    return greater(
+        greater(fma_corner(a, c, f), fma_corner(b, d, f)),
+        greater(fma_corner(a, d, f), fma_corner(b, c, f)),
+    )
 
 
 @kernel
@@ -217,12 +200,7 @@ def multiply_add(
 ) -> None:
     """``x·y + z``, one float wider than the tightest."""
     for k in range(lo.size):
-        if a[k] > b[k] or c[k] > d[k] or e[k] > f[k]:
-            lo[k], hi[k] = math.inf, -math.inf
-            continue
-        least, most = math.inf, -math.inf
-        for x in (a[k], b[k]):
-            for y in (c[k], d[k]):
-                least = min(least, fma_corner(x, y, e[k]))
-                most = max(most, fma_corner(x, y, f[k]))
-        lo[k], hi[k] = next_down(least), next_up(most)
+        most = next_up(greatest_fma(a[k], b[k], c[k], d[k], f[k]))
+        least = -next_up(greatest_fma(-b[k], -a[k], c[k], d[k], -e[k]))
+        empty = (a[k] > b[k]) | (c[k] > d[k]) | (e[k] > f[k])
+        lo[k], hi[k] = unless_empty(least, most, empty)

@@ -82,16 +82,16 @@ def mul_up(a: float, b: float) -> float:
     error = fma(a, b, -product)
     known = (abs(product) > EXACT_PRODUCT) | (a == 0.0) | (b == 0.0)
     most = 0.0 if (a < 0.0) != (b < 0.0) else math.inf
-    return product if (error <= 0.0) & known else min(next_up(product), most)
+    return product if (error <= 0.0) & known else lesser(next_up(product), most)
 
 
-@part
+@inlined
 def mul_down(a: float, b: float) -> float:
     """Greatest float ``<= a·b``; one float less where the product is below `EXACT_PRODUCT`."""
     return -mul_up(-a, b)
 
 
-@part
+@inlined
 def div_up(a: float, b: float) -> float:
     """Least float ``>= a/b`` for ``b != 0``; one float more where a bit may have been lost."""
     quotient = a / b
@@ -100,16 +100,16 @@ def div_up(a: float, b: float) -> float:
     known = (abs(a) > EXACT_PRODUCT) & (abs(quotient) > NORMAL) & (rest == rest)  # noqa: PLR0124
     stands = (below & known) | (a == 0.0) | (abs(b) == math.inf)
     most = 0.0 if (a < 0.0) != (b < 0.0) else math.inf
-    return quotient if stands else min(next_up(quotient), most)
+    return quotient if stands else lesser(next_up(quotient), most)
 
 
-@part
+@inlined
 def div_down(a: float, b: float) -> float:
     """Greatest float ``<= a/b`` for ``b != 0``; one float less where a bit may have been lost."""
     return -div_up(-a, b)
 
 
-@part
+@inlined
 def sqrt_up(x: float) -> float:
     """Least float ``>= √x`` for ``x >= 0``; one float more below `EXACT_PRODUCT`."""
     root = math.sqrt(x)
@@ -117,7 +117,7 @@ def sqrt_up(x: float) -> float:
     return root if stands else next_up(root)
 
 
-@part
+@inlined
 def sqrt_down(x: float) -> float:
     """Greatest float ``<= √x`` for ``x >= 0``; one float less below `EXACT_PRODUCT`."""
     root = math.sqrt(x)
