@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin.interval.bounds import Bounds
 from eskin.interval.evaluation import of_one, of_three, of_two
-from eskin.kernels import arithmetic, powers
+from eskin.kernels import arithmetic, hypotenuse
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -112,7 +112,7 @@ class Arithmetic(Bounds):
 
     def hypot(self, other: Bounds | ArrayLike) -> Self:
         """``√(x² + y²)``."""
-        return self._trusted(*of_two(powers.hypot, self, self.of(other)))
+        return self._trusted(*of_two(hypotenuse.hypot, self, self.of(other)))
 
     def sign(self) -> Self:
         """-1, 0 or 1."""

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
     from eskin.kernels.two_words import Two
 
-TENS: Final = tuple(float(10**n) for n in range(23))
+TENS: Final = np.array([float(10**n) for n in range(23)])
 """All powers of ten that are floats."""
 _TINY: Final = 2.0**-900  # below it, expm1 and log1p are their argument to all digits
 

@@ -9,12 +9,12 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from eskin.kernels import two_words
-from eskin.kernels.arithmetic import div_pair, mig_of, sqr_pair, sqrt_pair, unless_empty
+from eskin.kernels.arithmetic import div_pair, mig_of, sqr_pair, sqrt_pair
 from eskin.kernels.compiled import kernel, part
 from eskin.kernels.exponential import exp_of_two
-from eskin.kernels.instructions import fma, from_bits, to_bits
+from eskin.kernels.instructions import fma
 from eskin.kernels.logarithm import log_of_two
-from eskin.kernels.rounding import EXACT_PRODUCT, greater, lesser, mul_down, mul_up
+from eskin.kernels.rounding import EXACT_PRODUCT, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 MOST_EXACT: Final = 64
 """Beyond it, only powers of powers of two are exact."""
+_SMALLEST: Final = 2.0**-900  # between them, products in two words keep all of their digits
+_LARGEST: Final = 2.0**1000
 
 
 @part
@@ -36,8 +38,24 @@ def exponential(exponent: Two) -> tuple[Two, float]:
 
 
 @part
+def repeated(x: float, n: int) -> Two:
+    """``x^n`` for ``|n| <= 64`` by products: within ``2**-93`` where none leaves the range."""
+    value, factor, left = (1.0, 0.0), (x, 0.0), abs(n)
+    while left > 0:
+        if left % 2 == 1:
+            value = two_words.mul(value, factor)
+        factor = two_words.mul(factor, factor)
+        left //= 2
+    return value if n > 0 else two_words.div((1.0, 0.0), value)
+
+
+@part
 def power(x: float, y: float) -> tuple[Two, float]:
-    """``x^y = exp(y·ln x)`` for ``x > 0``, and its relative error."""
+    """``x^y`` for ``x > 0``, by products or as ``exp(y·ln x)``, and its relative error."""
+    if abs(y) <= MOST_EXACT and y == math.floor(y):
+        value = repeated(x, int(y))
+        if _SMALLEST < value[0] < _LARGEST:
+            return value, two_words.RELATIVE_ERROR
     logarithm = log_of_two((x, 0.0))
     rough = logarithm[0] * y
     return exponential(two_words.scaled(logarithm, y) if abs(rough) < 800.0 else (rough, 0.0))
@@ -142,6 +160,26 @@ def pown_pair(a: float, b: float, n: int) -> Pair:  # noqa: PLR0911 - one for ea
 
 
 @part
+def least_power(a: float, b: float, c: float, d: float) -> float:
+    """The least corner of ``[a, b]^[c, d]``, ``0 <= a``: powers rise with y where x exceeds 1."""
+    if a >= 1.0:
+        return power_down(a if c >= 0.0 else b, c)
+    if b <= 1.0:
+        return power_down(a if d >= 0.0 else b, d)
+    return min(power_down(a, d), power_down(b, c))
+
+
+@part
+def greatest_power(a: float, b: float, c: float, d: float) -> float:
+    """The greatest corner of ``[a, b]^[c, d]``, ``0 <= a``."""
+    if a >= 1.0:
+        return power_up(b if d >= 0.0 else a, d)
+    if b <= 1.0:
+        return power_up(b if c >= 0.0 else a, c)
+    return max(power_up(a, c), power_up(b, d))
+
+
+@part
 def pow_pair(a: float, b: float, c: float, d: float) -> Pair:
     """``x^y`` for ``x >= 0``: extremes lie in the corners."""
     a = max(a, 0.0) + 0.0  # a power of -0.0 may be -inf
@@ -149,9 +187,7 @@ def pow_pair(a: float, b: float, c: float, d: float) -> Pair:
         return math.inf, -math.inf
     if b == 0.0:
         return 0.0, 0.0
-    lo = min(min(power_down(a, c), power_down(a, d)), min(power_down(b, c), power_down(b, d)))
-    hi = max(max(power_up(a, c), power_up(a, d)), max(power_up(b, c), power_up(b, d)))
-    return lo, hi
+    return least_power(a, b, c, d), greatest_power(a, b, c, d)
 
 
 @part
@@ -234,51 +270,3 @@ def rootn(a: Floats, b: Floats, n: int, lo: Floats, hi: Floats) -> None:
     for k in range(lo.size):
         low, high = rootn_pair(a[k] + 0.0, b[k] + 0.0, n) if a[k] <= b[k] else (math.inf, -math.inf)
         lo[k], hi[k] = low + 0.0, high + 0.0
-
-
-_SLIGHT: Final = 2.0**-400  # its square is a normal float
-
-
-@part
-def hypotenuse(x: float, y: float) -> tuple[Two, float, bool]:
-    """``√(x² + y²)`` but for a power of two as a factor, that factor, and whether it is exact."""
-    exponent = (to_bits(greater(x, y)) >> 52) - 1023
-    shrink = from_bits((1023 - max(min(exponent, 1020), -1020)) << 52)
-    grow = 1.0 / shrink
-    near, far = x * shrink, y * shrink
-    first, second = two_words.product_of(near, near), two_words.product_of(far, far)
-    length = two_words.sqrt(two_words.add(first, second))
-    total, rest = two_words.sum_of(first[0], second[0])
-    short = (first[1] == 0.0) & (second[1] == 0.0) & (rest == 0.0) & (lesser(near, far) > _SLIGHT)
-    return length, grow, short & (fma(length[0], length[0], -total) == 0.0)
-
-
-@part
-def hypot_down(x: float, y: float) -> float:
-    """At most ``√(x² + y²)`` for ``x, y >= 0``."""
-    if (x == 0.0) | (y == 0.0) | (max(x, y) == math.inf):
-        return max(x, y)
-    length, grow, exact = hypotenuse(x, y)
-    bound = mul_down(two_words.below(length), grow)
-    return length[0] * grow if exact else max(bound, max(x, y))
-
-
-@part
-def hypot_up(x: float, y: float) -> float:
-    """At least ``√(x² + y²)`` for ``x, y >= 0``."""
-    if (x == 0.0) | (y == 0.0) | (max(x, y) == math.inf):
-        return max(x, y)
-    length, grow, exact = hypotenuse(x, y)
-    return length[0] * grow if exact else mul_up(two_words.above(length), grow)
-
-
-@kernel
-def hypot(
-    a: Floats, b: Floats, i: int, c: Floats, d: Floats, j: int, lo: Floats, hi: Floats
-) -> None:
-    """Lengths of ``(x, y)``."""
-    for k in range(lo.size):
-        w, x, y, z = a[k * i], b[k * i], c[k * j], d[k * j]
-        low = hypot_down(mig_of(w, x), mig_of(y, z))
-        high = hypot_up(greater(-w, x), greater(-y, z))
-        lo[k], hi[k] = unless_empty(low, high, (w > x) | (y > z))
