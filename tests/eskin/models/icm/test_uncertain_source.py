@@ -102,6 +102,18 @@ def test_many_turns_of_uncertainty_stay_within_the_amplitude() -> None:
     assert amplitude <= got.sup <= 1.001 * amplitude
 
 
+@pytest.mark.parametrize("half_width", [0.2, 3.2157])
+def test_phase_that_makes_up_for_frequency_leaves_the_amplitude(half_width: float) -> None:
+    psi = Interval(-3.2, 3.2)
+    got = ecfes_voltage(
+        1.3447, amplitude=1.0, frequency=Interval(50.0 - half_width, 50.0 + half_width), phase=psi,
+        capacitor_resistance=Interval(900.0, 1100.0), capacitance=1e-6,
+    )  # fmt: skip
+    amplitude = 1.0 / np.hypot(1.0, 2.0 * np.pi * (50.0 - half_width) * 0.9e-3)
+    for reached in (got.sup, -got.inf):
+        assert amplitude * (1.0 - 1e-12) <= reached <= 1.001 * amplitude
+
+
 @pytest.mark.parametrize("half_frequency", [0.0, 1e-9, 0.5])
 @pytest.mark.parametrize("half_phase", [0.0, 1e-9, 1.0])
 def test_source_encloses_all_members_and_no_more(half_frequency: float, half_phase: float) -> None:
