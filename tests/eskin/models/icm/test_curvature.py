@@ -9,7 +9,8 @@ import pytest
 
 from eskin.kernels.compiled import part
 from eskin.models.icm.clock import REACH, sample_at
-from eskin.models.icm.curvature import edge_of, test_edge, waning
+from eskin.models.icm.curvature import edge_of, waning
+from eskin.models.icm.curvature import test_edge as judge_edge
 from eskin.models.icm.response import branch, phase_parts, respond
 from tests.eskin.models.icm import reference
 
@@ -37,7 +38,7 @@ def _judge(
     _, _, _, s_last, left = respond(b, phase, now)
     edge = edge_of(a, b, tau_a, tau_b, power, phase)
     reach = min(1.0, phase[2] + phase[3] * now[REACH])
-    sure, over, k = test_edge(edge, power, slopes[0], slopes[-1], s, waning(s_last, left), reach)
+    sure, over, k = judge_edge(edge, power, slopes[0], slopes[-1], s, waning(s_last, left), reach)
     return sure, over, k, most
 
 
