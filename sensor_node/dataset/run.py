@@ -40,8 +40,7 @@ class Run:
         self._plan = plan
         self._seed = seed
         script, n = plan.script, len(plan.pads)
-        # A recording ends where its scenario ends.
-        stage = Stage(script.model_copy(update={"repeat": False}), seed=seed)
+        stage = Stage(script, seed=seed)
         self._names = np.array(stage.skin.names, dtype=object)
         parts = self._randoms(_PAD_PARTS, n)
         self._pads = Pads(plan.pads, parts, stage=stage, faults=script.fault)

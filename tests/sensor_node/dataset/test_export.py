@@ -67,6 +67,27 @@ def test_every_interval_holds_its_truth_also_beside_broken_taxels(
     assert set(found["fault"]) == {"none", *([fault.split('"')[3]] if fault else [])}
 
 
+@pytest.mark.parametrize("fault", ["", BROKEN.format("stuck").replace("t02", "t05")])
+def test_thin_tubes_hold_the_truth_under_crosstalk_and_beside_a_stuck_taxel(
+    fault: str, tmp_path: Path
+) -> None:
+    # Next to nothing is uncertain but the crosstalk, so that no other width can hide it.
+    exact = "".join(
+        f"{part}_tolerance = 0.0\n"
+        for part in (
+            *("plate_area", "plate_distance", "relative_permittivity", "elasticity"),
+            *("resistance", "reference", "transconductance"),
+        )
+    )
+    sheet = f'[pad]\nadc_bits = 24\nnoise = {{ kind = "uniform", bound = 0.0 }}\n{exact}'
+    air = "[ambient]\ntemperature_error_K = 0.0\nhumidity_error_percent = 0.0\n"
+    press = TAP.replace("tap", "press").replace("4e-3", "1.5e-2")
+    found = columns(make(tmp_path / "set", SHORT + air + press + fault + sheet))
+    lo, true, hi = (found[f"pressure_{side}_Pa"] for side in ("lo", "true", "hi"))
+    assert np.all((lo <= true) & (true <= hi))
+    assert np.median((hi - lo)[(true > 100.0) & (found["taxel"] != "t05")]) < 500.0
+
+
 def test_both_formats_say_the_same_to_the_last_bit(made: Path) -> None:
     for part in ("train", "test"):
         text = pyarrow.csv.read_csv(made / f"{part}.csv")
