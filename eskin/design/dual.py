@@ -7,7 +7,8 @@ A `Dual` runs through any formula of ``+ - * /``, integer powers and numpy's ``s
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+import operator
+from typing import TYPE_CHECKING, Any, Final, SupportsIndex
 
 import numpy as np
 
@@ -33,6 +34,9 @@ class Dual:
     def __init__(self, value: Interval, partials: Mapping[str, Interval]) -> None:
         self.value = value
         self.partials = dict(partials)
+
+    def __repr__(self) -> str:
+        return f"Dual({self.value!r}, {self.partials!r})"
 
     def __neg__(self) -> Dual:
         return self._chain(-self.value, Interval(-1.0))
@@ -65,11 +69,15 @@ class Dual:
     def __rtruediv__(self, other: Interval | ArrayLike) -> Dual:
         return _dual(other) / self
 
-    def __pow__(self, exponent: int) -> Dual:
-        if not isinstance(exponent, int):
-            raise DesignError(f"power {exponent!r}: only whole numbers can be differentiated here")
-        slope = self.value.pown(exponent - 1) * float(exponent)
-        return self._chain(self.value.pown(exponent), slope)
+    def __pow__(self, exponent: SupportsIndex) -> Dual:
+        try:
+            power = operator.index(exponent)
+        except TypeError as error:
+            raise DesignError(
+                f"power {exponent!r}: only whole numbers can be differentiated here"
+            ) from error
+        slope = self.value.pown(power - 1) * float(power)
+        return self._chain(self.value.pown(power), slope)
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **options: Any) -> Dual:
         if method != "__call__" or options or ufunc not in _FUNCTIONS:

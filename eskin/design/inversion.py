@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.design.bounded import require_bounded
 from eskin.design.paving import Paving, Region
 from eskin.errors import DesignError
 from eskin.interval import Interval
@@ -98,8 +99,7 @@ def _corners(space: Mapping[str, Interval]) -> tuple[list[str], Floats, Floats]:
     if not space:
         raise DesignError("the space has no parameter; give at least one interval")
     for name, value in space.items():
-        if value.shape != () or not np.isfinite(value.inf) or not np.isfinite(value.sup):
-            raise DesignError(f"{name}: {value!r} is no bounded interval")
+        require_bounded(name, value)
         if value.inf >= value.sup:
             raise DesignError(f"{name}: {value!r} is thin; a parameter to choose needs lo < hi")
     lo = np.array([float(value.inf) for value in space.values()])

@@ -45,10 +45,15 @@ class Paving:
     regions: NDArray[np.str_]
 
     def share(self, region: Region) -> float:
-        """The region's share of the space's volume."""
+        """The region's share of the space's volume.
+
+        Raises:
+            ValueError: It is no `Region`.
+        """
+        wanted = Region(region)
         whole = np.array([float(v.sup) - float(v.inf) for v in self.space.values()])
         volumes = np.prod((self.hi - self.lo) / whole, axis=1)
-        return float(np.sum(volumes[self.regions == region]))
+        return float(np.sum(volumes[self.regions == wanted]))
 
     def region(self, **point: float) -> Region:
         """What a point of the space is; on the face of two boxes, the surer word counts.

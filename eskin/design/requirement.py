@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 import numpy as np
 
+from eskin.design.bounded import require_bounded, require_pieces
 from eskin.design.spread import enclose_spread
 from eskin.errors import DesignError
 from eskin.interval import Interval
@@ -25,7 +26,10 @@ Boxes: TypeAlias = "Mapping[str, Interval]"
 """Parameters by name, each an `Interval` of shape ``(n,)``: n boxes."""
 Truths: TypeAlias = "NDArray[np.bool_]"
 Output: TypeAlias = "Callable[..., Interval]"
-"""A model: takes parameters by keyword, gives an `Interval` of their broadcast shape."""
+"""A model: takes parameters by keyword, gives an `Interval` of their broadcast shape.
+
+It is judged where it is defined: a box on which it has no value at all meets nothing.
+"""
 
 MOST_TOLERANCES: Final = 6
 
@@ -71,13 +75,15 @@ class Within:
     def __post_init__(self) -> None:
         if not self.lo <= self.hi:
             raise DesignError(f"the band [{self.lo}, {self.hi}] is empty; give lo <= hi")
+        _require_divisible(self.for_every, self.pieces)
 
     def judge(self, boxes: Boxes) -> Judgement:
         """Judge n boxes."""
+        _require_other_names(boxes, self.for_every)
         whole = _call(self.output, boxes, _pieces(self.for_every, self.pieces))
         thin = _call(self.output, boxes, _samples(self.for_every, self.pieces))
-        certain = (whole.inf >= self.lo) & (whole.sup <= self.hi)
-        impossible = (thin.sup < self.lo) | (thin.inf > self.hi)
+        certain = (whole.inf >= self.lo) & (whole.sup <= self.hi) & ~whole.is_empty
+        impossible = (thin.sup < self.lo) | (thin.inf > self.hi) | thin.is_empty
         return Judgement(np.all(certain, axis=1), np.any(impossible, axis=1))
 
 
@@ -104,6 +110,9 @@ class Narrower:
     expression: bool = False
 
     def __post_init__(self) -> None:
+        _require_divisible(self.for_every, self.pieces)
+        if not self.width >= 0.0:
+            raise DesignError(f"width: {self.width} is no greatest width; give a number >= 0")
         if not 1 <= len(self.tolerance) <= MOST_TOLERANCES:
             raise DesignError(f"tolerances: give 1 to {MOST_TOLERANCES}, not {len(self.tolerance)}")
         for name, share in self.tolerance.items():
@@ -112,6 +121,7 @@ class Narrower:
 
     def judge(self, boxes: Boxes) -> Judgement:
         """Judge n boxes: by slopes, or by all that tolerances allow and by the tolerances' ends."""
+        _require_other_names(boxes, self.for_every)
         if unknown := self.tolerance.keys() - boxes.keys():
             raise DesignError(
                 f"tolerance of {', '.join(sorted(unknown))}: the space has {', '.join(boxes)}"
@@ -155,6 +165,10 @@ class All:
 
     parts: tuple[Requirement, ...]
 
+    def __post_init__(self) -> None:
+        if not self.parts:
+            raise DesignError("there is no requirement; give at least one")
+
     def judge(self, boxes: Boxes) -> Judgement:
         """Judge n boxes."""
         judged = [part.judge(boxes) for part in self.parts]
@@ -171,6 +185,8 @@ def _factor(share: float) -> Interval:
 def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> Interval:
     """Evaluate on n boxes times m values of the others: shape ``(n, m)``."""
     result = output(**_columns(boxes), **others)
+    if not isinstance(result, Interval):
+        raise DesignError(f"the output gave {type(result).__name__}; it must give an Interval")
     n = next(iter(boxes.values())).inf.shape[0]
     if result.inf.ndim != 2 or result.inf.shape[0] != n:
         raise DesignError(
@@ -178,6 +194,20 @@ def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> Inter
             "it must follow numpy's broadcasting"
         )
     return result
+
+
+def _require_divisible(for_every: Mapping[str, Interval], pieces: int) -> None:
+    for name, value in for_every.items():
+        require_bounded(name, value)
+    require_pieces(pieces)
+
+
+def _require_other_names(boxes: Boxes, for_every: Mapping[str, Interval]) -> None:
+    if both := boxes.keys() & for_every.keys():
+        raise DesignError(
+            f"{', '.join(sorted(both))}: in the space and in for_every; a parameter is either "
+            "chosen or may take any value"
+        )
 
 
 def _columns(boxes: Boxes) -> dict[str, Interval]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eskin.design.bounded import require_bounded, require_pieces
 from eskin.design.dual import Dual
 from eskin.errors import DesignError
 from eskin.interval import Interval
@@ -48,8 +49,12 @@ def sensitivity(
         shrinks in proportion to the pieces.
 
     Raises:
-        DesignError: There are too many pieces in all, or the formula cannot be differentiated.
+        DesignError: A parameter is no bounded interval, there are too many pieces in all, or the
+            formula cannot be differentiated or has no value.
     """
+    for name, value in parameters.items():
+        require_bounded(name, value)
+    require_pieces(pieces)
     divided = {name: _cuts(value, pieces) for name, value in parameters.items()}
     total = int(np.prod([len(value.inf) for value in divided.values()]))
     if total > MOST_PIECES:
@@ -65,6 +70,8 @@ def sensitivity(
         raise DesignError(
             f"the formula gave {type(result).__name__}, so it uses none of {list(duals)}"
         )
+    if np.any(result.value.is_empty):
+        raise DesignError("the formula has no value on a part of the box; make the box smaller")
     zero = Interval(0.0)
     found = {}
     for name, dual in duals.items():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from dataclasses import replace
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
@@ -170,6 +170,7 @@ def test_point_is_told_its_region() -> None:
     ("space", "resolution", "complaint"),
     [
         ({}, 0.1, "no parameter"),
+        ({"distance": (1e-3, 5e-3)}, 0.1, "distance: .* is no Interval; give eskin.Interval"),
         ({"distance": Interval(1e-3)}, 0.1, "thin"),
         ({"distance": Interval(1e-3, np.inf)}, 0.1, "no bounded interval"),
         ({"distance": Interval([1e-3, 2e-3], [4e-3, 5e-3])}, 0.1, "no bounded interval"),
@@ -188,9 +189,71 @@ def test_unusable_requirement_is_refused() -> None:
         Within(capacitance, lo=2.0, hi=1.0)
     with pytest.raises(DesignError, match="tolerance of distance"):
         Narrower(capacitance, width=1.0, tolerance={"distance": 1.5})
+    with pytest.raises(DesignError, match="no greatest width"):
+        Narrower(capacitance, width=-1.0, tolerance={"distance": 0.1})
+    with pytest.raises(DesignError, match="no requirement"):
+        All(())
     with pytest.raises(DesignError, match="give 1 to 6"):
         Narrower(capacitance, width=1.0, tolerance={})
     with pytest.raises(DesignError, match="tolerance of gap: the space has distance, perm"):
         invert(Narrower(capacitance, width=1.0, tolerance={"gap": 0.1}, for_every=TOUCH), SPACE)
     with pytest.raises(DesignError, match="broadcasting"):
         invert(Within(lambda **_: Interval(1.0)), SPACE)
+
+
+@pytest.mark.parametrize(
+    ("for_every", "pieces", "complaint"),
+    [
+        (TOUCH, 0, "pieces: 0"),
+        (TOUCH, 2.5, "pieces: 2.5"),
+        ({"area": 1e-4}, 8, "area: 0.0001 is no Interval"),
+        ({"area": Interval(1e-5, np.inf)}, 8, "no bounded interval"),
+        ({"area": Interval([1e-5, 2e-5])}, 8, "no bounded interval"),
+    ],
+)
+def test_values_that_cannot_be_divided_are_refused(
+    for_every: Any, pieces: Any, complaint: str
+) -> None:
+    with pytest.raises(DesignError, match=complaint):
+        Within(capacitance, lo=1e-13, for_every=for_every, pieces=pieces)
+    with pytest.raises(DesignError, match=complaint):
+        Narrower(
+            capacitance, width=1.0, tolerance={"distance": 0.1}, for_every=for_every, pieces=pieces
+        )
+
+
+@pytest.mark.parametrize(
+    "requirement",
+    [
+        Within(capacitance, for_every={"distance": Interval(1e-3, 2e-3)}),
+        Narrower(
+            capacitance,
+            width=1.0,
+            tolerance={"permittivity": 0.1},
+            for_every={"distance": Interval(1e-3, 2e-3)},
+        ),
+    ],
+)
+def test_parameter_is_either_chosen_or_free(requirement: Requirement) -> None:
+    with pytest.raises(DesignError, match="distance: in the space and in for_every"):
+        invert(requirement, SPACE)
+
+
+def test_output_without_a_value_meets_no_requirement() -> None:
+    def root(*, distance: Interval, permittivity: Interval) -> Interval:
+        return (permittivity - 5.5).sqrt() + distance
+
+    assert invert(Within(root), SPACE).share(Region.NEVER) == 1.0
+    tolerance = {"permittivity": 0.01}
+    expression = Narrower(
+        lambda distance, permittivity: np.sqrt(permittivity - 5.5) + distance,
+        width=9.0, tolerance=tolerance, expression=True,
+    )  # fmt: skip
+    assert invert(expression, SPACE).share(Region.NEVER) == 1.0
+
+
+def test_output_that_is_no_interval_and_region_that_is_none_are_named() -> None:
+    with pytest.raises(DesignError, match="gave float; it must give an Interval"):
+        invert(Within(lambda **_: cast("Interval", 3.0)), SPACE)
+    with pytest.raises(ValueError, match="'sure' is not a valid Region"):
+        invert(BAND, SPACE).share(cast("Region", "sure"))

@@ -124,7 +124,23 @@ def test_what_cannot_be_differentiated_is_named() -> None:
         np.tanh(Dual(Interval(1.0), {}))
     with pytest.raises(DesignError, match="only whole numbers"):
         Dual(Interval(1.0), {}) ** 0.5  # type: ignore[operator]  # a wrong call on purpose
+    assert (Dual(Interval(3.0), {}) ** np.int64(2)).value.contains(9.0)
     with pytest.raises(DesignError, match="uses none"):
         sensitivity(lambda x: 1.0, {"x": Interval(0.0, 1.0)})  # noqa: ARG005 - that is the point
     with pytest.raises(DesignError, match="take fewer"):
         sensitivity(lambda **_: 1.0, {name: Interval(0.0, 1.0) for name in "abcdef"}, pieces=16)
+
+
+@pytest.mark.parametrize(
+    ("value", "pieces", "complaint"),
+    [
+        (1.0, 4, "x: 1.0 is no Interval"),
+        (Interval(1.0, np.inf), 4, "no bounded interval"),
+        (Interval([1.0, 2.0]), 4, "no bounded interval"),
+        (Interval(1.0, 2.0), 0, "pieces: 0"),
+        (Interval(-4.0, -1.0), 4, "no value on a part"),
+    ],
+)
+def test_box_that_cannot_be_divided_is_refused(value: Any, pieces: int, complaint: str) -> None:
+    with pytest.raises(DesignError, match=complaint):
+        sensitivity(lambda x: 2.0 * np.sqrt(x), {"x": value}, pieces=pieces)
