@@ -31,6 +31,11 @@ def write_picture(path: Path, figure: Figure) -> None:
     Raises:
         OSError: The file cannot be written.
     """
+    draw_picture(figure).savefig(path, dpi=_DPI, metadata={"Software": None})
+
+
+def draw_picture(figure: Figure) -> Canvas:
+    """Draw a figure, its panels from top to bottom."""
     count = len(figure.panels)
     height = _PANEL_HEIGHT * count + (_MARGIN if count > 1 else _MARGIN + 1.5)
     canvas = Canvas(figsize=(_WIDTH, height), layout="constrained")
@@ -43,7 +48,7 @@ def write_picture(path: Path, figure: Figure) -> None:
         figure.caption.replace(" = ", "\N{NO-BREAK SPACE}=\N{NO-BREAK SPACE}"), 125
     )
     canvas.supxlabel(caption, fontsize=8, color="#444444", x=0.02, ha="left")
-    canvas.savefig(path, dpi=_DPI, metadata={"Software": None})
+    return canvas
 
 
 def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:

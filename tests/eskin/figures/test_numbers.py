@@ -220,6 +220,7 @@ def test_every_column_is_drawn_once_under_its_own_name(name: str) -> None:
             shown += [(label, lo, panel), (label, hi, panel)]
     first, *others = figure.columns
     assert sorted(column for _, column, _ in shown) == sorted(others)
+    assert first == f"{first.partition('_')[0]}_{figure.x_unit}"
     assert figure.xlabel.split()[-1] == first.partition("_")[0]
     for label, column, panel in shown:
         assert column.endswith(f"_{panel.unit}")
@@ -237,3 +238,12 @@ def test_fine_enough_to_draw_every_swing() -> None:
         for header, values in drawn(name).columns.items():
             if "noisy" not in header:
                 assert np.max(np.abs(np.diff(values))) < 0.15 * np.ptp(values), header
+
+
+def test_so_many_periods_of_the_oscillator_are_drawn_as_one_can_see() -> None:
+    figure = drawn("fig9")
+    span = figure.panels[-1].span
+    assert span is not None
+    shown = figure.columns["voltage_V"][figure.columns["time_s"] <= span]
+    periods = np.count_nonzero(np.diff(np.signbit(shown))) / 2.0
+    assert 10.0 < periods < 25.0
