@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval import Interval
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
-
-    from eskin.interval import Interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +40,12 @@ class Tube:
     coverage: float
 
     def __post_init__(self) -> None:
+        if not isinstance(self.values, Interval):
+            raise IntervalError(f"values must be an Interval, not {type(self.values).__name__}")
         if len(self.values.shape) != 1:
             raise IntervalError(f"a tube has one axis, not shape {self.values.shape}")
+        if not all(isinstance(each, (int, np.integer)) for each in (*self.time, self.dt)):
+            raise IntervalError(f"time and dt must be whole ns, not {self.time} and {self.dt}")
         if self.time[0] > self.time[1]:
             raise IntervalError(f"time enclosure is reversed: {self.time}")
         if self.dt <= 0:

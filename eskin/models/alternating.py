@@ -191,7 +191,7 @@ def _parameters(
         thin("voltage_frequency", voltage_frequency, NOT_NEGATIVE),
         thin("frequency", frequency, NOT_NEGATIVE),
         thin("time", time, FINITE),
-        not_negative("swing", swing.value),
+        not_negative("swing", Swing(swing).value),
         not_negative("moving", float(moving)),
     ]
 

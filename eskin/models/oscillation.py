@@ -13,7 +13,7 @@ from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down,
 from eskin.kernels.rounding_mode import rounding_to_nearest
 from eskin.models.bounds import product_down, product_up
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
-from eskin.models.parameters import FINITE, not_negative, parameter
+from eskin.models.parameters import FINITE, not_negative, parameter, thin
 from eskin.models.swing import sine_of_time
 
 if TYPE_CHECKING:
@@ -91,9 +91,9 @@ def oscillation(time: ArrayLike, *, voltage: Bounds, frequency: Interval) -> Int
     Raises:
         IntervalError: A parameter is not allowed, times do not rise, or shapes do not fit.
     """
-    instants = np.asarray(time, dtype=np.float64)
-    if instants.ndim != 1 or not np.all(np.diff(instants) > 0.0):
-        raise IntervalError("time must be instants that rise on one axis")
+    instants = np.asarray(thin("time", time, FINITE).inf)
+    if instants.ndim != 1 or instants.size < 2 or not np.all(np.diff(instants) > 0.0):
+        raise IntervalError("time must be two or more instants that rise on one axis")
     steps = not_negative("frequency", frequency)
     steps.require_allowed()
     if steps.inf.ndim == 0 or steps.inf.shape[-1] != instants.size - 1:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval import as_interval
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -26,26 +27,30 @@ class Detection(enum.IntEnum):
     """Every member reaches it."""
 
 
-def detect(readings: Interval, threshold: ArrayLike) -> NDArray[np.int8]:
+def detect(readings: Interval | ArrayLike, threshold: ArrayLike) -> NDArray[np.int8]:
     """Hold enclosed readings against a threshold; a reading on it counts as detected.
 
     Args:
-        readings: Enclosures of the readings, any shape.
+        readings: Enclosures of the readings, or plain readings; any shape.
         threshold: In the same unit; broadcasts against them.
 
     Returns:
         Values of `Detection`, of the broadcast shape.
 
     Raises:
-        IntervalError: A threshold is NaN, a reading is empty, or shapes do not fit each other.
+        IntervalError: A threshold is no number, a reading is empty, or shapes do not fit.
     """
-    limit = np.asarray(threshold, dtype=np.float64)
+    enclosed = as_interval(readings)
+    try:
+        limit = np.asarray(threshold, dtype=np.float64)
+    except ValueError as error:
+        raise IntervalError(f"threshold: {error}") from error
     if np.isnan(limit).any():
         raise IntervalError("threshold is NaN; give a number in the unit of the readings")
-    if np.any(readings.inf > readings.sup):
+    if np.any(enclosed.is_empty):
         raise IntervalError("readings hold an empty interval, which no threshold can judge")
     try:
-        certain, possible = readings.inf >= limit, readings.sup >= limit
+        certain, possible = enclosed.inf >= limit, enclosed.sup >= limit
     except ValueError as error:
         raise IntervalError(f"readings and threshold do not fit each other: {error}") from error
     return np.add(certain, possible, dtype=np.int8)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval import Interval
+from eskin.interval import Interval, as_interval
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -90,14 +90,20 @@ def _share_below(noise: Floats, value: float, sigma: Floats, limit: Floats) -> F
 
 
 def _axis(name: str, value: ArrayLike) -> Floats:
-    made = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    try:
+        made = np.atleast_1d(np.asarray(value, dtype=np.float64))
+    except (TypeError, ValueError) as error:
+        raise IntervalError(f"{name}: {error}") from error
     if made.ndim != 1 or not np.all(np.isfinite(made)):
         raise IntervalError(f"{name} must be one axis of finite numbers, is {value!r}")
     return made
 
 
 def _single(name: str, value: Interval | ArrayLike) -> tuple[float, float]:
-    bounds = value if isinstance(value, Interval) else Interval(value)
+    try:
+        bounds = as_interval(value)
+    except IntervalError as error:
+        raise IntervalError(f"{name}: {error}") from error
     inf, sup = np.asarray(bounds.inf), np.asarray(bounds.sup)
     if inf.size != 1 or not (np.isfinite(inf).all() and np.isfinite(sup).all()):
         raise IntervalError(f"{name} must be one finite number or interval, is {value!r}")

@@ -9,8 +9,15 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval import Interval
-from eskin.models.parameters import VACUUM_PERMITTIVITY
+from eskin.interval import Interval, as_interval
+from eskin.models.broadcasting import broadcast_shape
+from eskin.models.parameters import (
+    NOT_NEGATIVE,
+    POSITIVE,
+    VACUUM_PERMITTIVITY,
+    not_negative,
+    thin,
+)
 from eskin.models.touch import Touch, touch_of_area
 
 if TYPE_CHECKING:
@@ -42,7 +49,9 @@ class GaussianNoise:
     def __post_init__(self) -> None:
         for name in ("area", "capacitance", "energy"):
             value = getattr(self, name)
-            if not (math.isfinite(value) and value >= 0.0):
+            if not (
+                isinstance(value, (int, float, np.number)) and math.isfinite(value) and value >= 0.0
+            ):
                 raise IntervalError(
                     f"the standard deviation of {name} must be finite and >= 0, is {value!r}"
                 )
@@ -95,13 +104,23 @@ def touch_with_noise(
 
     Returns:
         Area, ``C = ε₀ A/d`` and ``½ C V²`` of the noisy area, with the noise of their own.
+
+    Raises:
+        IntervalError: A number is not allowed, or shapes do not fit each other.
     """
-    true = np.asarray(area, dtype=np.float64)
-    shape = np.broadcast_shapes(true.shape, np.shape(distance), np.shape(voltage))
+    given = [
+        thin("area", area, NOT_NEGATIVE),
+        thin("distance", distance, POSITIVE),
+        thin("voltage", voltage, NOT_NEGATIVE),
+    ]
+    for each in given:
+        each.require_allowed()
+    shape = broadcast_shape(given)
+    true, apart, volts = (each.inf for each in given)
     noisy = np.maximum(true + noise.area * generator.standard_normal(shape), 0.0)
-    exact = vacuum_permittivity * noisy / np.asarray(distance)
+    exact = vacuum_permittivity * noisy / apart
     measured = exact + noise.capacitance * generator.standard_normal(shape)
-    energy = 0.5 * measured * np.square(np.asarray(voltage))
+    energy = 0.5 * measured * np.square(volts)
     return TouchReadings(noisy, measured, energy + noise.energy * generator.standard_normal(shape))
 
 
@@ -134,24 +153,22 @@ def touch_within(
     if not math.isfinite(deviations):
         raise IntervalError(f"deviations must be finite and >= 0, is {deviations!r}")
     missed = 1.0 - coverage_within(deviations)
-    disturbed = _around(_interval(area), noise.area * deviations)
-    disturbed = Interval(np.maximum(disturbed.inf, 0.0), np.maximum(disturbed.sup, 0.0))
+    true = not_negative("area", area)
+    true.require_allowed()
+    disturbed = _around(true.interval, noise.area, deviations)
+    disturbed = Interval(np.maximum(disturbed.inf, 0.0), disturbed.sup)
     exact = touch_of_area(
         disturbed, distance=distance, voltage=voltage, vacuum_permittivity=vacuum_permittivity
     )
-    measured = _around(exact.capacitance, noise.capacitance * deviations)
-    energy = _around(
-        measured * _interval(voltage) * _interval(voltage) * 0.5, noise.energy * deviations
-    )
-    if noise.capacitance == 0.0:
-        energy = _around(exact.energy, noise.energy * deviations)
+    measured = _around(exact.capacitance, noise.capacitance, deviations)
+    energy = exact.energy
+    if noise.capacitance > 0.0:
+        volts = as_interval(voltage)
+        energy = measured * volts * volts * 0.5
+    energy = _around(energy, noise.energy, deviations)
     sources = sum(sigma > 0.0 for sigma in (noise.area, noise.capacitance, noise.energy))
     return Touch(exact.area, measured, energy), max(1.0 - sources * missed, 0.0)
 
 
-def _interval(value: Interval | ArrayLike) -> Interval:
-    return value if isinstance(value, Interval) else Interval(value)
-
-
-def _around(value: Interval, radius: float) -> Interval:
-    return value if radius == 0.0 else value + Interval(-radius, radius)
+def _around(value: Interval, sigma: float, deviations: float) -> Interval:
+    return value + Interval(-deviations, deviations) * sigma if sigma > 0.0 else value

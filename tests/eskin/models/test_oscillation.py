@@ -88,3 +88,9 @@ def test_rows_of_frequencies_give_rows_of_voltages() -> None:
 def test_steps_that_do_not_fit_are_refused(time: Any, frequency: Any, said: str) -> None:
     with pytest.raises(IntervalError, match=said):
         models.oscillation(time, voltage=1.0, frequency=Interval(frequency))
+
+
+@pytest.mark.parametrize("time", [0.0, [0.0], [0.0, 0.0], ["a", "b"], [0.0, np.nan]])
+def test_times_that_are_no_rising_instants_are_refused(time: Any) -> None:
+    with pytest.raises(IntervalError, match="time"):
+        models.oscillation(time, voltage=5.0, frequency=Interval([1.0]))

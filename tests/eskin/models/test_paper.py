@@ -145,3 +145,8 @@ def test_capacitance_has_no_inflection_over_the_distance() -> None:
     distance = np.linspace(1e-3, 5e-3, 401)
     found = models.capacitance(relative_permittivity=1.0, area=1e-4, distance=distance)
     assert np.all(np.diff(found.mid, 2) > 0.0)
+
+
+def test_rule_that_is_none_is_named() -> None:
+    with pytest.raises(ValueError, match="'edge' is not a valid EulerRule"):
+        models.coil_energy_euler_paper(**COIL, step=1e-5, steps=2, rule="edge")  # type: ignore[arg-type]  # a wrong call on purpose

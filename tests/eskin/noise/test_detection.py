@@ -47,9 +47,14 @@ def test_no_member_contradicts_the_verdict() -> None:
     assert {int(v) for v in np.unique(verdict)} == {0, 1, 2}
 
 
+def test_plain_readings_are_thin() -> None:
+    assert detect([1.0, 2.0], 1.5).tolist() == [Detection.MISSED, Detection.CERTAIN]
+
+
 @pytest.mark.parametrize(
     ("readings", "threshold", "said"),
     [
+        (Interval(0.0, 1.0), "high", "threshold: could not convert"),
         (Interval([0.0, 1.0], [1.0, 2.0]), math.nan, "NaN"),
         (Interval._trusted(np.array(math.inf), np.array(-math.inf)), 1.0, "empty"),
         (Interval([0.0, 1.0], [1.0, 2.0]), np.zeros(3), "do not fit"),
@@ -136,6 +141,8 @@ def test_same_seed_gives_same_rates() -> None:
         ({"noise": [math.nan]}, "noise must be one axis"),
         ({"threshold": [[1.0]]}, "threshold must be one axis"),
         ({"threshold": [math.inf]}, "threshold must be one axis"),
+        ({"noise": "much"}, "noise: could not convert"),
+        ({"touched": None}, "touched: "),
         ({"draws": 0}, "draws must be >= 1"),
         ({"touched": [1.0, 2.0]}, "touched must be one"),
         ({"untouched": Interval(-math.inf, 0.0)}, "untouched must be one"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -97,10 +97,31 @@ def test_coverage_is_that_of_the_normal_distribution(deviations: float, share: f
 
 
 @pytest.mark.parametrize("name", ["area", "capacitance", "energy"])
-@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf])
-def test_noise_that_is_no_deviation_is_refused(name: str, value: float) -> None:
+@pytest.mark.parametrize("value", [-1.0, math.nan, math.inf, "much", np.ones(2)])
+def test_noise_that_is_no_deviation_is_refused(name: str, value: Any) -> None:
     with pytest.raises(IntervalError, match=f"standard deviation of {name}"):
         GaussianNoise(**{name: value})
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"area": -1e-4}, "area must be 0 or"),
+        ({"area": np.array([1e-4, math.nan])}, r"area must be 0 or .* nan\] at index"),
+        ({"distance": 0.0}, "distance must be > 0"),
+        ({"distance": -1e-3}, "distance must be > 0"),
+        ({"voltage": math.inf}, "voltage"),
+        ({"area": np.ones(3), "distance": np.ones(2)}, "shapes do not fit"),
+        ({"area": "wide"}, "area: "),
+    ],
+)
+def test_touch_that_cannot_be_is_refused(changed: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"area": 1e-4, **PLATE, **changed}
+    area = given.pop("area")
+    with pytest.raises(IntervalError, match=said):
+        touch_with_noise(area, noise=NOISE, generator=np.random.default_rng(1), **given)
+    with pytest.raises(IntervalError, match=said):
+        touch_within(area, noise=NOISE, deviations=6.0, **given)
 
 
 @pytest.mark.parametrize("deviations", [-1.0, math.nan, math.inf])

@@ -1,0 +1,43 @@
+"""A tube refuses parts that do not fit, and says which."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from eskin import Interval, Tube
+from eskin.errors import IntervalError
+
+GIVEN: dict[str, Any] = {
+    "time": (1000, 1003), "dt": 10, "values": Interval([1.0, 2.0], [2.0, 4.0]), "unit": "F",
+    "coverage": 1.0,
+}  # fmt: skip
+
+
+def test_samples_are_drawn_in_the_middle_of_their_time() -> None:
+    tube = Tube(**GIVEN)
+    assert len(tube) == 2
+    assert tube.moments.tolist() == [1001, 1011]
+    assert tube.time_error == 2
+    assert tube.first_moment - tube.time_error <= 1000
+    assert tube.first_moment + tube.time_error >= 1003
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [
+        ({"values": np.array([1.0, 2.0])}, "values must be an Interval, not ndarray"),
+        ({"values": Interval(1.0)}, "one axis"),
+        ({"time": (0.5, 1.5)}, "whole ns"),
+        ({"dt": 10.5}, "whole ns"),
+        ({"time": (3, 2)}, "reversed"),
+        ({"dt": 0}, "positive"),
+        ({"coverage": float("nan")}, "coverage"),
+        ({"coverage": 1.5}, "coverage"),
+    ],
+)
+def test_parts_that_do_not_fit_are_refused(changed: dict[str, Any], said: str) -> None:
+    with pytest.raises(IntervalError, match=said):
+        Tube(**GIVEN | changed)
