@@ -77,6 +77,11 @@ class EmulatedTaxel:
         self.next: Frame = self.control_unit.schedule.frame(0)
 
     @property
+    def name(self) -> str:
+        """The taxel's."""
+        return self.control_unit.name
+
+    @property
     def channels(self) -> list[Channel]:
         """What it measures."""
         return self.control_unit.channels

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import heapq
 import logging
+import threading
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
@@ -11,7 +12,7 @@ from eskin.errors import FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
 from sensor_node.firmware import inversion
-from sensor_node.firmware.record import Scribe
+from sensor_node.firmware.record import Record, Scribe
 from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
@@ -73,8 +74,8 @@ class Node:
             )
             for number, taxel in enumerate(settings.taxel)
         ]
-        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
-        heapq.heapify(self._due)
+        self._working = threading.RLock()
+        self._line_up()
 
     @property
     def next_due(self) -> int:
@@ -83,11 +84,22 @@ class Node:
 
     def advance(self, ticks: int) -> None:
         """Take all frames that are complete by now; say so where some were missed."""
-        if ticks - self.next_due > self._overrun:
-            self._pass_over(ticks)
-        while self.next_due <= ticks:
+        with self._working:
+            if ticks - self.next_due > self._overrun:
+                self._pass_over(ticks)
+            while self.next_due <= ticks:
+                with self._tolerant(), self._flash.batch() as batch:
+                    self._take(batch, ticks)
+
+    @contextmanager
+    def between_frames(self) -> Iterator[list[Record]]:
+        """Hold sampling while taxels are set; takes what they say of it."""
+        with self._working:
+            said: list[Record] = []
             with self._tolerant(), self._flash.batch() as batch:
-                self._take(batch, ticks)
+                yield said
+                batch.take(said)
+            self._line_up()
 
     def record_status(self) -> Position:
         """Put a status into flash.
@@ -137,8 +149,7 @@ class Node:
                 peaks, samples = taxel.skip(ticks)
                 batch.take(peaks)
                 lost += samples
-            self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
-            heapq.heapify(self._due)
+            self._line_up()
             again = max(taxel.next.start for taxel in self.taxels)
             known = self._clock.known
             time = known.enclosure(begin)[0], known.enclosure(again)[1]
@@ -149,6 +160,10 @@ class Node:
                 lost,
                 (ticks - begin) / BILLION,
             )
+
+    def _line_up(self) -> None:
+        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
+        heapq.heapify(self._due)
 
     @contextmanager
     def _tolerant(self) -> Iterator[None]:

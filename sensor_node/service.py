@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.identity import Identity
+from sensor_node.commands import Commander
+from sensor_node.controls import NodeControls
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
@@ -95,9 +98,18 @@ def _begin(truth: Truth, start: int) -> int:
 
 def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.Event) -> None:
     node, clock = build_node(settings, flash=flash, truth=truth)
+    commander = Commander(
+        flash,
+        own=Identity.load(settings.identity.directory),
+        cloud=settings.identity.cloud,
+        controls=NodeControls(node),
+        enclosure=lambda: clock.known.enclosure(clock.ticks()),
+    )
+    commander.start()
     publisher = Publisher(
         flash,
         record_status=node.record_status,
+        take_command=commander.take,
         broker=settings.broker,
         identity=settings.identity,
     )

@@ -46,7 +46,7 @@ class ControlUnit:
         self.mode = SAMPLES
         self.gain = 1.0
         self.smoothing = 0.0
-        self.schedule = self._designed = schedule
+        self.schedule = self.designed = schedule
         self._taxel = taxel
         self._prominences = prominences
         self._encoding = encoding
@@ -107,7 +107,7 @@ class ControlUnit:
 
     def sample_every(self, dt: int, origin: int) -> "list[Record]":
         """Sample with another period, ns, from a moment on; gives undecided peaks."""
-        self.schedule = self._designed.at_period(dt, origin)
+        self.schedule = self.designed.at_period(dt, origin)
         return self._restart(self.smoothing)
 
     def reset(self, origin: int) -> "list[Record]":
@@ -117,7 +117,7 @@ class ControlUnit:
         self.gain = 1.0
         self.smoothing = 0.0
         self._taxel.amplify(1.0)
-        self.schedule = self._designed.at_period(self._designed.dt, origin)
+        self.schedule = self.designed.at_period(self.designed.dt, origin)
         for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
             unit.baseline.forget()
             unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)

@@ -48,7 +48,7 @@ class RecordedWorld:
         values = self._series.values * Interval(taxel.scale)
         share = random.random(len(self._series.times))
         lo, hi = values.inf, values.sup
-        self._unbounded = ~values.is_common
+        self._unbounded = ~values.is_common_interval
         with np.errstate(invalid="ignore"):
             self._values = np.clip(lo + share * (hi - lo), lo, hi)
 

@@ -52,7 +52,7 @@ def examine(values: Interval, neighbours: Indices, *, still: float, moves: float
         One answer a taxel. Dead neighbours are passed over; a taxel without any other is never
         certainly stuck.
     """
-    unbounded = ~values.is_common
+    unbounded = ~values.is_common_interval
     known = np.any(~unbounded, axis=1)
     dead = Answer(~known, ~np.any(unbounded, axis=1))
     moved = _movement(values, unbounded)

@@ -111,6 +111,20 @@ def test_events_hold_certain_peaks(demo: RunningDemo) -> None:
     assert peak["height"]["lo"] <= peak["height"]["hi"]
 
 
+def test_command_reaches_the_node_and_its_state_comes_back(demo: RunningDemo) -> None:
+    with demo.client() as client:
+        asked = client.post(
+            "/api/v1/nodes/palm/commands", json={"name": "set", "arguments": {"smoothing": 0.5}}
+        )
+        assert asked.status_code in {201, 202}, asked.text
+        path = f"/nodes/palm/commands/{asked.json()['id']}"
+        wait_until(lambda: demo.get(path)["state"] == "done", "the command is done", seconds=60)
+        state = demo.get("/nodes/palm/state")
+        assert state["settled"] is True
+        assert state["reported"]["t01"]["smoothing"] == 0.5
+        client.post("/api/v1/nodes/palm/commands", json={"name": "reset"})
+
+
 def test_second_demo_on_the_same_folder_is_refused(demo: RunningDemo) -> None:
     done = subprocess.run(
         [ESKIN, "demo", "--data", str(demo.data), "--port", str(free_port())],

@@ -140,7 +140,7 @@ def test_dead_taxel_saturates_and_its_intervals_still_hold(
     signals = world.signals(TIMES, random)
     measured = Inversion(design).measure(frontend.digitise(signals.sensed, random).codes)
     values = measured[quantity]
-    assert np.array_equal(~values.is_common, TIMES >= 3.0)
+    assert np.array_equal(~values.is_common_interval, TIMES >= 3.0)
     assert np.all(values.contains(signals.truth[quantity]))
 
 

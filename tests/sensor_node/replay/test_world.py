@@ -107,7 +107,7 @@ def test_nothing_is_made_up_in_gaps_after_the_end_and_where_it_is_unbounded(
     random = np.random.default_rng(2)
     codes = build_frontend(taxel, random).digitise(world.signals(times, random).sensed, random)
     measured = Inversion(taxel).measure(codes.codes)["capacitance"]
-    assert np.array_equal(~measured.is_common, world.missing(times))
+    assert np.array_equal(~measured.is_common_interval, world.missing(times))
 
 
 def test_sample_between_two_recorded_ones_takes_the_nearest(tmp_path: Path) -> None:
