@@ -3,12 +3,13 @@
 A parameter is an `eskin.Interval` or a number or array for a thin one, in SI units; parameters and
 times broadcast as in numpy, taxels × times say. A plain name is the right physics; a name that ends
 in ``_paper`` is the paper's own form where that is wrong. The hybrid sensor of eq. 15 to 29 stands
-in `eskin.models.icm`.
+in `eskin.models.icm`; the same models as plain expressions, for `eskin.design`, in
+`eskin.models.formulas`.
 """
 
 from __future__ import annotations
 
-from eskin.models import icm
+from eskin.models import formulas, icm
 from eskin.models.alternating import (
     Swing,
     alternating_capacitance,
@@ -56,6 +57,7 @@ __all__ = [
     "coil_energy",
     "coil_energy_euler_paper",
     "energy_flow",
+    "formulas",
     "harmonic_capacitance",
     "icm",
     "lc_frequency",

@@ -83,13 +83,12 @@ def coil_energy_euler_paper(
         each.require_allowed()
     if not (step > 0.0 and np.isfinite(step) and steps >= 0):
         raise IntervalError(f"step must be > 0 and steps >= 0, are {step!r} and {steps!r}")
-    corner = EulerRule(rule) is EulerRule.CORNER
     lower, upper = (np.zeros((*broadcast_shape([v, z, inductor]), steps + 1)) for _ in "lu")
     lower[..., 0] = 0.5 * inductor.inf * (v.inf / z.sup) ** 2
     upper[..., 0] = 0.5 * inductor.sup * (v.sup / z.inf) ** 2
     for k in range(steps):
         low, high = lower[..., k], upper[..., k]
-        if corner:
+        if EulerRule(rule) is EulerRule.CORNER:
             lower[..., k + 1] = low - step * z.sup * (2.0 * low / inductor.inf)
             upper[..., k + 1] = high - step * z.inf * (2.0 * high / inductor.sup)
             continue
