@@ -100,6 +100,14 @@ def test_slopes_of_one_sign_make_a_thin_box_exact() -> None:
     assert most.item() - least.item() < 1e-13
 
 
+def test_slopes_of_one_sign_make_a_small_box_exact() -> None:
+    boxes = {"x": boxed(1.0, 1e-3), "y": boxed(2.0, 1e-3)}
+    least, most = enclose_spread(FORMULAS["quotient"], boxes, {"a": boxed(3.0, 0.0, 0)}, TOLERANCE)
+    factor = 3.0 * (1.02 / 0.95 - 0.98 / 1.05)
+    assert least.item() == pytest.approx(factor * 2.0 / 1.001, rel=1e-12)
+    assert most.item() == pytest.approx(factor * 2.001, rel=1e-12)
+
+
 def test_parts_without_tolerance_do_not_spread() -> None:
     boxes = {"x": boxed(1.0, 0.0), "y": boxed(2.0, 0.0)}
     others = {"a": boxed(3.0, 0.0, 0)}

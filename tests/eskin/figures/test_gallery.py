@@ -70,10 +70,10 @@ def test_figures_have_the_papers_values(folder: Path) -> None:
     plate = read(folder, "fig7b")
     for distance, expected in ((3e-3, 0.2951e-12), (4e-3, 0.22135e-12), (5e-3, 0.1771e-12)):
         found = at(plate, "distance_m", distance, "capacitance_F")
-        assert found == pytest.approx(expected, rel=2e-4)
+        assert found == pytest.approx(expected, rel=2e-4, abs=0.0)
     box = read(folder, "fig4b")
-    assert box["capacitance_lo_F"].min() == pytest.approx(0.177e-12, rel=1e-3)
-    assert box["capacitance_hi_F"].max() == pytest.approx(8.854e-12, rel=1e-9)
+    assert box["capacitance_lo_F"].min() == pytest.approx(0.177e-12, rel=1e-3, abs=0.0)
+    assert box["capacitance_hi_F"].max() == pytest.approx(8.854e-12, rel=1e-9, abs=0.0)
     energy = read(folder, "fig4a")
     assert energy["energy_lo_J"][0] == pytest.approx(0.5 * 9e-3 * (0.9 / 6.0) ** 2)
     assert energy["energy_hi_J"][0] == pytest.approx(0.5 * 11e-3 * (1.1 / 4.0) ** 2)
@@ -87,13 +87,13 @@ def test_figures_have_the_papers_values(folder: Path) -> None:
     assert chain["voltage_V"].max() <= 1.0
     assert chain["frequency_Hz"].max() == pytest.approx(1 / (2 * np.pi * 1e3 * 10e-12))
     dynamic = read(folder, "fig6")
-    assert dynamic["capacitance_F"][-1] == pytest.approx(100e-12)
+    assert dynamic["capacitance_F"][-1] == pytest.approx(100e-12, rel=1e-6, abs=0.0)
     amplitude = 2 * np.pi * 50 * 5 * dynamic["capacitance_F"]
     assert np.interp(100e-9, amplitude, dynamic["capacitance_F"]) == pytest.approx(
-        63.7e-12, rel=1e-3
+        63.7e-12, rel=1e-3, abs=0.0
     )
     assert np.max(np.abs(dynamic["current_corrected_A"] - dynamic["current_A"])) == pytest.approx(
-        5.6e-9, rel=0.02
+        5.6e-9, rel=0.02, abs=0.0
     )
     touch = read(folder, "fig8")
     assert np.all(touch["area_noisy_m2"] >= touch["area_lo_m2"])
@@ -128,7 +128,7 @@ def test_statements_of_the_text_have_a_verdict_that_fits(folder: Path) -> None:
             assert computed > stated
         else:
             assert row["verdict"] == "correct"
-            assert computed == pytest.approx(stated, rel=0.07)
+            assert computed == pytest.approx(stated, rel=0.07, abs=0.0)
 
 
 def test_command_writes_the_same_bytes_and_says_where(folder: Path, tmp_path: Path) -> None:

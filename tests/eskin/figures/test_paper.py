@@ -58,5 +58,5 @@ def test_each_statement_has_its_number_and_its_verdict(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     for row, (stated, computed, verdict) in zip(rows, EXPECTED, strict=True):
         assert float(row["stated"]) == stated, row
-        assert float(row["computed"]) == pytest.approx(computed, rel=1e-4), row
+        assert float(row["computed"]) == pytest.approx(computed, rel=1e-4, abs=0.0), row
         assert row["verdict"] == verdict, row

@@ -25,8 +25,8 @@ def test_capacitance_ranges_from_0_177_to_8_854_picofarad() -> None:
         area=Interval(1e-4, 2e-4),
         distance=Interval(1e-3, 5e-3),
     )
-    assert found.inf == pytest.approx(0.17708e-12)
-    assert found.sup == pytest.approx(8.854e-12)
+    assert found.inf == pytest.approx(0.17708e-12, rel=1e-6, abs=0.0)
+    assert found.sup == pytest.approx(8.854e-12, rel=1e-6, abs=0.0)
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_current_is_a_thousand_times_the_text_with_the_papers_transconductance()
     meant = models.chain_current(times, transconductance=1e-6, **SENSOR)
     assert printed.inf.min() == pytest.approx(100e-6)
     assert printed.sup.max() == pytest.approx(1e-3)
-    assert meant.inf.min() == pytest.approx(100e-9)
+    assert meant.inf.min() == pytest.approx(100e-9, rel=1e-6, abs=0.0)
     assert meant.sup.max() == pytest.approx(1e-6)
 
 
@@ -63,21 +63,23 @@ def test_capacitance_of_eq_7_turns_negative() -> None:
     times = np.arange(0.0, 0.5, 1e-3)
     printed = models.alternating_capacitance_paper(times, **SENSOR)
     negative = times[printed.sup < 0.0]
-    assert printed.inf.min() == pytest.approx(-80e-12)
+    assert printed.inf.min() == pytest.approx(-80e-12, rel=1e-6, abs=0.0)
     assert (negative.min(), negative.max()) == pytest.approx((0.259, 0.491))
     corrected = models.alternating_capacitance(times, **SENSOR)
-    assert corrected.inf.min() == pytest.approx(10e-12)
-    assert corrected.sup.max() == pytest.approx(100e-12)
+    assert corrected.inf.min() == pytest.approx(10e-12, rel=1e-6, abs=0.0)
+    assert corrected.sup.max() == pytest.approx(100e-12, rel=1e-6, abs=0.0)
 
 
 def test_current_of_fig_6_grows_past_100_nanoampere() -> None:
     times = np.arange(0.0, 0.125, 1e-5)
     current = models.alternating_current_paper(times, **SOURCE)
     capacitance = models.alternating_capacitance_paper(times, **SENSOR)
-    assert current.sup[0] == pytest.approx(15.7e-9, rel=1e-3)
-    assert current.sup.max() == pytest.approx(157e-9, rel=2e-3)
+    assert current.sup[0] == pytest.approx(15.7e-9, rel=1e-3, abs=0.0)
+    assert current.sup.max() == pytest.approx(157e-9, rel=2e-3, abs=0.0)
     amplitude = capacitance.mid * 5.0 * 2.0 * np.pi * 50.0
-    assert capacitance.mid[np.argmax(amplitude > 100e-9)] == pytest.approx(63.7e-12, rel=1e-3)
+    assert capacitance.mid[np.argmax(amplitude > 100e-9)] == pytest.approx(
+        63.7e-12, rel=1e-3, abs=0.0
+    )
 
 
 def test_what_eq_8_leaves_out_is_a_quarter_of_the_amplitude() -> None:
@@ -86,7 +88,7 @@ def test_what_eq_8_leaves_out_is_a_quarter_of_the_amplitude() -> None:
     whole = models.alternating_current(times, swing=models.Swing.PAPER, **SOURCE)
     left_out = np.abs(whole.mid - printed.mid)
     amplitude = models.alternating_capacitance_paper(times, **SENSOR).mid * 5.0 * 100.0 * np.pi
-    assert left_out.max() == pytest.approx(5.64e-9, rel=1e-2)
+    assert left_out.max() == pytest.approx(5.64e-9, rel=1e-2, abs=0.0)
     assert (left_out / amplitude).max() == pytest.approx(0.24, abs=0.005)
 
 

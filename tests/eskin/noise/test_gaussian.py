@@ -36,7 +36,7 @@ def test_readings_scatter_about_the_truth_as_they_should() -> None:
         (got.energy, true.energy.mid, of_energy),
     ):
         error = reading - truth
-        assert error.std() == pytest.approx(sigma, rel=0.03)
+        assert error.std() == pytest.approx(sigma, rel=0.03, abs=0.0)
         assert abs(error.mean()) < 4.0 * sigma / math.sqrt(error.size)
 
 
@@ -53,8 +53,8 @@ def test_no_noise_leaves_the_formula() -> None:
     got = touch_with_noise(
         np.array([1e-4]), noise=GaussianNoise(), generator=np.random.default_rng(1), **PLATE
     )
-    assert got.capacitance == pytest.approx(8.854e-13)
-    assert got.energy == pytest.approx(0.125 * 8.854e-13)
+    assert got.capacitance == pytest.approx(8.854e-13, rel=1e-9, abs=0.0)
+    assert got.energy == pytest.approx(0.125 * 8.854e-13, rel=1e-9, abs=0.0)
 
 
 def test_area_never_turns_negative() -> None:
