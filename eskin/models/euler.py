@@ -40,6 +40,14 @@ class EulerEnergy:
     upper: Floats
 
 
+def _begin(v: Parameter, z: Parameter, inductor: Parameter, steps: int) -> tuple[Floats, Floats]:
+    """Curves of which the first instant is known: ``½ L (V/Z)²``."""
+    lower, upper = (np.zeros((*broadcast_shape([v, z, inductor]), steps + 1)) for _ in "lu")
+    lower[..., 0] = 0.5 * inductor.inf * (v.inf / z.sup) ** 2
+    upper[..., 0] = 0.5 * inductor.sup * (v.sup / z.inf) ** 2
+    return lower, upper
+
+
 def _power(energy: Floats, z: Parameter, inductor: Parameter) -> tuple[Floats, Floats]:
     """``2 E Z / L`` in interval arithmetic for one bound of E."""
     corners = [2.0 * energy * r / x for r in (z.inf, z.sup) for x in (inductor.inf, inductor.sup)]
@@ -83,9 +91,7 @@ def coil_energy_euler_paper(
         each.require_allowed()
     if not (step > 0.0 and np.isfinite(step) and steps >= 0):
         raise IntervalError(f"step must be > 0 and steps >= 0, are {step!r} and {steps!r}")
-    lower, upper = (np.zeros((*broadcast_shape([v, z, inductor]), steps + 1)) for _ in "lu")
-    lower[..., 0] = 0.5 * inductor.inf * (v.inf / z.sup) ** 2
-    upper[..., 0] = 0.5 * inductor.sup * (v.sup / z.inf) ** 2
+    lower, upper = _begin(v, z, inductor, steps)
     for k in range(steps):
         low, high = lower[..., k], upper[..., k]
         if EulerRule(rule) is EulerRule.CORNER:

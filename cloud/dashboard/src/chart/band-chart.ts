@@ -10,7 +10,7 @@ import { paintBand, type Canvas } from "./paint-band";
 import type { Palette } from "./palette";
 import { PeakOverlay } from "./peak-overlay";
 import type { PeakMark } from "./peak-groups";
-import { paintPeaks, placePeaks, type PlacedPeak } from "./peaks";
+import { paintPeaks, paintRegions, placePeaks, type PlacedPeak } from "./peaks";
 import type { PlotMap } from "./plot-map";
 import { nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
 import {
@@ -190,9 +190,10 @@ export class BandChart {
     paintMissing(canvas, map, [...(this.facts.bursts ? withoutPauses(missing) : missing), ...this.marks.gaps]);
     const spacing = ((this.entries.reach / 1.5) * map.width) / (x1 - x0);
     const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio), timeError: this.facts.timeError };
+    this.placed = placePeaks(this.marks.peaks, map, ratio);
+    paintRegions(canvas, this.placed);
     paintBand(canvas, reduceToColumns(this.entries, map, style), map.height);
     if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
-    this.placed = placePeaks(this.marks.peaks, map, ratio);
     paintPeaks(canvas, map, this.placed);
     context.restore();
     this.publish(map, corner, ratio);

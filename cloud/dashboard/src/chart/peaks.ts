@@ -70,8 +70,18 @@ function paintTriangle(canvas: Canvas, placed: PlacedPeak): void {
 }
 
 /**
- * Paints peaks: a certain one as a filled triangle over a solid box, a possible one as a hollow triangle
- * over a dashed box with its count. Counts are left out where they would overlap.
+ * Paints where peaks lie: a certain one in a solid box, a possible one in a dashed box. It comes before the
+ * band, which no mark may hide.
+ */
+export function paintRegions(canvas: Canvas, placed: readonly PlacedPeak[]): void {
+  for (const peak of placed) {
+    if (peak.mark.events === 1) paintRegion(canvas, peak);
+  }
+}
+
+/**
+ * Paints peaks: a certain one as a filled triangle, a possible one as a hollow triangle with its count.
+ * Counts are left out where they would overlap.
  */
 export function paintPeaks(canvas: Canvas, map: PlotMap, placed: readonly PlacedPeak[]): void {
   const { context, palette, ratio } = canvas;
@@ -79,7 +89,6 @@ export function paintPeaks(canvas: Canvas, map: PlotMap, placed: readonly Placed
   context.textBaseline = "middle";
   context.textAlign = "left";
   for (const [index, peak] of placed.entries()) {
-    if (peak.mark.events === 1) paintRegion(canvas, peak);
     paintTriangle(canvas, peak);
     const count = formatCount(peak.mark.count);
     const text = { x: peak.tip.x + (HALF_TRIANGLE + 3) * ratio, y: peak.tip.y - (TRIANGLE_HEIGHT / 2) * ratio };
