@@ -7,8 +7,11 @@ from starlette.responses import Response
 
 from cloud.dependencies import Reader
 from cloud.headers import HeadersMiddleware
+from cloud.limiter import Limiter
+from cloud.limits import LimitsMiddleware
 from cloud.problems import answer_problems
 from cloud.routes import (
+    audit_log,
     commands,
     dashboard,
     deliveries,
@@ -19,6 +22,7 @@ from cloud.routes import (
     login,
     nodes,
     series,
+    tokens,
 )
 from cloud.routes.answers import as_json
 from cloud.state import Cloud
@@ -29,8 +33,9 @@ _VERSION: Final = "1"
 
 def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
-    app = _application(cloud, "eskin cloud", secure=cloud.secure)
-    for resource in (nodes, commands, series, events, live):
+    limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
+    app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
+    for resource in (nodes, commands, series, events, live, tokens, audit_log):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)
@@ -45,17 +50,20 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 def gateway_application(cloud: Cloud) -> FastAPI:
     """Ingest and deliveries; gateways prove who they are with each request."""
-    app = _application(cloud, "eskin cloud, ingest", secure=True)
+    limits = {"limiter": Limiter(cloud.settings.limits), "body": None}  # batches may be longer
+    app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
     for resource in (ingest, deliveries):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     return app
 
 
-def _application(cloud: Cloud, title: str, *, secure: bool) -> FastAPI:
+def _application(cloud: Cloud, title: str, *, secure: bool, limits: dict[str, Any]) -> FastAPI:
     options: dict[str, Any] = {"openapi_url": None, "docs_url": None, "redoc_url": None}
     app = FastAPI(title=title, version=_VERSION, redirect_slashes=False, **options)
     app.state.cloud = cloud
+    # The last one added is outermost: refusals carry the headers, too, and are counted.
+    app.add_middleware(LimitsMiddleware, **limits)
     app.add_middleware(HeadersMiddleware, secure=secure, requests=cloud.metrics.requests)
     answer_problems(app)
     return app

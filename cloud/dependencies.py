@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Annotated, Final
+from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
 
-from cloud.access import Scope, find_session, find_token
+from cloud.access import Doer, Holder, Scope, find_session, find_token
 from cloud.problems import ProblemError
 from cloud.state import Cloud
 
@@ -23,12 +24,24 @@ class Access:
     """Who asks.
 
     Attributes:
-        scopes: What they may do.
+        holder: Who, and what they may do.
+        address: From where.
         lasts: Whether they still may; asked again by what goes on for long.
     """
 
-    scopes: frozenset[Scope]
+    holder: Holder
+    address: str
     lasts: Callable[[], bool]
+
+    @property
+    def doer(self) -> Doer:
+        """For the audit log."""
+        return Doer(self.holder.name, self.address)
+
+
+def address_of(request: Request) -> str:
+    """From where somebody asks; empty where the server does not know."""
+    return "" if request.client is None else request.client.host.removeprefix("::ffff:")
 
 
 def the_cloud(request: Request) -> Cloud:
@@ -42,20 +55,23 @@ CloudState = Annotated[Cloud, Depends(the_cloud)]
 
 def find_access(
     cloud: CloudState,
+    request: Request,
     bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     session: Annotated[str | None, Depends(_cookie)],
 ) -> Access | None:
     """Who asks, by bearer token or else by session; ``None`` if it is nobody."""
 
-    def scopes() -> frozenset[Scope] | None:
+    def holder() -> Holder | None:
         if bearer is not None:
             return find_token(cloud.store, bearer.credentials[:_LONGEST_SECRET])
         if session is not None:
             return find_session(cloud.store, session[:_LONGEST_SECRET])
         return None
 
-    found = scopes()
-    return None if found is None else Access(found, lambda: scopes() is not None)
+    found = holder()
+    if found is None:
+        return None
+    return Access(found, address_of(request), lambda: holder() is not None)
 
 
 Visitor = Annotated[Access | None, Depends(find_access)]
@@ -80,13 +96,30 @@ def require_operate(request: Request, visitor: Visitor) -> Access:
     return _require(visitor, Scope.OPERATE)
 
 
+def require_admin(request: Request, visitor: Visitor) -> Access:
+    """Whoever may say who may do what; browsers only from our own pages.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    require_same_site(request)
+    return _require(visitor, Scope.ADMIN)
+
+
 def require_same_site(request: Request) -> None:
-    """Refuse what other sites have a browser send; browsers say where a request comes from.
+    """Refuse what other sites have a browser send.
+
+    Browsers say where a request comes from: by ``Sec-Fetch-Site``, older ones by ``Origin``.
 
     Raises:
         ProblemError: It comes from another site.
     """
-    if request.headers.get("sec-fetch-site", "same-origin") not in {"same-origin", "none"}:
+    site, origin = request.headers.get("sec-fetch-site"), request.headers.get("origin")
+    if site is not None:
+        own = site in {"same-origin", "none"}
+    else:
+        own = origin is None or urlsplit(origin).netloc == request.headers.get("host")
+    if not own:
         raise ProblemError(403, "another site had this sent; do it on this page, or with a token")
 
 
@@ -95,10 +128,11 @@ def _require(visitor: Access | None, scope: Scope) -> Access:
         raise ProblemError(
             401, "a token is missing or no more good; send Authorization: Bearer TOKEN, or sign in"
         )
-    if scope not in visitor.scopes:
+    if scope not in visitor.holder.scopes:
         raise ProblemError(403, f"this token lacks the scope {scope}; ask for one that has it")
     return visitor
 
 
 Reader = Annotated[Access, Depends(require_read)]
 Operator = Annotated[Access, Depends(require_operate)]
+Administrator = Annotated[Access, Depends(require_admin)]

@@ -15,6 +15,7 @@ from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
 from cloud.ingest.replay import Replay
 from cloud.ingest.warrant import Verifier
+from cloud.limiter import Limiter
 from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
 from cloud.metrics import Metrics
@@ -75,8 +76,8 @@ def make_cloud(
         clock=clock,
         replay=Replay(),
     )
-    metrics = Metrics(store, feed, board)
-    return Cloud(settings, store, feed, board, verifier, metrics, clock, dashboard)
+    metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
+    return Cloud(settings, store, feed, board, verifier, metrics, limiter, clock, dashboard)
 
 
 async def _serve(cloud: Cloud) -> None:

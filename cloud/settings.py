@@ -98,6 +98,29 @@ class AccessSection(Section):
     )
 
 
+class LimitsSection(Section):
+    """What one address may ask; one address is an IPv4 address or an IPv6 network of 64 bit."""
+
+    requests_per_s: int = Field(
+        default=2000, ge=1, le=1_000_000, description="requests a second, over ten seconds"
+    )
+    failures_per_min: int = Field(
+        default=6000,
+        ge=1,
+        le=1_000_000,
+        description="requests a minute without good credentials; more are answered with 429",
+    )
+    refusals_per_min: int = Field(
+        default=30,
+        ge=1,
+        le=1_000_000,
+        description="refused sign-ins a minute that the audit log keeps",
+    )
+    body_bytes: int = Field(
+        default=65_536, ge=1024, le=16_777_216, description="bytes that a person's request may have"
+    )
+
+
 class LiveSection(Section):
     """The live stream."""
 
@@ -127,5 +150,6 @@ class CloudSettings(Settings):
     gateways: GatewaysSection
     nodes: NodesSection = NodesSection()
     access: AccessSection = AccessSection()
+    limits: LimitsSection = LimitsSection()
     live: LiveSection = LiveSection()
     log: LogSection = LogSection()

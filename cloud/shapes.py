@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import orjson
 
+from cloud.access import token_id
 from cloud.commands.wish import is_settled
 from cloud.query.series import union_coverage
 from eskin.moment import format_moment
@@ -146,6 +147,28 @@ def command_shape(row: Row, *, now: int) -> Json:
         "delivered": _moment(row["delivered"]),
         "answered": _stretch(row["t_lo"], row["t_hi"]),
     }
+
+
+def token_shape(row: Row, *, now: int) -> Json:
+    """A token, without its secret."""
+    state = "good" if row["expires"] is None or now < row["expires"] else "expired"
+    return {
+        "id": token_id(row["digest"]),
+        "name": row["name"],
+        "scopes": row["scopes"].split(),
+        "state": state if row["revoked"] is None else "revoked",
+        "created": format_moment(row["created"]),
+        "expires": _moment(row["expires"]),
+        "revoked": _moment(row["revoked"]),
+    }
+
+
+def deed_shape(row: Row) -> Json:
+    """What somebody did."""
+    said = {name: row[name] for name in ("actor", "address", "action", "target", "detail")}
+    return (
+        {"id": row["number"], "time": format_moment(row["time"])} | said | {"digest": row["digest"]}
+    )
 
 
 def state_shape(node: str, row: Row | None) -> Json:

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
 
     from cloud.commands import Board
     from cloud.ingest.warrant import Verifier
+    from cloud.limiter import Limiter
     from cloud.live import Feed
     from cloud.metrics import Metrics
     from cloud.settings import CloudSettings
@@ -28,6 +29,7 @@ class Cloud:
         board: Wakes gateways that wait for commands.
         verifier: Checks gateways' tokens.
         metrics: Counts.
+        limiter: Counts what each address asks.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
     """
@@ -38,6 +40,7 @@ class Cloud:
     board: Board
     verifier: Verifier
     metrics: Metrics
+    limiter: Limiter
     clock: Callable[[], int]
     dashboard: Path
 

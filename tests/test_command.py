@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import socket
+import sqlite3
 import subprocess
 import sys
 from importlib.metadata import version
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from cloud.access import digest, token_id
 from cloud.store import Store
 from demo.child import Child, ChildError
 from sensor_node.profile import Profile
@@ -158,6 +160,38 @@ def test_cloud_login_takes_its_config_before_or_after(tmp_path: Path, *, before:
     done = run(*words, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("http://127.0.0.1:8123/login?code=")
+
+
+def test_tokens_are_listed_and_revoked_and_all_of_it_is_logged(tmp_path: Path) -> None:
+    config = tmp_path / "cloud.toml"
+    config.write_text(CLOUD)
+    option = ["--config", str(config)]
+    made = run("cloud", "token", "--name", "lab", *option, cwd=tmp_path)
+    assert made.returncode == 0, made.stderr
+    listed = run("cloud", "tokens", *option, cwd=tmp_path).stdout
+    assert "lab" in listed
+    assert "good" in listed
+    assert made.stdout.strip() not in listed
+    number = token_id(digest(made.stdout.strip()))
+    assert run("cloud", "revoke", "--id", number, *option, cwd=tmp_path).returncode == 0
+    assert "revoked" in run("cloud", "tokens", *option, cwd=tmp_path).stdout
+    again = run("cloud", "revoke", "--id", number, *option, cwd=tmp_path)
+    assert (again.returncode, len(again.stderr.splitlines())) == (2, 1)
+    told = run("cloud", "audit-log", *option, cwd=tmp_path)
+    assert told.returncode == 0
+    assert [line.partition(" command line - ")[2] for line in told.stdout.splitlines()] == [
+        f"token created {number} lab: read",
+        f"token revoked {number} lab",
+    ]
+    with sqlite3.connect(tmp_path / "x") as store:
+        store.execute("DROP TRIGGER audit_log_no_update")
+        store.execute("UPDATE audit_log SET actor = 'somebody else'")
+    store.close()
+    broken = run("cloud", "audit-log", *option, cwd=tmp_path)
+    assert (broken.returncode, broken.stderr) == (
+        1,
+        "BROKEN: deed 0 is missing or was changed afterwards\n",
+    )
 
 
 def test_ca_that_exists_stays_as_it_is(tmp_path: Path) -> None:

@@ -3,17 +3,39 @@
 from __future__ import annotations
 
 from cloud.access.scopes import Scope
-from cloud.access.sessions import close_session, find_session, open_session, redeem_login_code
-from cloud.access.tokens import create_login_code, create_token, find_token, revoke_token
+from cloud.access.sessions import (
+    close_session,
+    find_session,
+    open_session,
+    redeem_login_code,
+    refuse_session,
+)
+from cloud.access.tokens import (
+    Doer,
+    Holder,
+    create_login_code,
+    create_token,
+    digest,
+    find_token,
+    list_tokens,
+    revoke_token,
+    token_id,
+)
 
 __all__ = [
+    "Doer",
+    "Holder",
     "Scope",
     "close_session",
     "create_login_code",
     "create_token",
+    "digest",
     "find_session",
     "find_token",
+    "list_tokens",
     "open_session",
     "redeem_login_code",
+    "refuse_session",
     "revoke_token",
+    "token_id",
 ]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import delete, insert, or_, select
 
-from cloud.access.scopes import Scope, read_scopes, write_scopes
-from cloud.access.tokens import digest, find_token, new_secret
+from cloud.access.scopes import read_scopes, write_scopes
+from cloud.access.tokens import Holder, digest, find_token, new_secret
+from cloud.store.audit_log import Action, Deed, record
 from cloud.store.schema import login_codes, sessions, tokens
 
 if TYPE_CHECKING:
@@ -19,28 +20,37 @@ if TYPE_CHECKING:
     from cloud.store import Store
 
 
+LOGIN_LINK: Final = "login link"
+"""Who holds a session that no token opened."""
+
+
 @dataclass(frozen=True, slots=True)
 class Grant:
     """What opens a session.
 
     Attributes:
-        scopes: What the session allows.
+        holder: Who has the session.
+        address: From where it was opened.
         token: Digest of the token that it hangs on; ``None`` if it hangs on none.
         expires: UTC ns.
     """
 
-    scopes: frozenset[Scope]
+    holder: Holder
+    address: str
     token: str | None
     expires: int
 
 
-def redeem_login_code(store: Store, code: str, *, lifetime: int) -> Future[str | None]:
+def redeem_login_code(
+    store: Store, code: str, *, lifetime: int, address: str
+) -> Future[str | None]:
     """Use up a code; the session's secret, or ``None`` if the code is none, or no more.
 
     Args:
         store: The cloud's.
         code: As it came.
         lifetime: Of the session, in ns.
+        address: From where it came.
 
     Raises:
         StoreError: Too many writes wait.
@@ -55,56 +65,74 @@ def redeem_login_code(store: Store, code: str, *, lifetime: int) -> Future[str |
             return None
         if row["expires"] <= now:
             return None
-        grant = Grant(read_scopes(row["scopes"]), None, now + lifetime)
+        holder = Holder(LOGIN_LINK, read_scopes(row["scopes"]))
+        grant = Grant(holder, address, None, now + lifetime)
         return _insert(connection, grant, now)
 
     return store.write(work)
 
 
-def open_session(store: Store, token: str, *, lifetime: int) -> Future[str] | None:
+def open_session(store: Store, token: str, *, lifetime: int, address: str) -> Future[str] | None:
     """Open a session for the holder of a token; ``None`` if the token is none.
 
     Raises:
         StoreError: The store cannot be read, or too many writes wait.
     """
-    scopes = find_token(store, token)
-    if scopes is None:
+    holder = find_token(store, token)
+    if holder is None:
         return None
     now = store.clock()
-    grant = Grant(scopes, digest(token), now + lifetime)
+    grant = Grant(holder, address, digest(token), now + lifetime)
     return store.write(lambda connection: _insert(connection, grant, now))
 
 
-def find_session(store: Store, secret: str) -> frozenset[Scope] | None:
-    """What a session allows; ``None`` if it is none, or its token is good no more.
+def find_session(store: Store, secret: str) -> Holder | None:
+    """Who holds a session; ``None`` if it is none, or its token is good no more.
 
     Raises:
         StoreError: The store cannot be read.
     """
     now = store.clock()
     query = (
-        select(sessions.c.scopes)
+        select(sessions.c.scopes, tokens.c.name)
         .outerjoin(tokens, tokens.c.digest == sessions.c.token)
         .where(sessions.c.digest == digest(secret), sessions.c.expires > now)
         .where(tokens.c.revoked.is_(None))
         .where(or_(tokens.c.expires.is_(None), tokens.c.expires > now))
     )
     with store.read() as connection:
-        found = connection.execute(query).scalar_one_or_none()
-    return None if found is None else read_scopes(found)
+        found = connection.execute(query).one_or_none()
+    return None if found is None else Holder(found[1] or LOGIN_LINK, read_scopes(found[0]))
 
 
-def close_session(store: Store, secret: str) -> Future[None]:
+def close_session(store: Store, secret: str, *, address: str) -> Future[None]:
     """End a session.
 
     Raises:
         StoreError: Too many writes wait.
     """
+    now, here = store.clock(), sessions.c.digest == digest(secret)
 
     def work(connection: Connection) -> None:
-        connection.execute(delete(sessions).where(sessions.c.digest == digest(secret)))
+        query = select(tokens.c.name).select_from(sessions)
+        query = query.outerjoin(tokens, tokens.c.digest == sessions.c.token).where(here)
+        found = connection.execute(query).one_or_none()
+        if found is not None:
+            connection.execute(delete(sessions).where(here))
+            deed = Deed(found[0] or LOGIN_LINK, address, Action.SIGN_OUT)
+            record(connection, deed, now=now)
 
     return store.write(work)
+
+
+def refuse_session(store: Store, *, address: str) -> Future[None]:
+    """Keep that somebody was not let in.
+
+    Raises:
+        StoreError: Too many writes wait.
+    """
+    deed, now = Deed("", address, Action.SIGN_IN_REFUSED), store.clock()
+    return store.write(lambda connection: record(connection, deed, now=now))
 
 
 def _insert(connection: Connection, grant: Grant, now: int) -> str:
@@ -112,9 +140,11 @@ def _insert(connection: Connection, grant: Grant, now: int) -> str:
     connection.execute(delete(sessions).where(sessions.c.expires <= now))
     row = {
         "digest": digest(secret),
-        "scopes": write_scopes(grant.scopes),
+        "scopes": write_scopes(grant.holder.scopes),
         "token": grant.token,
         "expires": grant.expires,
     }
     connection.execute(insert(sessions), row)
+    deed = Deed(grant.holder.name, grant.address, Action.SIGN_IN, "", str(row["scopes"]))
+    record(connection, deed, now=now)
     return secret

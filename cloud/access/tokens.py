@@ -4,23 +4,53 @@ from __future__ import annotations
 
 import hashlib
 import secrets
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import delete, insert, or_, select, update
+from sqlalchemy import delete, func, insert, or_, select, update
 
 from cloud.access.scopes import Scope, read_scopes, write_scopes
+from cloud.store.audit_log import Action, Deed, record
 from cloud.store.schema import login_codes, sessions, tokens
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
     from datetime import timedelta
 
-    from sqlalchemy import Connection
+    from sqlalchemy import Connection, RowMapping
 
     from cloud.store import Store
 
 _BYTES: Final = 32
 _PATIENCE: Final = 30.0
+COMMAND_LINE: Final = "command line"
+"""Who does what is done with the store in hand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Holder:
+    """Who holds a secret.
+
+    Attributes:
+        name: For people: the token's name, or ``login link``.
+        scopes: What they may do.
+    """
+
+    name: str
+    scopes: frozenset[Scope]
+
+
+@dataclass(frozen=True, slots=True)
+class Doer:
+    """Who does something to tokens, for the audit log.
+
+    Attributes:
+        name: A holder's, or the command line.
+        address: From where; empty on this machine's command line.
+    """
+
+    name: str = COMMAND_LINE
+    address: str = ""
 
 
 def digest(secret: str) -> str:
@@ -38,7 +68,12 @@ def new_secret(prefix: str) -> str:
 
 
 def create_token(
-    store: Store, *, scopes: Iterable[Scope], name: str, lifetime: timedelta | None
+    store: Store,
+    *,
+    scopes: Iterable[Scope],
+    name: str,
+    lifetime: timedelta | None,
+    doer: Doer | None = None,
 ) -> str:
     """Make a bearer token.
 
@@ -47,6 +82,7 @@ def create_token(
         scopes: What its holder may do.
         name: Whose it is, for people.
         lifetime: How long it is good; ``None`` until revoked.
+        doer: Who makes it; ``None``: the command line.
 
     Returns:
         The token, which is told only here.
@@ -62,7 +98,14 @@ def create_token(
         "created": now,
         "expires": None if lifetime is None else now + _nanoseconds(lifetime),
     }
-    store.write(lambda c: c.execute(insert(tokens), row)).result(_PATIENCE)
+    said = f"{row['name']}: {row['scopes']}"
+
+    def work(connection: Connection) -> None:
+        connection.execute(insert(tokens), row)
+        deed = _deed(doer, Action.TOKEN_CREATED, token_id(str(row["digest"])), said)
+        record(connection, deed, now=now)
+
+    store.write(work).result(_PATIENCE)
     return token
 
 
@@ -84,30 +127,58 @@ def create_login_code(
     def work(connection: Connection) -> None:
         connection.execute(delete(login_codes).where(login_codes.c.expires <= now))
         connection.execute(insert(login_codes), row)
+        record(connection, _deed(None, Action.LOGIN_LINK, "", str(row["scopes"])), now=now)
 
     store.write(work).result(_PATIENCE)
     return code
 
 
-def revoke_token(store: Store, token: str) -> bool:
-    """End a token, and the sessions that it opened; gives whether there was one.
+def token_id(key: str) -> str:
+    """The id of a token, which is no secret: the first half of its digest."""
+    return key[:32]
+
+
+def list_tokens(connection: Connection) -> Sequence[RowMapping]:
+    """All tokens that were ever made, the latest first."""
+    query = select(tokens).order_by(tokens.c.created.desc(), tokens.c.digest)
+    return connection.execute(query).mappings().all()
+
+
+def revoke_token(store: Store, number: str, *, doer: Doer | None = None) -> bool:
+    """End a token, and the sessions that it opened.
+
+    Args:
+        store: The cloud's; may be open elsewhere, too.
+        number: The token's id.
+        doer: Who ends it; ``None``: the command line.
+
+    Returns:
+        Whether there was one that was not revoked yet.
 
     Raises:
         StoreError: It cannot be written.
     """
-    key, now = digest(token), store.clock()
+    now = store.clock()
 
     def work(connection: Connection) -> bool:
-        here = (tokens.c.digest == key) & tokens.c.revoked.is_(None)
-        done = connection.execute(update(tokens).where(here).values(revoked=now)).rowcount
-        connection.execute(delete(sessions).where(sessions.c.token == key))
-        return done == 1
+        query = select(tokens.c.digest, tokens.c.name).where(
+            func.substr(tokens.c.digest, 1, len(token_id("0" * 64))) == number,
+            tokens.c.revoked.is_(None),
+        )
+        found = connection.execute(query).one_or_none()
+        if found is None:
+            return False
+        here = tokens.c.digest == found[0]
+        connection.execute(update(tokens).where(here).values(revoked=now))
+        connection.execute(delete(sessions).where(sessions.c.token == found[0]))
+        record(connection, _deed(doer, Action.TOKEN_REVOKED, number, found[1]), now=now)
+        return True
 
     return store.write(work).result(_PATIENCE)
 
 
-def find_token(store: Store, token: str) -> frozenset[Scope] | None:
-    """What a token allows; ``None`` if it is none, or no more.
+def find_token(store: Store, token: str) -> Holder | None:
+    """Who holds a token; ``None`` if it is none, or no more.
 
     Raises:
         StoreError: The store cannot be read.
@@ -115,9 +186,15 @@ def find_token(store: Store, token: str) -> frozenset[Scope] | None:
     now = store.clock()
     good = or_(tokens.c.expires.is_(None), tokens.c.expires > now)
     here = (tokens.c.digest == digest(token)) & tokens.c.revoked.is_(None)
+    query = select(tokens.c.name, tokens.c.scopes).where(here, good)
     with store.read() as connection:
-        found = connection.execute(select(tokens.c.scopes).where(here, good)).scalar_one_or_none()
-    return None if found is None else read_scopes(found)
+        found = connection.execute(query).one_or_none()
+    return None if found is None else Holder(found[0], read_scopes(found[1]))
+
+
+def _deed(doer: Doer | None, action: Action, target: str, detail: str) -> Deed:
+    by = doer or Doer()
+    return Deed(by.name, by.address, action, target, detail)
 
 
 def _nanoseconds(lifetime: timedelta) -> int:

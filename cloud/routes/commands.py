@@ -21,6 +21,7 @@ from cloud.routes.documents import (
     StateDocument,
 )
 from cloud.shapes import command_shape, state_shape
+from cloud.store.audit_log import Action, Deed, record
 from cloud.store.commands import find_command, find_state
 from eskin.envelope import sign
 from eskin.identity import Identity
@@ -77,10 +78,14 @@ class CommandBody(BaseModel):
     "/nodes/{node}/commands",
     status_code=202,
     response_model=CommandDocument,
-    responses=REFUSALS_OF_PLACE | documented(409),
+    responses=REFUSALS_OF_PLACE | documented(408, 409, 413),
 )
 async def post_command(
-    cloud: CloudState, _: Operator, node: str, body: CommandBody, query: Annotated[NoQuery, Query()]
+    cloud: CloudState,
+    access: Operator,
+    node: str,
+    body: CommandBody,
+    query: Annotated[NoQuery, Query()],
 ) -> Response:
     """Ask something of a node. The answer comes once the command is kept; see its state later."""
     del query
@@ -95,7 +100,12 @@ async def post_command(
         return sign(command.encode(), own=own, topic=topic)
 
     def work(connection: Connection) -> RowMapping:
-        return issue(connection, order, sign=signed, now=cloud.clock())
+        now = cloud.clock()
+        row = issue(connection, order, sign=signed, now=now)
+        said = f"{row['id']}: {row['name']} {row['arguments']}"
+        deed = Deed(access.doer.name, access.doer.address, Action.COMMAND, node, said)
+        record(connection, deed, now=now)
+        return row
 
     row = await asyncio.wrap_future(cloud.store.write(work))
     cloud.board.wake()

@@ -32,7 +32,7 @@ def get_file(cloud: CloudState, visitor: Visitor, path: str) -> Response:
         if is_page:
             return RedirectResponse("/login", 303, headers={"Cache-Control": "no-store"})
         raise ProblemError(401, "a token is missing; send Authorization: Bearer TOKEN, or sign in")
-    if Scope.READ not in visitor.scopes:
+    if Scope.READ not in visitor.holder.scopes:
         raise ProblemError(403, "this session lacks the scope read; ask for one that has it")
     if not path and not (cloud.dashboard / "index.html").is_file():
         return Response(_NOT_BUILT, 503, media_type="text/html")

@@ -16,9 +16,9 @@ Moment = Annotated[
     ),
 ]
 
-REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 503)
+REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 429, 503)
 """What every question may be answered with."""
-REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 404, 422, 503)
+REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 404, 422, 429, 503)
 """What a question about a node or a channel may be answered with."""
 
 CBOR_BODY: Final[dict[str, Any]] = {
@@ -177,6 +177,38 @@ class StateDocument(BaseModel):
     reported_at: TimeDocument | None
     reported_by: int | None
     settled: bool
+
+
+class TokenDocument(BaseModel):
+    """A token, without its secret."""
+
+    id: str
+    name: str
+    scopes: list[Literal["read", "operate", "admin"]]
+    state: Literal["good", "expired", "revoked"]
+    created: Moment
+    expires: Moment | None
+    revoked: Moment | None
+
+
+class NewTokenDocument(BaseModel):
+    """A token that was just made; it is told only here."""
+
+    id: str
+    token: str
+
+
+class DeedDocument(BaseModel):
+    """What somebody did."""
+
+    id: int
+    time: Moment
+    actor: str
+    address: str
+    action: str
+    target: str
+    detail: str
+    digest: str
 
 
 class PageDocument(BaseModel, Generic[T]):

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Request
 from pydantic import BaseModel
 from starlette.responses import Response
 
-from cloud.dependencies import CloudState
+from cloud.dependencies import CloudState, address_of
 from cloud.problems import ProblemError, documented
 from cloud.settings import is_loopback
 
@@ -35,7 +35,6 @@ def get_readiness(cloud: CloudState) -> HealthDocument:
 @router.get("/metrics", include_in_schema=False)
 def get_metrics(cloud: CloudState, request: Request) -> Response:
     """Figures for Prometheus, on this machine only."""
-    host = "" if request.client is None else request.client.host.removeprefix("::ffff:")
-    if not is_loopback(host):
+    if not is_loopback(address_of(request)):
         raise ProblemError(403, "figures are told on loopback only")
     return Response(cloud.metrics.write(), media_type="text/plain; version=0.0.4")

@@ -7,8 +7,8 @@ from urllib.parse import parse_qs
 from fastapi import APIRouter, Cookie, Query, Request
 from starlette.responses import RedirectResponse, Response
 
-from cloud.access import close_session, open_session, redeem_login_code
-from cloud.dependencies import COOKIE, CloudState, require_same_site
+from cloud.access import close_session, open_session, redeem_login_code, refuse_session
+from cloud.dependencies import COOKIE, CloudState, address_of, require_same_site
 from cloud.login import login_page, login_script, login_style
 from cloud.problems import ProblemError
 from cloud.state import Cloud
@@ -23,15 +23,19 @@ _LONGEST_SECRET: Final = 512
 
 @router.get("/login")
 async def get_login(
-    cloud: CloudState, code: Annotated[str | None, Query(max_length=_LONGEST_SECRET)] = None
+    cloud: CloudState,
+    request: Request,
+    code: Annotated[str | None, Query(max_length=_LONGEST_SECRET)] = None,
 ) -> Response:
     """The form; with a one-time code, straight to the dashboard."""
     if code is None:
         return _page("", 200)
-    lifetime = _lifetime(cloud)
-    session = await asyncio.wrap_future(redeem_login_code(cloud.store, code, lifetime=lifetime))
+    lifetime, address = _lifetime(cloud), address_of(request)
+    redeemed = redeem_login_code(cloud.store, code, lifetime=lifetime, address=address)
+    session = await asyncio.wrap_future(redeemed)
     if session is None:
-        return _page("This link was used already, or is too old. Ask for a new one.", 401)
+        said = "This link was used already, or is too old. Ask for a new one."
+        return await _refused(cloud, address, said)
     return _signed_in(cloud, session)
 
 
@@ -40,9 +44,13 @@ async def post_login(cloud: CloudState, request: Request) -> Response:
     """Take the form's token."""
     require_same_site(request)
     token = await _read_token(request)
-    opened = await asyncio.to_thread(open_session, cloud.store, token, lifetime=_lifetime(cloud))
+    address = address_of(request)
+    opened = await asyncio.to_thread(
+        open_session, cloud.store, token, lifetime=_lifetime(cloud), address=address
+    )
     if opened is None:
-        return _page("This token is none of ours, or no more good.", 401)
+        said = "This token is none of ours, or no more good."
+        return await _refused(cloud, address, said)
     return _signed_in(cloud, await asyncio.wrap_future(opened))
 
 
@@ -55,7 +63,9 @@ async def post_logout(
     """End the session."""
     require_same_site(request)
     if session is not None:
-        await asyncio.wrap_future(close_session(cloud.store, session[:_LONGEST_SECRET]))
+        address = address_of(request)
+        closed = close_session(cloud.store, session[:_LONGEST_SECRET], address=address)
+        await asyncio.wrap_future(closed)
     answer = RedirectResponse("/login", 303)
     answer.delete_cookie(COOKIE, httponly=True, samesite="strict", secure=cloud.secure)
     return answer
@@ -86,6 +96,13 @@ async def _read_token(request: Request) -> str:
             raise ProblemError(413, f"the form is longer than {_LONGEST_FORM} bytes")
     fields = parse_qs(body.decode("latin-1"))
     return fields.get("token", [""])[0].strip()[:_LONGEST_SECRET]
+
+
+async def _refused(cloud: Cloud, address: str, said: str) -> Response:
+    """Say no, and keep that it was said, as long as nobody makes a flood of it."""
+    if await cloud.limiter.take_refusal(address):
+        await asyncio.wrap_future(refuse_session(cloud.store, address=address))
+    return _page(said, 401)
 
 
 def _signed_in(cloud: Cloud, session: str) -> Response:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, func, insert, inspect, select
 
-from cloud.store.schema import commands, feed, metadata, states, versions
+from cloud.store.schema import audit_log, commands, feed, metadata, states, versions
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states}
+    later = {commands, states, audit_log}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -23,7 +23,11 @@ def _second(connection: Connection) -> None:
     metadata.create_all(connection, [commands, states])
 
 
-MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second)
+def _third(connection: Connection) -> None:
+    metadata.create_all(connection, [audit_log])
+
+
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second, _third)
 CURRENT: Final = len(MIGRATIONS)
 
 

@@ -6,9 +6,10 @@ Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
 
 from __future__ import annotations
 
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import (
+    DDL,
     BigInteger,
     Column,
     Double,
@@ -19,7 +20,11 @@ from sqlalchemy import (
     String,
     Table,
     Text,
+    event,
 )
+
+if TYPE_CHECKING:
+    from sqlalchemy.schema import ExecutableDDLElement
 
 metadata = MetaData()
 
@@ -248,3 +253,24 @@ sessions = Table(
     Column("expires", BigInteger, nullable=False),
 )
 """Sessions of browsers by SHA-256; ``token`` is the one that opened it, and closes it."""
+
+audit_log = Table(
+    "audit_log",
+    metadata,
+    Column("number", BigInteger, primary_key=True, autoincrement=False),
+    Column("time", BigInteger, nullable=False),
+    Column("actor", String(100), nullable=False),
+    Column("address", String(64), nullable=False),
+    Column("action", String(32), nullable=False),
+    Column("target", String(200), nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("digest", String(64), nullable=False),
+)
+"""Who did what, append only; ``digest`` chains each row to all before it."""
+
+for _verb in ("UPDATE", "DELETE"):
+    _refusal: ExecutableDDLElement = DDL(  # type: ignore[no-untyped-call] # SQLAlchemy's own gap
+        f"CREATE TRIGGER audit_log_no_{_verb.lower()} BEFORE {_verb} ON audit_log "
+        "BEGIN SELECT RAISE(ABORT, 'the audit log is append only'); END"
+    )
+    event.listen(audit_log, "after_create", _refusal.execute_if(dialect="sqlite"))

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated, Final
 import typer
 
 from eskin.command.logs import start_logs
+from eskin.command.tables import show
 from eskin.errors import SettingsError
+from eskin.moment import format_moment
 
 if TYPE_CHECKING:
     from cloud.settings import CloudSettings, PeopleSection
@@ -83,6 +85,59 @@ def token(
         raise typer.BadParameter(f"{scope} is not allowed; use {allowed}") from None
     with Store(_load(config or context.obj).store.path) as store:
         typer.echo(create_token(store, scopes=scopes, name=name, lifetime=timedelta(days=days)))
+
+
+@cloud.command()
+def tokens(context: typer.Context, config: Config = None) -> None:
+    """List all tokens: whose they are, what they allow, whether they are good."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from cloud.access import list_tokens
+    from cloud.shapes import token_shape
+    from cloud.store import Store
+
+    with Store(_load(config or context.obj).store.path) as store, store.read() as connection:
+        rows = [token_shape(row, now=store.clock()) for row in list_tokens(connection)]
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("id", "name", "scopes", "state", "expires"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        expires = (row["expires"] or "never").partition(".")[0]
+        table.add_row(row["id"], row["name"], " ".join(row["scopes"]), row["state"], expires)
+    show(table)
+
+
+@cloud.command()
+def revoke(
+    context: typer.Context,
+    number: Annotated[str, typer.Option("--id", help="Id of the token, as `tokens` lists it.")],
+    config: Config = None,
+) -> None:
+    """Revoke a token, and end the sessions that it opened; also while the cloud runs."""
+    from cloud.access import revoke_token
+    from cloud.store import Store
+
+    with Store(_load(config or context.obj).store.path) as store:
+        if not revoke_token(store, number):
+            raise SettingsError("--id", f"{number!r} is no token that could be revoked")
+    typer.echo(f"revoked {number}")
+
+
+@cloud.command("audit-log")
+def audit_log(context: typer.Context, config: Config = None) -> None:
+    """Show who did what, oldest first, and check that nothing was changed afterwards."""
+    from cloud.store import Store
+    from cloud.store.audit_log import check_deeds, read_deeds
+
+    with Store(_load(config or context.obj).store.path) as store, store.read() as connection:
+        for row in read_deeds(connection):
+            words = (format_moment(row["time"]), row["actor"] or "-", row["address"] or "-")
+            typer.echo(" ".join((*words, row["action"], row["target"], row["detail"])).rstrip())
+        broken = check_deeds(connection)
+    if broken is not None:
+        typer.echo(f"BROKEN: deed {broken} is missing or was changed afterwards", err=True)
+        raise typer.Exit(1)
 
 
 def _load(config: Path | None) -> CloudSettings:

@@ -1,0 +1,110 @@
+"""Limits on every request: how many there are, how long a body is, and how slowly it may come."""
+
+from __future__ import annotations
+
+import asyncio
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Final
+
+from starlette.requests import Request
+
+from cloud.dependencies import address_of
+from cloud.problems import ProblemError, problem
+
+if TYPE_CHECKING:
+    from starlette.responses import Response
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+    from cloud.limiter import Limiter
+
+_PATIENCE_S: Final = 20.0
+_PAUSE: Final = {"Retry-After": "10"}
+
+
+class LimitsMiddleware:
+    """Refuses floods (429), long bodies (413) and slow ones (408) before anything else is done.
+
+    Good credentials are not kept out by bad ones from the same address: only answers that are
+    refusals already count as failures, and turn into 429 where there are too many.
+
+    Args:
+        app: The application inside.
+        limiter: Counts.
+        body: Bytes that a body may have; ``None`` where routes look after that themselves.
+    """
+
+    def __init__(self, app: ASGIApp, *, limiter: Limiter, body: int | None) -> None:
+        self._app = app
+        self._limiter = limiter
+        self._body = body
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        request = Request(scope)
+        if not await self._limiter.take_request(address_of(request)):
+            await _flood(request, "requests")(scope, receive, send)
+            return
+        if self._body is not None:
+            try:
+                receive = _first(await _read_body(receive, self._body), receive)
+            except ProblemError as refusal:
+                await problem(request, refusal.status, str(refusal))(scope, receive, send)
+                return
+        await self._app(scope, receive, self._counting(request, receive, send))
+
+    def _counting(self, request: Request, receive: Receive, send: Send) -> Send:
+        """Send, but count what is refused for want of credentials."""
+        flooded = False
+
+        async def sending(message: Message) -> None:
+            nonlocal flooded
+            if message.get("status") == HTTPStatus.UNAUTHORIZED:
+                flooded = not await self._limiter.take_failure(address_of(request))
+                if flooded:
+                    answer = _flood(request, "requests without good credentials")
+                    await answer(request.scope, receive, send)
+            if not flooded:
+                await send(message)
+
+        return sending
+
+
+def _flood(request: Request, what: str) -> Response:
+    return problem(
+        request, 429, f"too many {what} from your address; wait a little", headers=_PAUSE
+    )
+
+
+def _first(message: Message, receive: Receive) -> Receive:
+    """Receive a message that was received already, then go on."""
+    waiting = [message]
+
+    async def receiving() -> Message:
+        return waiting.pop() if waiting else await receive()
+
+    return receiving
+
+
+async def _read_body(receive: Receive, most: int) -> Message:
+    """The whole body as one message.
+
+    Raises:
+        ProblemError: It is too long, or too slow.
+    """
+    body = bytearray()
+    try:
+        async with asyncio.timeout(_PATIENCE_S):
+            while True:
+                message = await receive()
+                body += message.get("body", b"")
+                if len(body) > most:
+                    raise ProblemError(413, f"the body is longer than {most} bytes; send less")
+                if message["type"] != "http.request":
+                    return message
+                if not message.get("more_body", False):
+                    return {"type": "http.request", "body": bytes(body), "more_body": False}
+    except TimeoutError:
+        raise ProblemError(408, f"the body did not come within {_PATIENCE_S:g} s") from None

@@ -1,0 +1,86 @@
+"""Tokens: who may do what."""
+
+import asyncio
+from datetime import timedelta
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response
+
+from cloud.access import Scope, create_token, digest, list_tokens, revoke_token, token_id
+from cloud.dependencies import Administrator, CloudState
+from cloud.problems import documented
+from cloud.query.errors import UnknownPlaceError
+from cloud.routes.answers import as_json
+from cloud.routes.documents import (
+    REFUSALS,
+    NewTokenDocument,
+    NoQuery,
+    PageDocument,
+    TokenDocument,
+)
+from cloud.shapes import page, token_shape
+
+router = APIRouter(tags=["access"])
+
+
+class TokenBody(BaseModel):
+    """A token that is to be made."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    name: str = Field(min_length=1, max_length=100, description="whose it is, for people")
+    scopes: list[Annotated[Scope, Field(strict=False)]] = Field(
+        min_length=1, max_length=3, description="what its holder may do"
+    )
+    days: float = Field(default=30.0, gt=0, le=3650, description="days it is good")
+
+
+@router.get("/tokens", response_model=PageDocument[TokenDocument], responses=REFUSALS)
+def get_tokens(cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]) -> Response:
+    """All tokens that were ever made, also those that are good no more; never their secrets."""
+    del query
+    with cloud.store.read() as connection:
+        rows = list_tokens(connection)
+    return as_json(page([token_shape(row, now=cloud.clock()) for row in rows], None))
+
+
+@router.post(
+    "/tokens",
+    status_code=201,
+    response_model=NewTokenDocument,
+    responses=REFUSALS | documented(408, 413),
+)
+async def post_token(
+    cloud: CloudState, access: Administrator, body: TokenBody, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """Make a token. It is told only in this answer."""
+    del query
+    token = await asyncio.to_thread(
+        create_token,
+        cloud.store,
+        scopes=body.scopes,
+        name=body.name,
+        lifetime=timedelta(days=body.days),
+        doer=access.doer,
+    )
+    number = token_id(digest(token))
+    answer = as_json({"id": number, "token": token})
+    answer.status_code = 201
+    return answer
+
+
+@router.delete("/tokens/{id}", status_code=204, responses=REFUSALS | documented(404))
+async def delete_token(
+    cloud: CloudState,
+    access: Administrator,
+    id: str,  # noqa: A002 - the path's name for it
+    query: Annotated[NoQuery, Query()],
+) -> Response:
+    """Revoke a token, and end the sessions that it opened."""
+    del query
+    done = await asyncio.to_thread(revoke_token, cloud.store, id, doer=access.doer)
+    if not done:
+        raise UnknownPlaceError("id", f"{id[:40]!r} is no token that could be revoked")
+    return Response(status_code=204)

@@ -1,0 +1,109 @@
+"""Floods, long bodies and slow ones are refused, and keep nobody else out."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cloud import limits
+from cloud.limiter import source_of
+from cloud.settings import LimitsSection
+from cloud.store.audit_log import read_deeds
+from tests.cloud.clouds import problem, standing
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+    from pathlib import Path
+
+    from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_flood_from_one_address_is_refused(tmp_path: Path, identities: Identities) -> None:
+    few = LimitsSection(requests_per_s=1)
+    with standing(tmp_path, identities, limits=few) as stand:
+        async with stand.client(client=("192.0.2.1", 1)) as client:
+            for _ in range(10):
+                assert (await client.get("/api/v1/nodes")).status_code == 200
+            answer = await client.get("/api/v1/nodes")
+            assert "wait" in problem(answer, 429)
+            assert int(answer.headers["retry-after"]) > 0
+            assert answer.headers["x-frame-options"] == "DENY"
+        async with stand.client(client=("192.0.2.2", 1)) as client:
+            assert (await client.get("/api/v1/nodes")).status_code == 200
+
+
+async def test_bad_credentials_are_limited_and_good_ones_are_not(
+    tmp_path: Path, identities: Identities
+) -> None:
+    few = LimitsSection(failures_per_min=3)
+    with standing(tmp_path, identities, limits=few) as stand:
+        bad = secrets.token_hex(8)
+        async with stand.client(token=bad) as stranger:
+            for _ in range(3):
+                problem(await stranger.get("/api/v1/nodes"), 401)
+            for _ in range(3):
+                problem(await stranger.get("/api/v1/nodes"), 429)
+            problem(await stranger.post("/login", data={"token": "wrong"}), 429)
+        assert (await stand.get("/api/v1/nodes")).status_code == 200
+
+
+async def test_refused_sign_ins_do_not_fill_the_audit_log(
+    tmp_path: Path, identities: Identities
+) -> None:
+    few = LimitsSection(refusals_per_min=2)
+    with standing(tmp_path, identities, limits=few) as stand:
+        async with stand.client(token="") as stranger:
+            for _ in range(5):
+                answer = await stranger.post("/login", data={"token": "wrong"})
+                assert answer.status_code == 401
+        with stand.cloud.store.read() as connection:
+            kept = [row["action"] for row in read_deeds(connection)]
+    assert kept == ["token created", "sign in refused", "sign in refused"]
+
+
+async def test_long_body_is_refused(stand: Stand) -> None:
+    most = stand.cloud.settings.limits.body_bytes
+
+    async def pieces() -> AsyncIterator[bytes]:
+        for _ in range(most // 1000 + 1):
+            yield b"x" * 1000
+
+    async with stand.client() as client:
+        for content in (b"x" * (most + 1), pieces()):
+            answer = await client.post("/api/v1/nodes/x/commands", content=content)
+            assert str(most) in problem(answer, 413)
+        answer = await client.post("/api/v1/nodes/x/commands", content=b"x" * most)
+        assert answer.status_code != 413
+
+
+async def test_slow_body_is_refused(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(limits, "_PATIENCE_S", 0.01)
+    never = asyncio.Event()
+
+    async def pieces() -> AsyncIterator[bytes]:
+        yield b"{"
+        await never.wait()
+
+    async with stand.client() as client:
+        problem(await client.post("/api/v1/nodes/x/commands", content=pieces()), 408)
+
+
+@pytest.mark.parametrize(
+    ("address", "source"),
+    [
+        ("192.0.2.1", "192.0.2.1"),
+        ("::ffff:192.0.2.1", "192.0.2.1"),
+        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::"),
+        ("fe80::1%eth0", "fe80::"),
+        ("", ""),
+        ("testclient", "testclient"),
+    ],
+)
+async def test_one_user_is_one_source(address: str, source: str) -> None:
+    assert source_of(address) == source
