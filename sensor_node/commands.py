@@ -9,17 +9,18 @@ from typing import TYPE_CHECKING, Final, Protocol
 from eskin.envelope import Verifier
 from eskin.errors import EnvelopeError, EskinError, FlashError, IdentityError, MessageError
 from eskin.identity import IdentityKind, Trust
-from eskin.messages import Command, Outcome, Result
+from eskin.messages import Command, Outcome, Position, Result
 from eskin.messages.result import MOST_REASON
 from eskin.moment import LATEST, SECOND, format_moment
 from eskin.topics import Stream, node_topic
+from sensor_node.firmware.record import RESULT, Record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from eskin.identity import Identity
     from eskin.messages.vocabulary import Arguments, State
-    from sensor_node.flash import Flash
+    from sensor_node.firmware.outbox import Outbox
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +63,7 @@ class Commander:
     one effect, however often it comes.
 
     Args:
-        flash: Keeps the last command's result, and tells it.
+        outbox: Keeps the last command's result, and tells it.
         own: Who the node is.
         cloud: Common name of the only server that may command.
         controls: What can be set.
@@ -71,14 +72,14 @@ class Commander:
 
     def __init__(
         self,
-        flash: Flash,
+        outbox: Outbox,
         *,
         own: Identity,
         cloud: str,
         controls: Controls,
         enclosure: Callable[[], tuple[int, int]],
     ) -> None:
-        self._flash = flash
+        self._outbox = outbox
         self._node = own.name
         self._topic = node_topic(own.name, Stream.COMMANDS)
         self._controls = controls
@@ -95,7 +96,8 @@ class Commander:
         Raises:
             FlashError: Flash cannot be read.
         """
-        kept = self._flash.answer()
+        body = self._outbox.answer()
+        kept = None if body is None else Result.decode(body)
         if kept is not None:
             self._last = kept.command, kept.outcome, kept.reason
         self._state = self._controls.restore({} if kept is None else kept.state)
@@ -147,9 +149,11 @@ class Commander:
 
     def _record(self) -> None:
         number, outcome, reason = self._last
-        with self._flash.batch() as batch:
+        with self._outbox.batch() as batch:
             time = self._enclosure()
-            batch.add(Result(batch.position(), time, number, outcome, reason, self._state))
+            position = Position(self._outbox.boot, self._outbox.next_sequence())
+            body = Result(position, time, number, outcome, reason, self._state).encode()
+            batch.take([Record(RESULT, position.sequence, body, time, 0)])
         self._recorded = True
 
     def _now(self) -> datetime:

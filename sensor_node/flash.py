@@ -1,295 +1,192 @@
-"""A node's flash: every message waits here until a gateway acknowledges it."""
+"""A node's flash chip, emulated: messages in a file, each batch one synchronised commit."""
 
 from __future__ import annotations
 
 import sqlite3
-import threading
 import time
 from contextlib import contextmanager
-from copy import deepcopy
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
-from eskin.messages import Kind, Position, Result
-from sensor_node.batch import Batch
-from sensor_node.losses import Loss
-from sensor_node.stored import SCHEMA, WEIGHTS, Stored, record_of
-from sensor_node.usage import Usage
+from sensor_node.firmware.chip import Kept
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
+    from sensor_node.firmware.chip import Position
     from sensor_node.firmware.record import Record
 
-_INSERT: Final = "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?)"
-_GAP_RESERVE: Final = 2048
-"""Room that is kept for the gap message which tells of an eviction."""
-
-FULL: Final = "flash full"
-FAILED: Final = "flash write failed"
-
-
-@dataclass(slots=True)
-class _Level:
-    messages: int
-    used: int
-    gaps: int
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT;
+INSERT OR IGNORE INTO counter VALUES ('boot', 0), ('gaps', 0);
+CREATE TABLE IF NOT EXISTS message (
+    boot INTEGER NOT NULL,
+    sequence INTEGER NOT NULL,
+    weight INTEGER NOT NULL,   -- the shelf that the outbox put it on
+    earliest INTEGER NOT NULL, -- UTC ns
+    latest INTEGER NOT NULL,
+    samples INTEGER NOT NULL,
+    stands_for INTEGER NOT NULL, -- messages: itself, and those that a gap names
+    kind INTEGER NOT NULL,
+    body BLOB NOT NULL,
+    PRIMARY KEY (boot, sequence)
+) STRICT;
+CREATE TABLE IF NOT EXISTS answer ( -- the last result: by it no command is done twice
+    one INTEGER PRIMARY KEY CHECK (one = 1),
+    body BLOB NOT NULL
+) STRICT;
+CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence);
+"""
+_SELECT: Final = (
+    "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
+)
 
 
 class Flash:
-    """Durable outbox of a node, safe for several threads.
+    """The chip on which a node's outbox keeps its messages; the outbox's lock guards it.
 
-    Opening counts the boot, durably, before anyone can use its number. Every batch is one
-    synchronised commit. Over its capacity the oldest raw blocks give way first, then the oldest
-    other messages, and a gap message names what was lost.
+    Opening counts the boot, durably, before anyone can use its number.
 
     Args:
         path: Database file; made if missing.
-        capacity: Bytes of messages that it may hold.
         epoch: Number of the first boot of a fresh flash; ``None`` takes the present in seconds, so
             that a flash that was wiped or replaced starts above all numbers that the node has used
             before, which others remember.
 
+    Attributes:
+        boot: Number of this start.
+
     Raises:
-        FlashError: It cannot be opened.
+        FlashError: It cannot be opened; or, by any method, it cannot be read or written.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        capacity: int,
-        epoch: int | None = None,
-    ) -> None:
+    def __init__(self, path: Path, *, epoch: int | None = None) -> None:
         self._path = path
-        self._capacity = capacity
-        self._lock = threading.RLock()
         try:
             self._owner = LockFile(path)
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
-            self._db.executescript(SCHEMA)
+            self._db.executescript(_SCHEMA)
             self._db.execute(
                 "UPDATE counter SET value = CASE value WHEN 0 THEN ? ELSE value + 1 END "
                 "WHERE name = 'boot'",
                 (int(time.time()) if epoch is None else epoch,),
             )
-            counters = dict(self._db.execute("SELECT name, value FROM counter").fetchall())
-            self._messages, self._used = self._db.execute(
-                "SELECT count(*), coalesce(sum(length(body)), 0) FROM message"
-            ).fetchone()
+            self.boot: int = self._counter("boot")
         except LockedError as error:
             raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
         except (OSError, sqlite3.Error) as error:
             raise FlashError(
                 f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
             ) from error
-        self.boot: int = counters["boot"]
-        self._gaps: int = counters["gaps"]
-        self._sequence = 0
-        self._settled = 0
-        # What no gap message could say yet, because nothing could be written.
-        self._unsaid = Loss(FAILED)
-        # The last gap of an eviction, still open to more as long as nobody has read it.
-        self._open: tuple[Position, Loss] | None = None
 
-    def next_position(self) -> Position:
-        """Give out the next position; only for use inside of a batch."""
-        return Position(self.boot, self.next_sequence())
+    def begin(self) -> None:
+        """Begin a transaction."""
+        with self._writing():
+            self._db.execute("BEGIN IMMEDIATE")
 
-    def next_sequence(self) -> int:
-        """The same, within this boot."""
-        self._sequence += 1
-        return self._sequence - 1
+    def commit(self) -> None:
+        """End it; when this returns, it is on the disk."""
+        with self._writing():
+            self._db.execute("COMMIT")
 
-    @contextmanager
-    def batch(self) -> Iterator[Batch]:
-        """Collect messages; leaving the block makes them durable in one commit.
+    def roll_back(self) -> None:
+        """Undo it, if one is open."""
+        with self._writing():
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
 
-        Raises:
-            FlashError: They could not be written. They are lost then, and the next batch that can
-                be written tells so in a gap.
-        """
-        with self._lock:
-            batch = Batch(self)
-            try:
-                if self._unsaid.time is not None:
-                    batch.add(self._unsaid.gap(batch.position()))
-                yield batch
-                self._commit(batch.records)
-            except (sqlite3.Error, FlashError) as error:
-                told = 1 if self._unsaid.time is not None else 0
-                for record in batch.records[:told]:
-                    self._unsaid.skip(Position(self.boot, record.sequence))
-                for record in batch.records[told:]:
-                    self._unsaid.take(
-                        time=(record.earliest, record.latest),
-                        samples=record.samples,
-                        position=Position(self.boot, record.sequence),
-                    )
-                raise FlashError(
-                    f"{self._path}: {len(batch.records)} messages could not be stored: {error}; "
-                    "make room, sampling goes on and a gap will tell"
-                ) from error
-            self._unsaid = Loss(FAILED)
-            self._settled = self._sequence
-
-    def pending(self, after: Position | None, limit: int) -> list[Stored]:
-        """The oldest waiting messages behind a position."""
-        start = after or Position(-1, -1)
-        with self._lock:
-            rows = self._query(
-                "SELECT boot, sequence, kind, body FROM message WHERE (boot, sequence) > (?, ?) "
-                "ORDER BY boot, sequence LIMIT ?",
-                (start.boot, start.sequence, limit),
+    def append(self, boot: int, record: Record, shelf: int) -> None:
+        """Keep a message on a shelf."""
+        place = boot, record.sequence, shelf, record.earliest, record.latest
+        with self._writing():
+            self._db.execute(
+                "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?)",
+                (*place, record.samples, 1 + record.named, record.kind, record.body),
             )
-            found = [Stored(Position(row[0], row[1]), row[2], row[3]) for row in rows]
-            if self._open and any(stored.position == self._open[0] for stored in found):
-                self._open = None
-            return found
 
-    def read(self, position: Position) -> Stored | None:
-        """One waiting message; ``None`` if it is gone."""
-        with self._lock:
-            rows = self._query(
-                "SELECT kind, body FROM message WHERE boot = ? AND sequence = ?",
-                (position.boot, position.sequence),
-            )
-            if self._open and self._open[0] == position:
-                self._open = None
-            return Stored(position, rows[0][0], rows[0][1]) if rows else None
+    def delete(self, boot: int, first: int, last: int) -> tuple[int, int]:
+        """Delete from the first to the last sequence; gives how many, and their bytes."""
+        with self._writing():
+            rows = self._db.execute(
+                "DELETE FROM message WHERE boot = ? AND sequence BETWEEN ? AND ? "
+                "RETURNING length(body)",
+                (boot, first, last),
+            ).fetchall()
+        return len(rows), sum(row[0] for row in rows)
 
-    def answer(self) -> Result | None:
-        """The last result that was stored, also after it was acknowledged.
+    def read(self, position: Position) -> Kept | None:
+        """One message; ``None`` if it is gone."""
+        found = self._select("WHERE boot = ? AND sequence = ?", *position)
+        return found[0] if found else None
 
-        Raises:
-            FlashError: It cannot be read.
-        """
-        with self._lock:
-            rows = self._query("SELECT body FROM answer", ())
-        return Result.decode(rows[0][0]) if rows else None
+    def after(self, position: Position, limit: int) -> list[Kept]:
+        """The next messages behind a position, in order."""
+        return self._select(
+            "WHERE (boot, sequence) > (?, ?) ORDER BY boot, sequence LIMIT ?", *position, limit
+        )
 
-    def held(self) -> Position:
-        """A position below which nothing waits or will come."""
-        with self._lock:
-            rows = self._query(
-                "SELECT boot, sequence FROM message ORDER BY boot, sequence LIMIT 1", ()
-            )
-            settled = Position(self.boot, self._settled)
-            return min(settled, Position(*rows[0])) if rows else settled
+    def oldest(self, shelf: int) -> Kept | None:
+        """The first message of a shelf."""
+        found = self._select("WHERE weight = ? ORDER BY boot, sequence LIMIT 1", shelf)
+        return found[0] if found else None
 
-    def forget(self, spans: Iterable[tuple[int, int, int]]) -> None:
-        """Forget messages that a gateway acknowledged.
+    def level(self) -> tuple[int, int]:
+        """How many messages it keeps, and their bytes."""
+        rows = self._query("SELECT count(*), coalesce(sum(length(body)), 0) FROM message")
+        return rows[0][0], rows[0][1]
 
-        Args:
-            spans: ``(boot, first, last)``.
+    def gaps(self) -> int:
+        """How many gaps were ever recorded."""
+        return self._counter("gaps")
 
-        Raises:
-            FlashError: The file cannot be written; they stay, and are sent again.
-        """
-        with self._lock:
-            freed = count = 0
-            try:
-                self._db.execute("BEGIN IMMEDIATE")
-                try:
-                    for span in spans:
-                        rows = self._db.execute(
-                            "DELETE FROM message WHERE boot = ? AND sequence BETWEEN ? AND ? "
-                            "RETURNING length(body)",
-                            span,
-                        ).fetchall()
-                        count += len(rows)
-                        freed += sum(row[0] for row in rows)
-                    self._db.execute("COMMIT")
-                finally:
-                    self._roll_back()
-            except sqlite3.Error as error:
-                raise FlashError(f"{self._path}: flash cannot be written: {error}") from error
-            self._messages -= count
-            self._used -= freed
+    def keep_gaps(self, gaps: int) -> None:
+        """Keep that number."""
+        with self._writing():
+            self._db.execute("UPDATE counter SET value = ? WHERE name = 'gaps'", (gaps,))
 
-    def usage(self) -> Usage:
-        """How full it is."""
-        with self._lock:
-            return Usage(self._messages, self._used, self._capacity, self._gaps)
+    def answer(self) -> bytes | None:
+        """The last result, also after it was acknowledged."""
+        rows = self._query("SELECT body FROM answer")
+        return rows[0][0] if rows else None
+
+    def keep_answer(self, body: bytes) -> None:
+        """Keep the last result apart from the messages."""
+        with self._writing():
+            self._db.execute("INSERT OR REPLACE INTO answer VALUES (1, ?)", (body,))
 
     def close(self) -> None:
         """Close the file."""
-        with self._lock:
-            self._db.close()
-            self._owner.close()
+        self._db.close()
+        self._owner.close()
 
-    def _query(self, statement: str, values: tuple[int, ...]) -> list[tuple[Any, ...]]:
+    def _counter(self, name: str) -> int:
+        value: int = self._query("SELECT value FROM counter WHERE name = ?", name)[0][0]
+        return value
+
+    def _select(self, condition: str, *values: int) -> list[Kept]:
+        return [
+            Kept((boot, sequence), kind, body, (earliest, latest), samples, stands_for)
+            for boot, sequence, kind, body, earliest, latest, samples, stands_for in self._query(
+                _SELECT + condition, *values
+            )
+        ]
+
+    def _query(self, statement: str, *values: int | str) -> list[tuple[Any, ...]]:
         try:
             return self._db.execute(statement, values).fetchall()
         except sqlite3.Error as error:
             raise FlashError(f"{self._path}: flash cannot be read: {error}") from error
 
-    def _commit(self, records: list[Record]) -> None:
-        if not records:
-            return
-        level = _Level(self._messages, self._used, self._gaps)
-        opened = deepcopy(self._open)
-        self._db.execute("BEGIN IMMEDIATE")
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
         try:
-            for record in records:
-                self._insert(record, level)
-            if level.used > self._capacity:
-                opened = self._evict(level, opened)
-            self._db.execute("UPDATE counter SET value = ? WHERE name = 'gaps'", (level.gaps,))
-            self._db.execute("COMMIT")
-        finally:
-            self._roll_back()
-        self._messages, self._used, self._gaps = level.messages, level.used, level.gaps
-        self._open = opened
-
-    def _insert(self, record: Record, level: _Level) -> None:
-        weight = WEIGHTS.get(record.kind, 1)
-        place = (self.boot, record.sequence, weight, record.earliest, record.latest)
-        self._db.execute(
-            _INSERT, (*place, record.samples, 1 + record.named, record.kind, record.body)
-        )
-        if record.kind == Kind.RESULT:
-            self._db.execute("INSERT OR REPLACE INTO answer VALUES (1, ?)", (record.body,))
-        level.messages += 1
-        level.used += len(record.body)
-        level.gaps += record.kind == Kind.GAP
-
-    def _evict(self, level: _Level, opened: tuple[Position, Loss] | None) -> tuple[Position, Loss]:
-        """Make room, oldest blocks first; gives the gap that tells of it and may still grow."""
-        position, loss = opened or (self.next_position(), Loss(FULL))
-        if opened is not None:
-            self._remove(position, level)
-            level.gaps -= 1
-        while level.used > self._capacity - _GAP_RESERVE:
-            row = self._db.execute(
-                "SELECT boot, sequence, earliest, latest, samples, stands_for FROM message "
-                "ORDER BY weight, boot, sequence LIMIT 1"
-            ).fetchone()
-            if row is None:
-                break
-            if loss.full:
-                self._insert(record_of(loss.gap(position)), level)
-                position, loss = self.next_position(), Loss(FULL)
-            victim = Position(row[0], row[1])
-            self._remove(victim, level)
-            loss.take(time=(row[2], row[3]), samples=row[4], messages=row[5], position=victim)
-        self._insert(record_of(loss.gap(position)), level)
-        return position, loss
-
-    def _remove(self, position: Position, level: _Level) -> None:
-        freed = self._db.execute(
-            "DELETE FROM message WHERE boot = ? AND sequence = ? RETURNING length(body)",
-            (position.boot, position.sequence),
-        ).fetchone()
-        if freed is not None:
-            level.messages -= 1
-            level.used -= freed[0]
-
-    def _roll_back(self) -> None:
-        if self._db.in_transaction:
-            self._db.execute("ROLLBACK")
+            yield
+        except sqlite3.Error as error:
+            raise FlashError(
+                f"{self._path}: flash cannot be written: {error}; make room, sampling goes on "
+                "and a gap will tell"
+            ) from error

@@ -12,15 +12,15 @@ from eskin.errors import FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
 from sensor_node.firmware import inversion
-from sensor_node.firmware.record import Record, Scribe
 from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
-    from sensor_node.batch import Batch
-    from sensor_node.flash import Flash
+    from sensor_node.firmware.batch import Batch
+    from sensor_node.firmware.outbox import Outbox
+    from sensor_node.firmware.record import Record
     from sensor_node.machine.clock import Clock
     from sensor_node.settings import NodeSettings
     from sensor_node.truth import Truth
@@ -33,12 +33,12 @@ _MOST_FRAMES: Final = 64
 
 
 class Node:
-    """Samples all taxels into flash.
+    """Samples all taxels into its outbox.
 
     Args:
         settings: The node's settings.
         clock: Its clock.
-        flash: Its outbox; its boot number is this run's.
+        outbox: What it says waits here; its boot number is this run's.
         truth: What the emulator keeps for the audit.
         seed: Draws true parts and noise.
         functions: The firmware's arithmetic, or its compiled copy.
@@ -49,27 +49,27 @@ class Node:
         settings: NodeSettings,
         *,
         clock: Clock,
-        flash: Flash,
+        outbox: Outbox,
         truth: Truth,
         seed: int,
         functions: ModuleType = inversion,
     ) -> None:
         self._settings = settings
         self._clock = clock
-        self._flash = flash
+        self._outbox = outbox
         self._truth = truth
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         self._failures = 0
-        self._scribe = Scribe(flash.boot, flash)
+        self._scribe = outbox.scribe
         self.taxels = [
             EmulatedTaxel(
                 taxel,
                 seed=(seed, number),
-                noise_seed=(seed, number, flash.boot),
+                noise_seed=(seed, number, outbox.boot),
                 clock=clock,
                 sampling=settings.sampling,
                 scribe=self._scribe,
-                boot=flash.boot,
+                boot=outbox.boot,
                 functions=functions,
             )
             for number, taxel in enumerate(settings.taxel)
@@ -88,42 +88,40 @@ class Node:
             if ticks - self.next_due > self._overrun:
                 self._pass_over(ticks)
             while self.next_due <= ticks:
-                with self._tolerant(), self._flash.batch() as batch:
+                with self._tolerant(), self._outbox.batch() as batch:
                     self._take(batch, ticks)
 
     @contextmanager
     def between_frames(self) -> Iterator[list[Record]]:
         """Hold sampling while taxels are set; takes what they say of it."""
         with self._working:
-            said: list[Record] = []
-            with self._tolerant(), self._flash.batch() as batch:
-                yield said
-                batch.take(said)
+            with self._tolerant(), self._outbox.batch() as batch:
+                yield batch.records
             self._line_up()
 
     def record_status(self) -> Position:
-        """Put a status into flash.
+        """Put a status into the outbox.
 
         Raises:
             FlashError: It could not be written.
         """
         ticks = self._clock.ticks()
-        own, usage = self._settings.node, self._flash.usage()
-        with self._flash.batch() as batch:
+        own = self._settings.node
+        with self._outbox.batch() as batch:
             status = self._scribe.status(
                 self._clock.known.enclosure(ticks),
                 own.profile,
                 own.description or own.profile,
                 ticks,
-                (usage.messages, usage.used, usage.capacity, usage.gaps),
+                self._outbox.usage(),
                 [channel for taxel in self.taxels for channel in taxel.channels],
             )
             batch.take([status])
-        return Position(self._flash.boot, status.sequence)
+        return Position(self._outbox.boot, status.sequence)
 
     def finish(self) -> None:
         """Say what stays undecided at the end."""
-        with self._tolerant(), self._flash.batch() as batch:
+        with self._tolerant(), self._outbox.batch() as batch:
             for taxel in self.taxels:
                 batch.take(taxel.finish())
 
@@ -143,7 +141,7 @@ class Node:
 
     def _pass_over(self, ticks: int) -> None:
         begin = min(taxel.next.start for taxel in self.taxels)
-        with self._tolerant(), self._flash.batch() as batch:
+        with self._tolerant(), self._outbox.batch() as batch:
             lost = 0
             for taxel in self.taxels:
                 peaks, samples = taxel.skip(ticks)

@@ -1,12 +1,13 @@
-"""From flash to the broker: sealed, sent, and kept until a gateway acknowledges."""
+"""The radio peripheral: seals what the outbox hands over, and tells it what became of it."""
 
 from __future__ import annotations
 
+import itertools
 import logging
 import queue
 import threading
 import time
-from dataclasses import dataclass
+from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as mqtt
@@ -16,17 +17,16 @@ from eskin.envelope import Opener, Sealer
 from eskin.errors import EnvelopeError, FlashError, MessageError
 from eskin.identity import Identity, client_context, load_certificates, thumbprint
 from eskin.identity.identity import ROOT_FILE
-from eskin.messages import Acknowledgement, Kind
+from eskin.messages import Acknowledgement, Kind, Position
 from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from eskin.messages import Position
-    from sensor_node.flash import Flash
+    from sensor_node.firmware import chip
+    from sensor_node.firmware.outbox import Outbox
     from sensor_node.settings import BrokerSection, IdentitySection
-    from sensor_node.stored import Stored
 
 log = logging.getLogger(__name__)
 
@@ -42,23 +42,15 @@ _MOST_COMMANDS: Final = 16
 _TURN_S: Final = 0.1
 
 
-@dataclass(slots=True)
-class _Flight:
-    """A message under way."""
-
-    sent: float
-    delivery: mqtt.MQTTMessageInfo
-
-
 class Publisher:
-    """Publishes what waits in flash, oldest first, within a window.
+    """Carries messages from the outbox to the broker, and acknowledgements and commands back.
 
     Threads: paho's own, which only takes what arrives into queues; and one that seals, sends,
-    forgets, and takes commands.
+    acknowledges, and takes commands.
 
     Args:
-        flash: The outbox.
-        record_status: Puts a fresh status into flash and gives its position.
+        outbox: Says what to send and when; its moments are ns of the monotonic clock.
+        record_status: Puts a fresh status into the outbox.
         take_command: Takes a command that was sealed to this node; ``None``: it obeys none.
         broker: Where to publish.
         identity: Who the node is, and its site.
@@ -69,16 +61,16 @@ class Publisher:
 
     def __init__(
         self,
-        flash: Flash,
+        outbox: Outbox,
         *,
-        record_status: Callable[[], Position],
+        record_status: Callable[[], object],
         take_command: Callable[[bytes], None] | None = None,
         broker: BrokerSection,
         identity: IdentitySection,
     ) -> None:
         own = Identity.load(identity.directory)
         site = load_certificates(identity.site)[0]
-        self._flash = flash
+        self._outbox = outbox
         self._record_status = record_status
         self._take_command = take_command
         self._broker = broker
@@ -94,11 +86,8 @@ class Publisher:
         }
         if take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
-        self._flights: dict[Position, _Flight] = {}
-        self._sent_up_to: Position | None = None
-        self._newest_status: Position | None = None
-        self._held: Position | None = None
-        self._status_due = 0.0
+        # What paho still has: its window, and what waits behind.
+        self._deliveries: dict[chip.Position, mqtt.MQTTMessageInfo] = {}
         self._fresh = threading.Event()
         self._wake = threading.Event()
         self._stopping = threading.Event()
@@ -114,9 +103,9 @@ class Publisher:
         self._thread.start()
 
     def stop(self) -> None:
-        """Wait a little for acknowledgements, then disconnect; what is left waits in flash."""
+        """Wait a little for acknowledgements, then disconnect; what is left waits."""
         deadline = time.monotonic() + self._broker.drain_s
-        while self._client.is_connected() and self._flash.usage().messages:
+        while self._client.is_connected() and self._outbox.messages:
             if time.monotonic() >= deadline:
                 break
             self._stopping.wait(0.05)
@@ -127,7 +116,7 @@ class Publisher:
         self._client.loop_stop()
 
     def notify(self) -> None:
-        """Say that flash holds something new."""
+        """Say that the outbox holds something new."""
         self._wake.set()
 
     def _make_client(self, own: Identity) -> mqtt.Client:
@@ -155,7 +144,7 @@ class Publisher:
 
     def _on_connect_fail(self, _client: mqtt.Client, _data: Any) -> None:
         log.warning(
-            "broker cannot be reached, messages wait in flash: broker=%s:%d",
+            "broker cannot be reached, messages wait: broker=%s:%d",
             self._broker.host,
             self._broker.port,
         )
@@ -164,7 +153,7 @@ class Publisher:
         self, _client: mqtt.Client, _data: Any, _flags: Any, reason: Any, _properties: Any
     ) -> None:
         if not self._stopping.is_set():
-            log.warning("connection lost, messages wait in flash: reason=%s", reason)
+            log.warning("connection lost, messages wait: reason=%s", reason)
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
         inbox = self._inboxes.get(message.topic)
@@ -198,20 +187,23 @@ class Publisher:
         self._take_commands()
         if not self._client.is_connected():
             return
-        now = time.monotonic()
-        # Once a turn is enough: a lower position than the true one is safe.
-        self._held = self._flash.held()
+        now = time.monotonic_ns()
         if self._fresh.is_set():
             self._fresh.clear()
-            self._flights.clear()
-            self._sent_up_to = self._newest_status = None
-            self._status_due = now
-        # One unanswered status is enough: it is sent again, and more would only pile up.
-        if now >= self._status_due and self._newest_status not in self._flights:
-            self._status_due = now + self._broker.status_s
-            self._send_status()
-        self._send_again(now)
-        self._send_new()
+            self._deliveries.clear()
+            self._outbox.connect(now)
+        self._report(now)
+        self._tell_status(now)
+        # Once a turn is enough: a lower position than the true one is safe.
+        held = Position(*self._outbox.held())
+        handed = deque(self._outbox.due(now, self._broker.window))
+        try:
+            while handed:
+                self._send(handed[0], held)
+                handed.popleft()
+        finally:
+            for kept in handed:
+                self._outbox.left(kept.position, now)
 
     def _opened(self, topic: str, what: str) -> Iterator[bytes]:
         """What came on a topic, as far as the site has sealed it to this node."""
@@ -240,60 +232,39 @@ class Publisher:
             except MessageError as error:
                 log.warning("acknowledgement rejected: reason=%s", error)
         if durable:
-            self._flash.forget(
-                (boot, first, last) for boot, ranges in durable.items() for first, last in ranges
+            self._outbox.acknowledge(
+                [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
             )
-            for position in list(self._flights):
-                if position.sequence in durable.get(position.boot, ()):
-                    del self._flights[position]
 
-    def _send_status(self) -> None:
+    def _tell_status(self, now: int) -> None:
         """First of all after connecting: it introduces the node to the gateway."""
+        if not self._outbox.tell_status(now):
+            return
         try:
-            self._newest_status = self._record_status()
+            self._record_status()
         except FlashError as error:
             # What waits must still go out: it makes the room that is missing.
             log.warning("status postponed: error=%s", error)
-            return
-        stored = self._flash.read(self._newest_status)
-        if stored is not None:
-            self._send(stored)
 
-    def _send_again(self, now: float) -> None:
-        late = [
-            position
-            for position, flight in self._flights.items()
-            if now - flight.sent > self._broker.resend_s and _left(flight.delivery)
-        ]
-        for position in sorted(late):
-            stored = self._flash.read(position)
-            if stored is None:
-                del self._flights[position]
-            else:
-                self._send(stored)
+    def _report(self, now: int) -> None:
+        """Tell the outbox what has left: it misses from here on what is not acknowledged."""
+        # A broker acknowledges in order.
+        for position in list(itertools.takewhile(self._left, self._deliveries)):
+            del self._deliveries[position]
+            self._outbox.left(position, now)
 
-    def _send_new(self) -> None:
-        while (room := self._broker.window - len(self._flights)) > 0:
-            found = self._flash.pending(self._sent_up_to, room)
-            for stored in found:
-                self._sent_up_to = stored.position
-                if stored.position not in self._flights:
-                    self._send(stored)
-            if len(found) < room:
-                return
+    def _left(self, position: chip.Position) -> bool:
+        """Whether paho is done with it: the broker has it, or there was no room in the queue."""
+        delivery = self._deliveries[position]
+        if delivery.rc == mqtt.MQTT_ERR_QUEUE_SIZE:
+            return True
+        return delivery.rc == mqtt.MQTT_ERR_SUCCESS and delivery.is_published()
 
-    def _send(self, stored: Stored) -> None:
-        kind = Kind(stored.kind)
-        topic = node_topic(self._node, _STREAMS[kind])
-        status = kind is Kind.STATUS
-        envelope = self._sealer.seal(stored.body, topic=topic, held=self._held, introduce=status)
-        newest = status and stored.position == self._newest_status
-        delivery = self._client.publish(topic, envelope, qos=1, retain=newest)
-        self._flights[stored.position] = _Flight(time.monotonic(), delivery)
-
-
-def _left(delivery: mqtt.MQTTMessageInfo) -> bool:
-    """Whether paho is done with it: the broker has it, or paho's queue had no room for it."""
-    if delivery.rc == mqtt.MQTT_ERR_QUEUE_SIZE:
-        return True
-    return delivery.rc == mqtt.MQTT_ERR_SUCCESS and delivery.is_published()
+    def _send(self, kept: chip.Kept, held: Position) -> None:
+        topic = node_topic(self._node, _STREAMS[Kind(kept.kind)])
+        status = kept.kind == Kind.STATUS
+        envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
+        newest = status and kept.position == self._outbox.newest_status
+        self._deliveries[kept.position] = self._client.publish(
+            topic, envelope, qos=1, retain=newest
+        )

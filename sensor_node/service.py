@@ -13,6 +13,7 @@ import numpy as np
 from eskin.identity import Identity
 from sensor_node.commands import Commander
 from sensor_node.controls import NodeControls
+from sensor_node.firmware.outbox import Outbox
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
@@ -23,7 +24,7 @@ from sensor_node.truth import Truth
 if TYPE_CHECKING:
     from types import FrameType
 
-    from sensor_node.settings import NodeSettings
+    from sensor_node.settings import BrokerSection, NodeSettings
 
 log = logging.getLogger(__name__)
 
@@ -49,29 +50,42 @@ def run(settings: NodeSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
-    flash = Flash(settings.flash.path, capacity=settings.flash.capacity_bytes)
+    flash = Flash(settings.flash.path)
     try:
-        _serve(settings, flash, truth, stop)
+        outbox = build_outbox(flash, capacity=settings.flash.capacity_bytes, broker=settings.broker)
+        _serve(settings, outbox, truth, stop)
     finally:
         flash.close()
         truth.close()
 
 
+def build_outbox(flash: Flash, *, capacity: int, broker: BrokerSection) -> Outbox:
+    """Put an outbox on a flash, for several threads; its moments are ns."""
+    return Outbox(
+        flash,
+        capacity=capacity,
+        window=broker.window,
+        resend_after=round(broker.resend_s * BILLION),
+        status_every=round(broker.status_s * BILLION),
+        lock=threading.RLock(),
+    )
+
+
 def build_node(
-    settings: NodeSettings, *, flash: Flash, truth: Truth, start: int | None = None
+    settings: NodeSettings, *, outbox: Outbox, truth: Truth, start: int | None = None
 ) -> tuple[Node, Clock]:
     """Put a node together.
 
     Args:
         settings: Its settings.
-        flash: Its outbox.
+        outbox: What it says waits here.
         truth: What the emulator keeps.
         start: True UTC in ns at which emulated time begins; ``None``: now. A node that ran faster
             than real time, or whose machine's clock was set back, starts after its latest sample,
             so that no moment is lived twice.
     """
     seed = truth.seed(settings.node.seed)
-    random = np.random.default_rng((seed, flash.boot))
+    random = np.random.default_rng((seed, outbox.boot))
     drift = round(settings.clock.drift_ppm * 1e3)
     clock = Clock(
         start=_begin(truth, time.time_ns() if start is None else start),
@@ -82,7 +96,7 @@ def build_node(
         crystal=Crystal(drift, random),
         random=random,
     )
-    return Node(settings, clock=clock, flash=flash, truth=truth, seed=seed), clock
+    return Node(settings, clock=clock, outbox=outbox, truth=truth, seed=seed), clock
 
 
 def _begin(truth: Truth, start: int) -> int:
@@ -96,10 +110,10 @@ def _begin(truth: Truth, start: int) -> int:
     return end + REBOOT
 
 
-def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.Event) -> None:
-    node, clock = build_node(settings, flash=flash, truth=truth)
+def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading.Event) -> None:
+    node, clock = build_node(settings, outbox=outbox, truth=truth)
     commander = Commander(
-        flash,
+        outbox,
         own=Identity.load(settings.identity.directory),
         cloud=settings.identity.cloud,
         controls=NodeControls(node),
@@ -107,7 +121,7 @@ def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.E
     )
     commander.start()
     publisher = Publisher(
-        flash,
+        outbox,
         record_status=node.record_status,
         take_command=commander.take,
         broker=settings.broker,
@@ -115,7 +129,7 @@ def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.E
     )
     publisher.start()
     own = settings.node
-    log.info("running: node=%s boot=%d speed=%g", own.name, flash.boot, own.speed)
+    log.info("running: node=%s boot=%d speed=%g", own.name, outbox.boot, own.speed)
     while not stop.is_set():
         wait = max(clock.seconds_until(node.next_due), _SHORTEST_TICK_S)
         if stop.wait(wait):
@@ -125,4 +139,4 @@ def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.E
     node.finish()
     publisher.notify()
     publisher.stop()
-    log.info("ended: node=%s waiting=%d", own.name, flash.usage().messages)
+    log.info("ended: node=%s waiting=%d", own.name, outbox.messages)

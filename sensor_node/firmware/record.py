@@ -22,6 +22,7 @@ BLOCK = 1
 PEAK = 2
 GAP = 3
 STATUS = 4
+RESULT = 5
 
 
 class Channel:
@@ -47,7 +48,7 @@ class Record:
     """A message with what flash must know of it.
 
     Attributes:
-        kind: `BLOCK`, `PEAK`, `GAP` or `STATUS`.
+        kind: `BLOCK`, `PEAK`, `GAP`, `STATUS` or `RESULT`.
         sequence: Its place in what this boot says.
         body: Its bytes.
         earliest: UTC ns that it tells of.
@@ -146,16 +147,37 @@ class Scribe:
         _real(out, 11, coverage)
         return Record(PEAK, sequence, bytes(out.buffer), time, 0)
 
-    def gap(self, reason: str, time: "tuple[int, int]", samples: int) -> Record:
-        """Samples that were never taken."""
-        out, sequence = self._begin(GAP, 8)
+    def gap(
+        self,
+        reason: str,
+        time: "tuple[int, int]",
+        samples: int,
+        messages: int = 0,
+        lost: "Sequence[tuple[int, int, int]]" = (),
+        sequence: "int | None" = None,
+    ) -> Record:
+        """Samples that were never taken, or messages that were lost.
+
+        Args:
+            reason: Why.
+            time: UTC ns, from the earliest to the latest moment that is affected.
+            samples: How many samples.
+            messages: How many messages.
+            lost: ``(boot, first, last)`` of the messages.
+            sequence: Its number, if it was given out before.
+        """
+        out, sequence = self._begin(GAP, 8, sequence)
         _text(out, 4, reason)
         _integers(out, 5, time)
-        _integer(out, 6, 0)
+        _integer(out, 6, messages)
         _integer(out, 7, samples)
         out.integer(8)
-        out.array(0)
-        return Record(GAP, sequence, bytes(out.buffer), time, samples)
+        out.array(len(lost))
+        for span in lost:
+            out.array(3)
+            for number in span:
+                out.integer(number)
+        return Record(GAP, sequence, bytes(out.buffer), time, samples, messages)
 
     def status(
         self,
@@ -184,8 +206,10 @@ class Scribe:
             out.real(channel.coverage)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
-    def _begin(self, kind: int, fields: int) -> "tuple[Writer, int]":
-        out, sequence = Writer(), self._numbers.next_sequence()
+    def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":
+        out = Writer()
+        if sequence is None:
+            sequence = self._numbers.next_sequence()
         out.map(fields)
         _integer(out, 1, kind)
         _integer(out, 2, self._boot)

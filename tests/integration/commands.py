@@ -10,7 +10,6 @@ from cloud.access import Scope, create_token
 from cloud.store import Store
 from eskin.identity import Identity, IdentityKind
 from eskin.identity.certificates import pem
-from eskin.messages import ChannelInfo, Position, Status
 from gateway.service import Gateway
 from gateway.settings import (
     BrokerSection,
@@ -22,8 +21,10 @@ from gateway.settings import (
 )
 from gateway.settings import IdentitySection as GatewayIdentity
 from sensor_node.commands import Commander
+from sensor_node.firmware.record import Channel
 from sensor_node.flash import Flash
 from sensor_node.publisher import Publisher
+from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection as NodeBroker
 from sensor_node.settings import IdentitySection as NodeIdentity
 from tests.brokers import Mosquitto
@@ -49,10 +50,12 @@ class ObedientNode:
         self.controls = SimpleControls()
 
     def __enter__(self) -> Self:
-        self.flash = Flash(self._folder / f"{self._identity.name}.sqlite", capacity=10**6)
+        broker = NodeBroker(port=self._port, resend_s=0.5, drain_s=5.0, keepalive_s=5)
+        self.flash = Flash(self._folder / f"{self._identity.name}.sqlite")
+        self.outbox = build_outbox(self.flash, capacity=10**6, broker=broker)
         self.controls = SimpleControls()
         commander = Commander(
-            self.flash,
+            self.outbox,
             own=self._identity,
             cloud="server.cloud",
             controls=self.controls,
@@ -60,10 +63,10 @@ class ObedientNode:
         )
         commander.start()
         self._publisher = Publisher(
-            self.flash,
+            self.outbox,
             record_status=self._record_status,
             take_command=commander.take,
-            broker=NodeBroker(port=self._port, resend_s=0.5, drain_s=5.0, keepalive_s=5),
+            broker=broker,
             identity=NodeIdentity(directory=self._identity.directory, site=self._site),
         )
         self._publisher.start()
@@ -73,15 +76,12 @@ class ObedientNode:
         self._publisher.stop()
         self.flash.close()
 
-    def _record_status(self) -> Position:
+    def _record_status(self) -> None:
         now = time.time_ns()
-        channels = tuple(
-            ChannelInfo(f"{taxel}.capacitance", "F", 10**6, 1.0) for taxel in ("t01", "t02")
-        )
-        with self.flash.batch() as batch:
-            position = batch.position()
-            batch.add(Status(position, (now, now), "p", "d", 1, 0, 0, 10**6, 0, channels))
-        return position
+        channels = [Channel(f"{taxel}.capacitance", "F", 10**6, 1.0) for taxel in ("t01", "t02")]
+        with self.outbox.batch() as batch:
+            usage = self.outbox.usage()
+            batch.take([self.outbox.scribe.status((now, now), "p", "d", 1, usage, channels)])
 
 
 class Chain:

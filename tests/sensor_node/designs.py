@@ -12,6 +12,7 @@ from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
 from sensor_node.node import Node
 from sensor_node.profile import Profile
+from sensor_node.service import build_outbox
 from sensor_node.settings import NodeSettings
 from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+    from sensor_node.firmware.chip import Kept
     from sensor_node.taxels import AnyTaxel
 
 START = 1_790_000_000_000_000_000
@@ -75,6 +77,11 @@ def clock_at(
     )
 
 
+def waiting(flash: Flash) -> list[Kept]:
+    """All that waits on a flash, unread."""
+    return flash.after((-1, -1), 1_000_000)
+
+
 class Bench:
     """A node without a network, whose time the test turns."""
 
@@ -83,13 +90,16 @@ class Bench:
     ) -> None:
         self.settings = settings(folder, profile, **sections)
         self.truth = Truth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
-        self.flash = Flash(
-            self.settings.flash.path, capacity=self.settings.flash.capacity_bytes, epoch=1
+        self.flash = Flash(self.settings.flash.path, epoch=1)
+        self.outbox = build_outbox(
+            self.flash,
+            capacity=self.settings.flash.capacity_bytes,
+            broker=self.settings.broker,
         )
         self.ticks = 0
         self.clock = clock_at(lambda: self.ticks, drift=drift)
         self.node = Node(
-            self.settings, clock=self.clock, flash=self.flash, truth=self.truth, seed=7
+            self.settings, clock=self.clock, outbox=self.outbox, truth=self.truth, seed=7
         )
 
     def run_to(self, seconds: float) -> None:
@@ -101,7 +111,7 @@ class Bench:
 
     def bodies(self) -> Iterator[bytes]:
         """All waiting messages."""
-        return (stored.body for stored in self.flash.pending(None, 1_000_000))
+        return (kept.body for kept in waiting(self.flash))
 
     def close(self) -> None:
         self.flash.close()

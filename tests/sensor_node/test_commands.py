@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sqlite3
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -13,11 +12,14 @@ from hypothesis import strategies as st
 from eskin.envelope import sign
 from eskin.errors import FlashError
 from eskin.identity import IdentityKind
-from eskin.messages import Command, CommandName, Gap, Kind, Outcome, Result
+from eskin.messages import Command, CommandName, Kind, Outcome, Result
 from eskin.topics import Stream, node_topic
 from sensor_node.commands import Commander
 from sensor_node.flash import Flash
+from sensor_node.service import build_outbox
+from sensor_node.settings import BrokerSection
 from tests.sensor_node.controls import SimpleControls
+from tests.sensor_node.designs import waiting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -43,10 +45,11 @@ class Rig:
 
     def begin(self) -> None:
         """Switch the node on."""
-        self.flash = Flash(self.path, capacity=10**6)
+        self.flash = Flash(self.path)
+        self.outbox = build_outbox(self.flash, capacity=10**6, broker=BrokerSection())
         self.controls = SimpleControls()
         self.commander = Commander(
-            self.flash,
+            self.outbox,
             own=self.identities.node,
             cloud="server.cloud",
             controls=self.controls,
@@ -76,8 +79,7 @@ class Rig:
 
     def results(self) -> list[Result]:
         """All results that wait in flash."""
-        waiting = self.flash.pending(None, 1000)
-        return [Result.decode(one.body) for one in waiting if one.kind == Kind.RESULT]
+        return [Result.decode(k.body) for k in waiting(self.flash) if k.kind == Kind.RESULT]
 
 
 @pytest.fixture(scope="module")
@@ -124,8 +126,8 @@ def test_command_has_one_effect_however_often_it_comes_and_over_restarts(rig: Ri
 
 def test_last_command_is_known_after_its_result_was_acknowledged(rig: Rig) -> None:
     rig.commander.take(rig.signed(7, {"rate": 5e3}))
-    rig.flash.forget([(rig.flash.boot, 0, 10)])
-    assert rig.flash.usage().messages == 0
+    rig.outbox.acknowledge([(rig.flash.boot, 0, 10)])
+    assert rig.outbox.messages == 0
     rig.restart()
     (again,) = rig.results()
     assert (again.command, again.outcome) == (7, Outcome.REFUSED)
@@ -195,11 +197,11 @@ def test_result_that_found_no_room_is_written_later_and_the_effect_is_one(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: Any) -> None:
-        raise sqlite3.OperationalError("disk full")
+        raise FlashError("disk full")
 
     calibrate = rig.signed(7, {}, name=CommandName.CALIBRATE)
     with monkeypatch.context() as patch:
-        patch.setattr(rig.flash, "_commit", fail)
+        patch.setattr(rig.flash, "commit", fail)
         for _ in range(2):
             with pytest.raises(FlashError):
                 rig.commander.take(calibrate)
@@ -218,7 +220,7 @@ def test_power_cut_before_the_commit_undoes_the_effect(
 
     calibrate = rig.signed(7, {"taxel": "t01"}, name=CommandName.CALIBRATE)
     with monkeypatch.context() as patch:
-        patch.setattr(rig.flash, "_commit", cut)
+        patch.setattr(rig.flash, "commit", cut)
         with pytest.raises(KeyboardInterrupt):
             rig.commander.take(calibrate)
     rig.restart()
@@ -231,11 +233,11 @@ def test_full_disk_at_the_start_does_not_keep_the_node_from_living(
     rig: Rig, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(*_: Any) -> None:
-        raise sqlite3.OperationalError("disk full")
+        raise FlashError("disk full")
 
     rig.flash.close()
     with monkeypatch.context() as patch:
-        patch.setattr(Flash, "_commit", fail)
+        patch.setattr(Flash, "commit", fail)
         rig.begin()
     assert "told later" in caplog.text
     rig.commander.take(rig.signed(7, {"rate": 5.0}))
@@ -246,11 +248,10 @@ def test_result_gives_way_last_in_a_full_flash(rig: Rig) -> None:
     rig.commander.take(rig.signed(7, {"rate": 5.0}))
     results = rig.results()
     # Room for them, and for the gap that tells of what gave way.
-    rig.flash._capacity = 2048 + sum(len(told.encode()) for told in results)
-    with rig.flash.batch() as batch:
-        for _ in range(100):
-            batch.add(Gap(batch.position(), "sampling overrun", (0, 1), 0, 1, ()))
-    kinds = [stored.kind for stored in rig.flash.pending(None, 200)]
+    rig.outbox.capacity = 2048 + sum(len(told.encode()) for told in results)
+    with rig.outbox.batch() as batch:
+        batch.take(rig.outbox.scribe.gap("sampling overrun", (0, 1), 1) for _ in range(100))
+    kinds = [kept.kind for kept in waiting(rig.flash)]
     assert kinds == [Kind.RESULT, Kind.RESULT, Kind.GAP]
     assert rig.results() == results
 

@@ -6,21 +6,82 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from eskin.errors import FlashError
-from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Gap, Peak, Position, decode_message
-from eskin.peaks import Verdict
+from eskin.messages import Block, Gap, Peak, decode_message
 from eskin.sequences import SequenceRanges
-from eskin.tube import Tube
-from sensor_node.flash import FAILED, FULL, Flash
-from sensor_node.losses import MOST_SPANS
+from sensor_node.firmware.encoding import F64
+from sensor_node.firmware.losses import MOST_SPANS
+from sensor_node.firmware.outbox import FAILED
+from sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
+from sensor_node.firmware.record import Channel
+from sensor_node.firmware.room import FULL
+from sensor_node.flash import Flash
+from sensor_node.service import build_outbox
+from sensor_node.settings import BrokerSection
+from tests.sensor_node.designs import waiting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from sensor_node.batch import Batch
+    from sensor_node.firmware.batch import Batch
+    from sensor_node.firmware.chip import Position
+    from sensor_node.firmware.record import Record
 
 ROOM = 1 << 20
+CHANNEL = Channel("t01.capacitance", "F", 10, 1.0)
+EVENT = PeakEvent(CERTAIN, Span(0, 0.0, 1.0))
+
+
+class Store:
+    """An outbox on a flash."""
+
+    def __init__(self, path: Path, capacity: int = ROOM) -> None:
+        self.flash = Flash(path, epoch=1)
+        broker = BrokerSection(window=10_000)
+        self.outbox = build_outbox(self.flash, capacity=capacity, broker=broker)
+
+    def add_block(self, batch: Batch, n: int = 250) -> Record:
+        values = [1.0] * n
+        time = self.outbox._sequence, self.outbox._sequence + 5
+        block = self.outbox.scribe.block(CHANNEL, 0, time, F64, values, values, n)
+        batch.take([block])
+        return block
+
+    def add_peak(self, batch: Batch) -> Record:
+        peak = self.outbox.scribe.peak(CHANNEL, EVENT, (0, 9), 1.0)
+        batch.take([peak])
+        return peak
+
+    def fill(self, blocks: int, *, peak_every: int = 0) -> list[Position]:
+        records = []
+        for number in range(blocks):
+            with self.outbox.batch() as batch:
+                records.append(self.add_block(batch))
+                if peak_every and number % peak_every == 0:
+                    records.append(self.add_peak(batch))
+        return [(self.flash.boot, record.sequence) for record in records]
+
+    def positions(self) -> list[Position]:
+        return [kept.position for kept in waiting(self.flash)]
+
+    def messages(self) -> list[Any]:
+        return [decode_message(kept.body) for kept in waiting(self.flash)]
+
+    def gaps(self) -> list[Gap]:
+        return [message for message in self.messages() if isinstance(message, Gap)]
+
+    def read_all(self) -> None:
+        """As a radio does that has just connected."""
+        self.outbox.connect(0)
+        self.outbox.due(0, 10_000)
+
+    def fail_writes(self) -> None:
+        """As a full disk does: no page can be added."""
+        pages = self.flash._db.execute("PRAGMA page_count").fetchone()[0]
+        self.flash._db.execute(f"PRAGMA max_page_count = {pages}")
+
+    def make_room(self) -> None:
+        self.flash._db.execute("PRAGMA max_page_count = 1000000")
 
 
 @pytest.fixture
@@ -29,65 +90,26 @@ def path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def flash(path: Path) -> Iterator[Flash]:
-    opened = Flash(path, capacity=ROOM, epoch=1)
+def store(path: Path) -> Iterator[Store]:
+    opened = Store(path)
     yield opened
-    opened.close()
+    opened.flash.close()
 
 
-def add_block(batch: Batch, n: int = 250) -> Block:
-    position = batch.position()
-    tube = Tube((position.sequence, position.sequence + 5), 10, Interval([1.0] * n), "F", 1.0)
-    block = Block.pack(position, "t01.capacitance", 0, tube, Encoding.F64)
-    batch.add(block)
-    return block
+@pytest.fixture
+def small(path: Path) -> Iterator[Store]:
+    opened = Store(path, 100_000)
+    yield opened
+    opened.flash.close()
 
 
-def add_peak(batch: Batch) -> None:
-    sides = (0.0, 1.0)
-    batch.add(
-        Peak(
-            position=batch.position(),
-            channel="t01.area",
-            unit="m2",
-            time=(0, 9),
-            verdict=Verdict.CERTAIN,
-            count=(1, 1),
-            height=sides,
-            prominence=sides,
-            coverage=1.0,
-        )
-    )
-
-
-def fill(flash: Flash, blocks: int, *, peak_every: int = 0) -> list[Position]:
-    positions = []
-    for number in range(blocks):
-        with flash.batch() as batch:
-            positions.append(add_block(batch).position)
-            if peak_every and number % peak_every == 0:
-                add_peak(batch)
-                positions.append(Position(flash.boot, batch.records[-1].sequence))
-    return positions
-
-
-def waiting(flash: Flash) -> list[Any]:
-    return [decode_message(stored.body) for stored in flash.pending(None, 1_000_000)]
-
-
-def fail_writes(flash: Flash) -> None:
-    """As a full disk does: no page can be added."""
-    pages = flash._db.execute("PRAGMA page_count").fetchone()[0]
-    flash._db.execute(f"PRAGMA max_page_count = {pages}")
-
-
-def make_room(flash: Flash) -> None:
-    flash._db.execute("PRAGMA max_page_count = 1000000")
+def plain(message: Any) -> Position:
+    return message.position.boot, message.position.sequence
 
 
 def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> None:
     for boot in (1, 2, 3):
-        flash = Flash(path, capacity=ROOM, epoch=1)
+        flash = Flash(path, epoch=1)
         assert flash.boot == boot
         with sqlite3.connect(path) as other:
             kept = other.execute("SELECT value FROM counter WHERE name = 'boot'").fetchone()
@@ -97,180 +119,201 @@ def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> Non
 
 
 def test_what_was_committed_is_there_after_reopening(path: Path) -> None:
-    flash = Flash(path, capacity=ROOM, epoch=1)
-    said = fill(flash, 5)
-    level = flash.usage()
-    flash.close()
-    again = Flash(path, capacity=ROOM, epoch=1)
-    assert [stored.position for stored in again.pending(None, 100)] == said
-    assert again.usage() == level
-    with again.batch() as batch:
-        assert batch.position() == Position(2, 0)
-    again.close()
+    store = Store(path)
+    said = store.fill(5)
+    usage = store.outbox.usage()
+    store.flash.close()
+    again = Store(path)
+    assert again.positions() == said
+    assert again.outbox.usage() == usage
+    assert again.outbox.boot == 2
+    assert again.outbox.next_sequence() == 0
+    again.flash.close()
 
 
-def test_pending_goes_on_behind_a_position(flash: Flash) -> None:
-    said = fill(flash, 6)
-    assert [stored.position for stored in flash.pending(said[1], 3)] == said[2:5]
+def test_reading_goes_on_behind_a_position(store: Store) -> None:
+    said = store.fill(6)
+    assert [kept.position for kept in store.flash.after(said[1], 3)] == said[2:5]
 
 
-def test_forget_removes_only_what_was_acknowledged(flash: Flash) -> None:
-    said = fill(flash, 6)
-    flash.forget([(1, 0, 2), (1, 4, 4), (9, 0, 100)])
-    assert [stored.position for stored in flash.pending(None, 100)] == [said[3], said[5]]
-    usage = flash.usage()
-    assert usage.messages == 2
-    assert usage.used == sum(len(stored.body) for stored in flash.pending(None, 100))
+def test_only_what_was_acknowledged_is_forgotten(store: Store) -> None:
+    said = store.fill(6)
+    store.outbox.acknowledge([(1, 0, 2), (1, 4, 4), (9, 0, 100)])
+    assert store.positions() == [said[3], said[5]]
+    messages, used, _, _ = store.outbox.usage()
+    assert messages == 2
+    assert used == sum(len(kept.body) for kept in waiting(store.flash))
 
 
-def test_held_is_the_lowest_waiting_position(flash: Flash) -> None:
-    assert flash.held() == Position(1, 0)
-    fill(flash, 4)
-    flash.forget([(1, 0, 1)])
-    assert flash.held() == Position(1, 2)
-    flash.forget([(1, 0, 9)])
-    assert flash.held() == Position(1, 4)
+def test_what_cannot_be_forgotten_stays(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise FlashError("worn out")
+
+    said = store.fill(3)
+    usage = store.outbox.usage()
+    with monkeypatch.context() as patch:
+        patch.setattr(store.flash, "commit", fail)
+        with pytest.raises(FlashError, match="worn out"):
+            store.outbox.acknowledge([(1, 0, 1)])
+    assert store.positions() == said
+    assert store.outbox.usage() == usage
+    store.outbox.acknowledge([(1, 0, 1)])
+    assert store.positions() == said[2:]
 
 
-def test_held_counts_no_position_whose_fate_is_open(flash: Flash) -> None:
-    fill(flash, 2)
-    flash.forget([(1, 0, 1)])
-    with flash.batch() as batch:
-        add_block(batch)
-        assert flash.held() == Position(1, 2)
+def test_held_is_the_lowest_waiting_position(store: Store) -> None:
+    assert store.outbox.held() == (1, 0)
+    store.fill(4)
+    store.outbox.acknowledge([(1, 0, 1)])
+    assert store.outbox.held() == (1, 2)
+    store.outbox.acknowledge([(1, 0, 9)])
+    assert store.outbox.held() == (1, 4)
 
 
-def test_full_flash_gives_up_oldest_blocks_first_and_names_them(path: Path) -> None:
-    flash = Flash(path, capacity=100_000, epoch=1)
-    said = fill(flash, 60, peak_every=4)
-    left = waiting(flash)
-    gaps = [message for message in left if isinstance(message, Gap)]
-    kept = {message.position for message in left}
+def test_held_counts_no_position_whose_fate_is_open(store: Store) -> None:
+    store.fill(2)
+    store.outbox.acknowledge([(1, 0, 1)])
+    with store.outbox.batch() as batch:
+        store.add_block(batch)
+        assert store.outbox.held() == (1, 2)
+
+
+def test_full_flash_gives_up_oldest_blocks_first_and_names_them(small: Store) -> None:
+    said = small.fill(60, peak_every=4)
+    left = small.messages()
+    gaps = small.gaps()
+    kept = {plain(message) for message in left}
     lost = [position for position in said if position not in kept]
-    assert flash.usage().used <= 100_000
+    assert small.outbox.usage()[1] <= 100_000
     assert len(lost) > 20
     # Peaks outlive blocks, and the oldest blocks went first.
     assert sum(isinstance(message, Peak) for message in left) == 15
-    blocks = [message.position for message in left if isinstance(message, Block)]
-    assert min(blocks) > max(lost)
+    assert min(plain(message) for message in left if isinstance(message, Block)) > max(lost)
     named = SequenceRanges(
         (first, last) for gap in gaps for boot, first, last in gap.lost if boot == 1
     )
-    assert all(position.sequence in named for position in lost)
+    assert all(sequence in named for _, sequence in lost)
     assert sum(last - first + 1 for first, last in named) == len(lost)
     assert {gap.reason for gap in gaps} == {FULL}
     assert sum(gap.messages for gap in gaps) == len(lost)
     assert sum(gap.samples for gap in gaps) == 250 * len(lost)
-    assert min(gap.time[0] for gap in gaps) == lost[0].sequence
-    assert max(gap.time[1] for gap in gaps) == lost[-1].sequence + 5 + 10 * 249
-    flash.close()
+    assert min(gap.time[0] for gap in gaps) == lost[0][1]
+    assert max(gap.time[1] for gap in gaps) == lost[-1][1] + 5 + 10 * 249
 
 
-def test_gap_that_nobody_has_read_grows_and_one_that_was_read_stays(path: Path) -> None:
-    flash = Flash(path, capacity=100_000, epoch=1)
-    fill(flash, 40)
-    before = [message for message in waiting(flash) if isinstance(message, Gap)]
+def test_gap_that_nobody_has_read_grows_and_one_that_was_read_stays(small: Store) -> None:
+    small.fill(40)
+    small.fill(10)
+    before = small.gaps()
     assert len(before) == 1
-    fill(flash, 10)
-    after = [message for message in waiting(flash) if isinstance(message, Gap)]
+    small.read_all()
+    small.fill(10)
+    after = small.gaps()
     assert after[0] == before[0]
     assert len(after) == 2
-    assert flash.usage().gaps == 2
-    flash.close()
+    assert small.outbox.usage()[3] == 2
 
 
-def test_gaps_stay_within_what_one_message_may_name(path: Path) -> None:
-    flash = Flash(path, capacity=100_000, epoch=1)
-    said = fill(flash, 400, peak_every=1)
-    left = waiting(flash)
-    kept = {message.position for message in left}
-    gaps = [message for message in left if isinstance(message, Gap)]
+def test_gaps_stay_within_what_one_message_may_name(small: Store) -> None:
+    said = small.fill(400, peak_every=1)
+    kept = set(small.positions())
+    gaps = small.gaps()
     assert len(gaps) > 1
     assert all(len(gap.lost) <= MOST_SPANS for gap in gaps)
     assert sum(gap.messages for gap in gaps) == sum(p not in kept for p in said)
-    flash.close()
 
 
 def test_full_of_events_gives_up_events_and_still_says_so(path: Path) -> None:
-    flash = Flash(path, capacity=70_000, epoch=1)
+    store = Store(path, 70_000)
     said = 0
-    while not any(gap for gap in waiting(flash) if isinstance(gap, Gap)):
-        with flash.batch() as batch:
+    while not store.gaps():
+        with store.outbox.batch() as batch:
             for _ in range(200):
-                add_peak(batch)
+                store.add_peak(batch)
             said += 200
-    gaps = [message for message in waiting(flash) if isinstance(message, Gap)]
-    kept = sum(isinstance(message, Peak) for message in waiting(flash))
-    assert sum(gap.messages for gap in gaps) == said - kept > 0
-    flash.close()
+    kept = sum(isinstance(message, Peak) for message in store.messages())
+    assert sum(gap.messages for gap in store.gaps()) == said - kept > 0
+    store.flash.close()
 
 
-def test_failed_write_is_a_clear_error_and_a_gap_when_room_is_back(flash: Flash) -> None:
-    said = fill(flash, 3)
-    fail_writes(flash)
-    lost: list[Position] = []
+def test_gap_gives_way_when_nothing_else_is_left_and_its_losses_stay_counted(path: Path) -> None:
+    store = Store(path, 4096)
+    said = 0
+    for _ in range(400):
+        said += len(store.fill(1))
+        store.read_all()  # so that no gap may grow
+    gaps = store.gaps()
+    assert store.outbox.usage()[1] <= 4096
+    assert len(gaps) < 60
+    blocks = sum(isinstance(message, Block) for message in store.messages())
+    given_up = store.outbox.usage()[3] - len(gaps)
+    assert sum(gap.messages for gap in gaps) == said - blocks + given_up
+    store.flash.close()
+
+
+def test_failed_write_is_a_clear_error_and_a_gap_when_room_is_back(store: Store) -> None:
+    said = store.fill(3)
+    store.fail_writes()
+    lost: list[Record] = []
     for _ in range(2):
-        with pytest.raises(FlashError, match="full"), flash.batch() as batch:
-            lost += [add_block(batch, 1000).position for _ in range(20)]
-    assert flash.held() == Position(1, 0)
-    make_room(flash)
-    with flash.batch() as batch:
-        late = add_block(batch)
-    left = waiting(flash)
-    gap = next(message for message in left if isinstance(message, Gap))
-    assert [message.position for message in left] == [*said, gap.position, late.position]
+        with pytest.raises(FlashError, match="full"), store.outbox.batch() as batch:
+            lost += [store.add_block(batch, 1000) for _ in range(20)]
+    assert store.outbox.held() == (1, 0)
+    store.make_room()
+    with store.outbox.batch() as batch:
+        late = store.add_block(batch).sequence
+    (gap,) = store.gaps()
+    assert store.positions() == [*said, plain(gap), (1, late)]
     assert gap.reason == FAILED
     assert gap.messages == 40
     assert gap.samples == 40_000
     named = SequenceRanges((first, last) for _, first, last in gap.lost)
-    assert all(position.sequence in named for position in lost)
-    assert all(position.sequence not in named for position in said)
-    assert late.position > gap.position > max(lost)
+    assert all(record.sequence in named for record in lost)
+    assert all(sequence not in named for _, sequence in said)
+    assert late > plain(gap)[1] > lost[-1].sequence
 
 
-def test_error_of_a_part_inside_a_batch_stores_none_of_it(flash: Flash) -> None:
+def test_error_of_a_part_inside_a_batch_stores_none_of_it(store: Store) -> None:
     def fail(batch: Batch) -> None:
-        add_block(batch)
+        store.add_block(batch)
         raise FlashError("truth is full")
 
-    with pytest.raises(FlashError, match="truth is full"), flash.batch() as batch:
+    with pytest.raises(FlashError, match="truth is full"), store.outbox.batch() as batch:
         fail(batch)
-    assert waiting(flash) == []
-    with flash.batch() as batch:
-        add_block(batch)
-    assert [message.messages for message in waiting(flash) if isinstance(message, Gap)] == [1]
+    assert store.messages() == []
+    with store.outbox.batch() as batch:
+        store.add_block(batch)
+    assert [gap.messages for gap in store.gaps()] == [1]
 
 
 def test_opening_what_is_no_flash_is_a_clear_error(path: Path) -> None:
     path.write_bytes(b"no database at all, but long enough to be looked at" * 100)
     with pytest.raises(FlashError, match="cannot be opened"):
-        Flash(path, capacity=ROOM, epoch=1)
+        Flash(path, epoch=1)
 
 
-def test_long_failure_is_told_in_one_readable_gap(tmp_path: Path) -> None:
-    flash = Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
-    commit = flash._commit
-
-    def full(_records: object) -> None:
+def test_long_failure_is_told_in_one_readable_gap(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full() -> None:
         raise FlashError("disk is full")
 
-    flash._commit = full  # type: ignore[method-assign, assignment]  # a fault is injected
-    for _ in range(200):
-        with pytest.raises(FlashError), flash.batch() as batch:
-            batch.add(Gap(batch.position(), "x", (0, 1), 0, 7, ()))
-    flash._commit = commit  # type: ignore[method-assign]  # and taken back
-    with flash.batch():
+    with monkeypatch.context() as patch:
+        patch.setattr(store.flash, "commit", full)
+        for _ in range(200):
+            with pytest.raises(FlashError), store.outbox.batch() as batch:
+                batch.take([store.outbox.scribe.gap("x", (0, 1), 7)])
+    with store.outbox.batch():
         pass
-    (stored,) = flash.pending(None, 10)
-    gap = decode_message(stored.body)
+    (gap,) = store.messages()
     assert isinstance(gap, Gap)
-    assert gap.messages == 200
+    assert (gap.messages, gap.samples) == (200, 1400)
     assert len(gap.lost) == 1
 
 
-def test_second_node_on_one_flash_is_refused(tmp_path: Path) -> None:
-    first = Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
+def test_second_node_on_one_flash_is_refused(path: Path) -> None:
+    first = Flash(path, epoch=1)
     with pytest.raises(FlashError, match="another node runs on this flash"):
-        Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1)
+        Flash(path, epoch=1)
     first.close()
-    Flash(tmp_path / "flash.sqlite", capacity=10**8, epoch=1).close()
+    Flash(path, epoch=1).close()

@@ -67,7 +67,7 @@ def test_same_seed_and_start_give_the_same_bytes(profile: str, tmp_path: Path) -
 def test_other_seed_gives_other_bytes(tmp_path: Path) -> None:
     first, second = Bench(tmp_path / "a"), Bench(tmp_path / "b")
     second.node = type(second.node)(
-        second.settings, clock=second.clock, flash=second.flash, truth=second.truth, seed=8
+        second.settings, clock=second.clock, outbox=second.outbox, truth=second.truth, seed=8
     )
     for bench in (first, second):
         bench.run_to(1.0)
@@ -230,15 +230,15 @@ def test_block_without_truth_is_not_stored(bench: Bench) -> None:
 
 def test_status_tells_what_the_node_is_and_how_it_fares(bench: Bench) -> None:
     bench.run_to(1.5)
-    usage = bench.flash.usage()
+    usage = bench.outbox.usage()
     position = bench.node.record_status()
-    stored = bench.flash.read(position)
+    stored = bench.flash.read((position.boot, position.sequence))
     assert stored is not None
     status = decode_message(stored.body)
     assert isinstance(status, Status)
     assert status.profile == "fingertip"
     assert status.uptime == bench.ticks
-    assert (status.messages, status.used) == (usage.messages, usage.used)
+    assert (status.messages, status.used, status.capacity, status.gaps) == usage
     assert [info.channel for info in status.channels][:2] == ["t01.capacitance", "t01.current"]
     assert {info.unit for info in status.channels} == {"F", "A"}
     true = bench.clock.true_time(bench.ticks)

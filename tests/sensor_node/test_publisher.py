@@ -13,9 +13,9 @@ from eskin.errors import FlashError
 from eskin.messages import Acknowledgement, Block, Peak, Position, Status
 from eskin.topics import Stream, node_topic
 from sensor_node.publisher import Publisher
-from sensor_node.settings import BrokerSection, IdentitySection
+from sensor_node.settings import IdentitySection
 from tests.processes import wait_until
-from tests.sensor_node.designs import Bench
+from tests.sensor_node.designs import Bench, waiting
 from tests.sensor_node.peer import Peer
 
 if TYPE_CHECKING:
@@ -27,28 +27,26 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
-    made = Bench(tmp_path / "node")
+def bench(request: pytest.FixtureRequest, tmp_path: Path, broker: Mosquitto) -> Iterator[Bench]:
+    given = {"port": broker.node_port, "resend_s": 0.5, "drain_s": 0.0, "keepalive_s": 5}
+    made = Bench(tmp_path / "node", broker=given | getattr(request, "param", {}))
     yield made
     made.close()
 
 
+def its_broker(**settings: float) -> pytest.MarkDecorator:
+    """Let the node publish with these settings of its broker."""
+    return pytest.mark.parametrize("bench", [settings], indirect=True)
+
+
 @pytest.fixture
-def publishing(
-    bench: Bench, broker: Mosquitto, identities: Identities, site_file: Path
-) -> Callable[..., Any]:
+def publishing(bench: Bench, identities: Identities, site_file: Path) -> Callable[..., Any]:
     @contextmanager
-    def start(**changes: Any) -> Iterator[Publisher]:
-        given = {
-            "port": broker.node_port,
-            "resend_s": 0.5,
-            "drain_s": 0.0,
-            "keepalive_s": 5,
-        } | changes
+    def start() -> Iterator[Publisher]:
         publisher = Publisher(
-            bench.flash,
+            bench.outbox,
             record_status=bench.node.record_status,
-            broker=BrokerSection(**given),
+            broker=bench.settings.broker,
             identity=IdentitySection(directory=identities.node.directory, site=site_file),
         )
         publisher.start()
@@ -61,14 +59,14 @@ def publishing(
 
 
 def empty(bench: Bench) -> bool:
-    return bench.flash.usage().messages == 0
+    return bench.outbox.messages == 0
 
 
 def test_messages_are_forgotten_after_the_gateway_s_acknowledgement(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     bench.run_to(3.0)
-    before = {stored.position: stored.body for stored in bench.flash.pending(None, 1000)}
+    before = {Position(*kept.position): kept.body for kept in waiting(bench.flash)}
     with Peer(identities, broker.gateway_port) as peer, publishing():
         wait_until(lambda: empty(bench), "flash is empty")
         assert {p: m.encode() for p, m in peer.messages.items() if p in before} == before
@@ -87,12 +85,12 @@ def test_broker_s_word_alone_forgets_nothing(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     bench.run_to(1.0)
-    count = bench.flash.usage().messages
+    count = bench.outbox.messages
     with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
         wait_until(lambda: len(peer.messages) > count, "all arrived")
         # Sent again, as nobody acknowledged.
         wait_until(lambda: min(peer.copies.values()) >= 2, "all came twice")
-        assert bench.flash.usage().messages == len(peer.messages)
+        assert bench.outbox.messages == len(peer.messages)
         assert peer.held == Position(1, 0)
         peer.acknowledging = True
         wait_until(lambda: empty(bench), "flash is empty")
@@ -108,11 +106,12 @@ def test_held_follows_what_is_acknowledged(
         wait_until(lambda: peer.held == Position(1, 10), "held is told")
 
 
+@its_broker(window=10)
 def test_window_bounds_what_is_in_flight(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     bench.run_to(4.0)
-    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing(window=10):
+    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
         wait_until(lambda: min(peer.copies.values(), default=0) >= 3, "sent three times")
         # The status goes first and takes its place in the window, too.
         assert isinstance(peer.messages[peer.order[0]], Status)
@@ -148,14 +147,15 @@ def test_forged_acknowledgement_forgets_nothing(
             return sum("acknowledgement rejected" in r.message for r in caplog.records)
 
         wait_until(lambda: rejected() == 4, "all four are rejected")
-        assert bench.flash.usage().messages >= 25
-        assert bench.flash.held() == Position(1, 0)
+        assert bench.outbox.messages >= 25
+        assert bench.outbox.held() == (1, 0)
 
 
+@its_broker(status_s=0.2)
 def test_newest_status_is_retained_and_repeated(
     broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
-    with Peer(identities, broker.gateway_port) as peer, publishing(status_s=0.2):
+    with Peer(identities, broker.gateway_port) as peer, publishing():
         wait_until(lambda: len(peer.messages) >= 4, "status comes again and again")
         newest = max(peer.messages)
     with Peer(identities, broker.gateway_port) as late:
@@ -164,15 +164,16 @@ def test_newest_status_is_retained_and_repeated(
         assert next(iter(late.messages)) >= newest
 
 
+@its_broker(status_s=0.1, resend_s=0.2)
 def test_no_status_piles_up_while_no_gateway_answers(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     with (
         Peer(identities, broker.gateway_port, acknowledging=False) as peer,
-        publishing(status_s=0.1, resend_s=0.2),
+        publishing(),
     ):
         wait_until(lambda: max(peer.copies.values(), default=0) >= 4, "sent again and again")
-        assert bench.flash.usage().messages == 1
+        assert bench.outbox.messages == 1
         peer.acknowledging = True
         wait_until(lambda: len(peer.messages) >= 3, "statuses come again")
 
@@ -207,7 +208,7 @@ def test_full_disk_does_not_keep_waiting_messages_from_going_out(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     bench.run_to(2.0)
-    said = bench.flash.usage().messages
+    said = bench.outbox.messages
 
     def fail() -> Position:
         raise FlashError("the disk is full")
@@ -218,11 +219,12 @@ def test_full_disk_does_not_keep_waiting_messages_from_going_out(
         wait_until(lambda: peer.strangers >= said, "all arrived")
 
 
+@its_broker(drain_s=10.0)
 def test_stop_waits_for_acknowledgements_in_the_pipe(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:
     with Peer(identities, broker.gateway_port) as peer:
-        with publishing(drain_s=10.0) as publisher:
+        with publishing() as publisher:
             wait_until(lambda: bool(peer.messages), "connected")
             bench.run_to(5.0)
             publisher.notify()

@@ -70,10 +70,12 @@ class Recorder:
             self._watch_setting(monkeypatch, name)
         gap, status = Scribe.gap, Scribe.status
 
-        def told_gap(scribe: Scribe, reason: str, time: tuple[int, int], samples: int) -> Record:
+        def told_gap(
+            scribe: Scribe, reason: str, time: tuple[int, int], samples: int, *named: Any
+        ) -> Record:
             step = {"gap": reason, "time": [str(each) for each in time], "samples": samples}
             self.job["steps"].append(step)
-            return gap(scribe, reason, time, samples)
+            return gap(scribe, reason, time, samples, *named)
 
         def told_status(
             scribe: Scribe,

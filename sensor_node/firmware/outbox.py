@@ -1,0 +1,260 @@
+"""Everything that a node says waits here until a gateway acknowledges it.
+
+The chip keeps the messages and the radio carries them; what waits, what goes out next, when it goes
+out again, what is forgotten and what gives way is decided here.
+"""
+
+from sensor_node.firmware.batch import Batch
+from sensor_node.firmware.losses import Loss
+from sensor_node.firmware.record import STATUS, Scribe
+from sensor_node.firmware.room import Change, Level
+from sensor_node.firmware.window import Window
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+    from typing import Protocol
+
+    from sensor_node.firmware.chip import Chip, Kept, Position
+    from sensor_node.firmware.record import Record
+    from sensor_node.firmware.room import OpenGap
+
+    class Lock(Protocol):
+        """Keeps others out while it is held; its holder may take it again."""
+
+        def __enter__(self) -> object:
+            """Take it."""
+
+        def __exit__(
+            self,
+            kind: type[BaseException] | None,
+            error: BaseException | None,
+            trace: TracebackType | None,
+            /,
+        ) -> object:
+            """Give it back."""
+
+
+FAILED = "flash write failed"
+_BEFORE_ALL = (-1, -1)
+
+
+class NoLock:
+    """For a control unit that does one thing at a time."""
+
+    def __enter__(self) -> None:
+        """Nobody else is there."""
+
+    def __exit__(self, *_: object) -> None:
+        """Nobody waits."""
+
+
+class Outbox:
+    """A node's outbox.
+
+    A message leaves it in one of two ways: acknowledged, or named by a gap because it had to give
+    way or could not be written. Over capacity the oldest raw blocks give way first, then the oldest
+    peaks and status, and gaps and results last.
+
+    Moments are the caller's, in one unit; positions are ``(boot, sequence)``.
+
+    Args:
+        chip: The storage.
+        capacity: Bytes of messages that it may hold.
+        window: Messages under way without acknowledgement.
+        resend_after: Time from leaving the radio until a message is sent again.
+        status_every: Time between two status messages.
+        lock: Where several threads use it; they must be able to take it twice.
+
+    Attributes:
+        boot: Number of this start.
+        scribe: Writes messages with this outbox's numbers.
+        capacity: As given.
+        newest_status: Position of the latest status since the radio connected.
+    """
+
+    def __init__(
+        self,
+        chip: "Chip",
+        *,
+        capacity: int,
+        window: int,
+        resend_after: int,
+        status_every: int,
+        lock: "Lock | None" = None,
+    ) -> None:
+        self._chip = chip
+        self.boot = chip.boot
+        self.scribe = Scribe(chip.boot, self)
+        self.capacity = capacity
+        self.newest_status: Position | None = None
+        self._lock = lock or NoLock()
+        messages, used = chip.level()
+        self._level = Level(messages, used, chip.gaps())
+        self._sequence = 0
+        self._settled = 0
+        self._unsaid = Loss(FAILED)
+        self._opened: OpenGap | None = None
+        self._change: Change | None = None
+        self._window = Window(window, resend_after)
+        self._sent_up_to = _BEFORE_ALL
+        self._status_every = status_every
+        self._status_at: int | None = None
+        self._introduction: Position | None = None
+
+    # What the node says.
+
+    def next_sequence(self) -> int:
+        """Give out the next number; only for use inside of a batch."""
+        self._sequence += 1
+        return self._sequence - 1
+
+    def batch(self) -> Batch:
+        """Messages that become durable together: in one commit, at the end of a ``with``.
+
+        What fails is lost, and the next batch that can be written tells so in a gap.
+        """
+        return Batch(self, self._chip, self._lock)
+
+    def unsaid(self) -> "list[Record]":
+        """The gap that must come first, if something could not be written before."""
+        if self._unsaid.time is None:
+            return []
+        return [self._unsaid.gap(self.scribe, self.next_sequence())]
+
+    def write(self, records: "Sequence[Record]") -> None:
+        """Put messages into the chip's open transaction; `settle` or `lose` must follow."""
+        change = Change(self._chip, self.scribe, self, self._level, self._opened)
+        for record in records:
+            change.insert(record)
+        change.make_room(self.capacity)
+        self._chip.keep_gaps(change.level.gaps)
+        self._change = change
+
+    def settle(self, records: "Sequence[Record]") -> None:
+        """What was written is durable now."""
+        if self._change is not None:
+            self._level, self._opened = self._change.level, self._change.opened
+            self._change = None
+        self._unsaid = Loss(FAILED)
+        self._settled = self._sequence
+        for record in records:
+            if record.kind == STATUS:
+                self.newest_status = self._introduction = self.boot, record.sequence
+
+    def lose(self, records: "Sequence[Record]") -> None:
+        """What was to be written is lost; the next batch tells so."""
+        self._change = None
+        for record in records:
+            time = record.earliest, record.latest
+            self._unsaid.take(time, record.samples, 1 + record.named)
+        if self._sequence > self._settled:
+            self._unsaid.name(self.boot, self._settled, self._sequence - 1)
+
+    def usage(self) -> "tuple[int, int, int, int]":
+        """Waiting messages, their bytes, capacity in bytes, gaps ever recorded."""
+        level = self._level
+        return level.messages, level.used, self.capacity, level.gaps
+
+    @property
+    def messages(self) -> int:
+        """How many wait."""
+        return self._level.messages
+
+    # What the radio asks, and tells.
+
+    def connect(self, now: int) -> None:
+        """The radio has a new connection: everything is to be sent, a status first of all."""
+        with self._lock:
+            self._window.clear()
+            self._sent_up_to = _BEFORE_ALL
+            self.newest_status = self._introduction = None
+            self._status_at = now
+
+    def tell_status(self, now: int) -> bool:
+        """Whether to record a status now; asked once, the next is due a period later.
+
+        One unanswered status is enough: it is sent again, and more would only pile up.
+        """
+        if self._status_at is None or now < self._status_at:
+            return False
+        if self.newest_status is not None and self.newest_status in self._window:
+            return False
+        self._status_at = now + self._status_every
+        return True
+
+    def due(self, now: int, most: int) -> "list[Kept]":
+        """What the radio is to send now; it has them from here on.
+
+        A new status goes first, then what was not acknowledged in time, then what was not sent yet,
+        oldest first.
+        """
+        with self._lock:
+            found: list[Kept] = []
+            if self._introduction is not None:
+                self._take([self._introduction], found)
+                self._introduction = None
+            self._take(self._window.late(now)[: most - len(found)], found)
+            while (limit := min(most - len(found), self._window.room)) > 0:
+                fresh = self._chip.after(self._sent_up_to, limit)
+                for kept in fresh:
+                    self._sent_up_to = kept.position
+                    if kept.position not in self._window:
+                        self._hand_over(kept, found)
+                if len(fresh) < limit:
+                    break
+            return found
+
+    def left(self, position: "Position", now: int) -> None:
+        """The radio is rid of a message, sent or not; from here on it is missed."""
+        with self._lock:
+            self._window.note_left(position, now)
+
+    def acknowledge(self, spans: "Sequence[tuple[int, int, int]]") -> None:
+        """Forget what a gateway has made durable: ``(boot, first, last)``.
+
+        If the chip cannot forget, they stay, and are sent again.
+        """
+        with self._lock:
+            messages = freed = 0
+            forgotten = False
+            self._chip.begin()
+            try:
+                for boot, first, last in spans:
+                    gone, size = self._chip.delete(boot, first, last)
+                    messages, freed = messages + gone, freed + size
+                self._chip.commit()
+                forgotten = True
+            finally:
+                if not forgotten:
+                    self._chip.roll_back()
+            level = self._level
+            self._level = Level(level.messages - messages, level.used - freed, level.gaps)
+            self._window.acknowledge(spans)
+
+    def held(self) -> "Position":
+        """A position below which nothing waits or will come."""
+        with self._lock:
+            settled = self.boot, self._settled
+            first = self._chip.after(_BEFORE_ALL, 1)
+            return min(settled, first[0].position) if first else settled
+
+    def answer(self) -> "bytes | None":
+        """The last result, also after it was acknowledged."""
+        with self._lock:
+            return self._chip.answer()
+
+    def _take(self, positions: "Sequence[Position]", found: "list[Kept]") -> None:
+        for position in positions:
+            kept = self._chip.read(position)
+            if kept is None:
+                self._window.forget(position)
+            else:
+                self._hand_over(kept, found)
+
+    def _hand_over(self, kept: "Kept", found: "list[Kept]") -> None:
+        self._window.hand_over(kept.position)
+        found.append(kept)
+        if self._opened is not None and kept.position == (self.boot, self._opened.sequence):
+            self._opened = None
