@@ -39,6 +39,7 @@ CREATE TABLE IF NOT EXISTS answer ( -- the last result: by it no command is done
 ) STRICT;
 CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence);
 """
+_COUNT: Final = "UPDATE counter SET value = iif(value, value + 1, ?) WHERE name = 'boot'"
 _SELECT: Final = (
     "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
 )
@@ -70,11 +71,7 @@ class Flash:
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
             self._db.executescript(_SCHEMA)
-            self._db.execute(
-                "UPDATE counter SET value = CASE value WHEN 0 THEN ? ELSE value + 1 END "
-                "WHERE name = 'boot'",
-                (int(time.time()) if epoch is None else epoch,),
-            )
+            self._db.execute(_COUNT, (int(time.time()) if epoch is None else epoch,))
             self.boot: int = self._counter("boot")
         except LockedError as error:
             raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
@@ -82,6 +79,12 @@ class Flash:
             raise FlashError(
                 f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
             ) from error
+
+    def restart(self) -> None:
+        """Count a boot of the machine, durably; if that fails, the number stays as it was."""
+        with self._writing():
+            self._db.execute(_COUNT, (self.boot + 1,))
+            self.boot += 1
 
     def begin(self) -> None:
         """Begin a transaction."""

@@ -120,10 +120,17 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
         enclosure=lambda: clock.known.enclosure(clock.ticks()),
     )
     commander.start()
+    node.at_start = commander.start
+
+    def take_command(signed: bytes) -> None:
+        with node.still():
+            commander.take(signed)
+
     publisher = Publisher(
         outbox,
         record_status=node.record_status,
-        take_command=commander.take,
+        take_command=take_command,
+        is_running=lambda: node.machine.running,
         broker=settings.broker,
         identity=settings.identity,
     )
@@ -134,7 +141,7 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
         wait = max(clock.seconds_until(node.next_due), _SHORTEST_TICK_S)
         if stop.wait(wait):
             break
-        node.advance(clock.ticks())
+        node.advance(clock.now())
         publisher.notify()
     node.finish()
     publisher.notify()

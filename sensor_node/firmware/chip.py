@@ -52,6 +52,9 @@ if TYPE_CHECKING:
         def boot(self) -> int:
             """Number of this start; counted, durably, before anyone can use it."""
 
+        def restart(self) -> None:
+            """Count another boot, durably; if that fails, the number stays as it was."""
+
         def begin(self) -> None:
             """Begin a transaction."""
 

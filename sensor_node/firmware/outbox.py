@@ -38,6 +38,8 @@ if TYPE_CHECKING:
 
 FAILED = "flash write failed"
 _BEFORE_ALL = (-1, -1)
+_AT_ONCE = 0
+"""A moment that is over."""
 
 
 class NoLock:
@@ -85,23 +87,40 @@ class Outbox:
         lock: "Lock | None" = None,
     ) -> None:
         self._chip = chip
-        self.boot = chip.boot
-        self.scribe = Scribe(chip.boot, self)
         self.capacity = capacity
-        self.newest_status: Position | None = None
         self._lock = lock or NoLock()
-        messages, used = chip.level()
-        self._level = Level(messages, used, chip.gaps())
-        self._sequence = 0
-        self._settled = 0
+        self._window = Window(window, resend_after)
+        self._status_every = status_every
+        # Survives a reset, as a retained register does: no loss goes untold.
         self._unsaid = Loss(FAILED)
+        self._start()
+
+    def _start(self) -> None:
+        self.boot = self._chip.boot
+        self.scribe = Scribe(self.boot, self)
+        messages, used = self._chip.level()
+        self._level = Level(messages, used, self._chip.gaps())
+        self._sequence = self._settled = 0
         self._opened: OpenGap | None = None
         self._change: Change | None = None
-        self._window = Window(window, resend_after)
+        self._window.clear()
         self._sent_up_to = _BEFORE_ALL
-        self._status_every = status_every
-        self._status_at: int | None = None
+        self.newest_status: Position | None = None
         self._introduction: Position | None = None
+        self._status_at: int | None = None
+
+    def restart(self) -> None:
+        """Start anew after a reset of the machine: another boot, and all that waits is sent again.
+
+        The radio stays connected, and hears a status first of all. If the chip cannot count the
+        boot, the old one goes on.
+        """
+        with self._lock:
+            self._chip.restart()
+            connected = self._status_at is not None
+            self._start()
+            if connected:
+                self._status_at = _AT_ONCE
 
     # What the node says.
 

@@ -81,7 +81,7 @@ class ObedientNode:
         channels = [Channel(f"{taxel}.capacitance", "F", 10**6, 1.0) for taxel in ("t01", "t02")]
         with self.outbox.batch() as batch:
             usage = self.outbox.usage()
-            batch.take([self.outbox.scribe.status((now, now), "p", "d", 1, usage, channels)])
+            batch.take([self.outbox.scribe.status((now, now), "p", "d", 1, usage, channels, 1)])
 
 
 class Chain:
