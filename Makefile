@@ -23,7 +23,7 @@ DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 MICROPYTHON := tests/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
-.PHONY: help demo test test-compose lint bench docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench chaos docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -49,6 +49,10 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	$(BIN)/python -m benchmarks $(ARGS)
 
+chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1")
+	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev
+	$(BIN)/python -m tests.chaos $(ARGS)
+
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/pdoc --docformat google --output-directory build/docs \
 		eskin '!eskin.command' '!eskin.kernels' $(ARGS)
@@ -58,7 +62,7 @@ dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules

@@ -15,6 +15,7 @@ import psutil
 from benchmarks.report import Row
 from eskin.identity import IdentityKind
 from tests.brokers import Mosquitto
+from tests.files import write_settings
 from tests.identities import Identities
 from tests.processes import ESKIN, Running, accepts, free_port, wait_until
 
@@ -33,7 +34,7 @@ def measure_pipeline(folder: Path, *, blocks: int) -> list[Row]:
     identities.make(IdentityKind.SERVER, "server.cloud")
     store = folder / "store.sqlite"
     ingest, people = free_port(), free_port()
-    cloud_toml = _write(folder / "cloud.toml", {
+    cloud_toml = write_settings(folder / "cloud.toml", {
         "store": {"path": store},
         "people": {"port": people},
         "gateways": {"port": ingest, "identity": folder / "pki" / "server.cloud"},
@@ -42,7 +43,7 @@ def measure_pipeline(folder: Path, *, blocks: int) -> list[Row]:
         Mosquitto(folder / "broker", identities) as broker,
         Running([ESKIN, "cloud", "--config", str(cloud_toml)], log=folder / "cloud.log") as cloud,
     ):
-        gateway_toml = _write(folder / "gateway.toml", {
+        gateway_toml = write_settings(folder / "gateway.toml", {
             "broker": {"host": "127.0.0.1", "port": broker.gateway_port},
             "identity": {"directory": folder / "pki" / "gateway.g1",
                          "site": folder / "pki" / "site.main"},
@@ -87,19 +88,3 @@ def _cpu(running: Running) -> float:
     assert running.process is not None
     times = psutil.Process(running.process.pid).cpu_times()
     return float(times.user + times.system)
-
-
-def _write(path: Path, sections: dict[str, dict[str, object]]) -> Path:
-    lines = [
-        line
-        for section, values in sections.items()
-        for line in (
-            f"[{section}]",
-            *(
-                f"{key} = {value if isinstance(value, int) else json.dumps(str(value))}"
-                for key, value in values.items()
-            ),
-        )
-    ]
-    path.write_text("\n".join(lines) + "\n")
-    return path

@@ -2,12 +2,14 @@
 # Install the Debian packages that tests need, as root or through sudo, if they are not there.
 # Usage: services/install_test_packages.sh PACKAGE...
 set -euo pipefail
-# The command by which a package is known to be there, also where another system installed it.
+# The command or file by which a package is known to be there, also where another system installed it.
 declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chromium]=chromium
-  [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap)
+  [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap
+  [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h)
 missing=()
 for package in "$@"; do
-  PATH=$PATH:/usr/sbin:/sbin command -v "${command[$package]}" >/dev/null || missing+=("$package")
+  [ -e "${command[$package]}" ] || PATH=$PATH:/usr/sbin:/sbin command -v "${command[$package]}" >/dev/null ||
+    missing+=("$package")
 done
 [ ${#missing[@]} -eq 0 ] && exit 0
 

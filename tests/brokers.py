@@ -10,6 +10,7 @@ from eskin.identity import IdentityKind
 from tests.processes import Running, accepts, free_port
 
 if TYPE_CHECKING:
+    from eskin.identity import Identity
     from tests.identities import Identities
 
 PRODUCTION = Path(__file__).parents[1] / "services" / "broker"
@@ -23,6 +24,44 @@ def mosquitto() -> str:
     return found
 
 
+def write_configuration(
+    folder: Path,
+    identities: Identities,
+    server: Identity,
+    *,
+    host: str,
+    ports: tuple[int, int, int],
+) -> Path:
+    """Fill in production's configuration.
+
+    Args:
+        folder: Takes it, and the broker's data.
+        identities: Whose CAs the listeners trust.
+        server: The broker's identity.
+        host: Address to listen on.
+        ports: For nodes, gateways and clients.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    for kind in (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT):
+        shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.pem")
+    config = (PRODUCTION / "mosquitto.conf").read_text()
+    for word, value in {
+        "HOST": host,
+        "NODES_PORT": ports[0],
+        "GATEWAYS_PORT": ports[1],
+        "CLIENTS_PORT": ports[2],
+        "IDENTITY": server.directory,
+        "ANCHORS": folder,
+        "ACL": PRODUCTION / "acl",
+        "DATA": folder,
+    }.items():
+        config = config.replace(f"@{word}@", str(value))
+    file = folder / "mosquitto.conf"
+    # Started as root, Mosquitto becomes another user, who must not need to read our keys.
+    file.write_text(f"user root\n{config}")
+    return file
+
+
 class Mosquitto(Running):
     """A broker in a folder of its own; can be stopped and started again on the same ports.
 
@@ -33,26 +72,13 @@ class Mosquitto(Running):
     """
 
     def __init__(self, folder: Path, identities: Identities) -> None:
-        folder.mkdir(parents=True, exist_ok=True)
-        self.node_port, self.gateway_port, self.client_port = (free_port() for _ in range(3))
+        ports = self.node_port, self.gateway_port, self.client_port = (
+            free_port(),
+            free_port(),
+            free_port(),
+        )
         server = identities.make(IdentityKind.SERVER, "server.broker")
-        for kind in (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT):
-            shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.pem")
-        config = (PRODUCTION / "mosquitto.conf").read_text()
-        for word, value in {
-            "HOST": "127.0.0.1",
-            "NODES_PORT": self.node_port,
-            "GATEWAYS_PORT": self.gateway_port,
-            "CLIENTS_PORT": self.client_port,
-            "IDENTITY": server.directory,
-            "ANCHORS": folder,
-            "ACL": PRODUCTION / "acl",
-            "DATA": folder,
-        }.items():
-            config = config.replace(f"@{word}@", str(value))
-        file = folder / "mosquitto.conf"
-        # Started as root, Mosquitto becomes another user, who must not need to read our keys.
-        file.write_text(f"user root\n{config}")
+        file = write_configuration(folder, identities, server, host="127.0.0.1", ports=ports)
         super().__init__([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
 
     def __enter__(self) -> Self:

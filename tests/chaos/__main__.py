@@ -1,0 +1,103 @@
+"""``make chaos``: the real stack under a seeded plan of faults.
+
+Exit status 1 if a block vanished or came twice, a gap has no cause, or a process died by itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from rich.console import Console
+
+from tests.chaos.faults import FAULTS
+from tests.chaos.plan import Stroke, make_plan
+from tests.chaos.site import GATEWAYS, NODES, Site
+from tests.chaos.verdict import judge
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tests.chaos.verdict import Verdict
+
+_PARTS: Final = ("broker", "cloud", *GATEWAYS, *NODES)
+_START_S: Final = 60.0
+_DRAIN_S: Final = 120.0
+_OF_ITS_OWN: Final = "ESKIN_CHAOS_NAMESPACE"
+
+
+def main() -> int:
+    """Run the plan, then judge."""
+    parser = argparse.ArgumentParser(prog="make chaos", description=__doc__)
+    parser.add_argument("--duration", type=float, default=120.0, help="seconds of faults")
+    parser.add_argument("--seed", type=int, default=1, help="draws the plan")
+    parser.add_argument("--data", type=Path, default=None, help="folder to keep; else a fresh one")
+    options = parser.parse_args()
+    if os.geteuid() != 0:
+        sys.stderr.write("make chaos: network namespaces need root; run it with sudo\n")
+        return 2
+    if _OF_ITS_OWN not in os.environ:
+        return _in_namespaces_of_our_own()
+    console = Console(stderr=True)
+    plan = make_plan(options.seed, seconds=options.duration, parts=_PARTS)
+    console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
+    with tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
+        root = (options.data or Path(fresh) / "site").resolve()
+        with Site(root) as site:
+            wait_until(site.has_begun, "the first block is stored", seconds=_START_S)
+            _play(site, plan, console.print)
+            console.print("all faults are over; waiting until everything has arrived")
+            site.drain(seconds=_DRAIN_S)
+            verdict = judge(site, plan)
+            site.require_alive(("broker", "cloud", *GATEWAYS))
+        _report(verdict, plan, console.print)
+        return 1 if verdict.faults else 0
+
+
+def _in_namespaces_of_our_own() -> int:
+    """Call ourselves where bridges, cables and mounts are nobody else's, and end with us."""
+    again = [sys.executable, "-m", "tests.chaos", *sys.argv[1:]]
+    words = ["unshare", "--mount", "--net", "--propagation", "private", *again]
+    return subprocess.run(words, env=os.environ | {_OF_ITS_OWN: "1"}, check=False).returncode
+
+
+def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:
+    start = time.monotonic()
+    steps = [(stroke.begin, True, stroke) for stroke in plan]
+    steps += [(stroke.end, False, stroke) for stroke in plan]
+    down: Counter[str] = Counter()
+    for moment, begins, stroke in sorted(steps, key=lambda step: step[:2]):
+        time.sleep(max(0.0, start + moment - time.monotonic()))
+        part, fault = site.part(stroke.part), FAULTS[stroke.fault]
+        if begins:
+            site.require_alive([name for name in _PARTS if not down[name]])
+            say(str(stroke))
+            down[stroke.part] += 1
+            fault.begin(part)
+        else:
+            fault.end(part)
+            down[stroke.part] -= 1
+
+
+def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:
+    say(f"faults: {dict(Counter(stroke.fault for stroke in plan))}")
+    say(
+        f"blocks: {verdict.made} made, {verdict.stored} stored, {verdict.told} told as lost, "
+        f"{verdict.unborn} never in flash"
+    )
+    say(f"samples within their intervals: {verdict.samples}; gaps: {verdict.gaps}")
+    for fault in verdict.faults:
+        say(f"WRONG: {fault}")
+    say("FAILED" if verdict.faults else "passed: each block stored once, each gap explained")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

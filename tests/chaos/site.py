@@ -1,0 +1,231 @@
+"""The real stack on hosts of its own: Mosquitto, two gateways that share a load, cloud, nodes."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Final, Self
+
+from demo.layout import Layout
+from eskin.identity import IdentityKind
+from eskin.identity.identity import CHAIN_FILE
+from tests.brokers import mosquitto, write_configuration
+from tests.chaos.clocks import Wallclock, build_library
+from tests.chaos.disks import Disk
+from tests.chaos.hosts import Host, make_switch
+from tests.files import ask, write_settings
+from tests.identities import Identities
+from tests.processes import ESKIN, Running, wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+    from types import TracebackType
+
+NODES: Final = ("fingertip", "palm", "forearm")
+GATEWAYS: Final = ("gateway-1", "gateway-2")
+_PORTS: Final = (8883, 8884, 8885)
+_INGEST: Final = 8443
+_MEBIBYTE: Final = 1 << 20
+
+
+class Part:
+    """One process with its host, its clock and its disk."""
+
+    def __init__(
+        self,
+        name: str,
+        argv: Sequence[str],
+        *,
+        host: Host,
+        disk: Disk,
+        clock: Wallclock,
+        log: Path,
+    ) -> None:
+        self.name = name
+        self.host = host
+        self.disk = disk
+        self.clock = clock
+        self.running = Running([*host.prefix, *argv], log=log, env=clock.environment)
+
+
+class Site:
+    """All parts, in a data folder that `eskin audit` understands.
+
+    Args:
+        root: The folder.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self.layout = Layout(root)
+        self._logs = self.layout.logs
+        self._logs.mkdir(parents=True)
+        self._library = build_library(root)
+        self._exits = ExitStack()
+        make_switch()
+        hosts = {
+            name: Host(name, number)
+            for number, name in enumerate(("broker", "cloud", *GATEWAYS, *NODES), start=1)
+        }
+        self._identities = Identities(root / "identities")
+        self.broker = self._make_broker(hosts["broker"])
+        self.cloud = self._make_cloud(hosts["cloud"])
+        self.gateways = [
+            self._make_gateway(hosts[name], number) for number, name in enumerate(GATEWAYS, start=1)
+        ]
+        self.nodes = [self._make_node(hosts[name]) for name in NODES]
+
+    @property
+    def parts(self) -> list[Part]:
+        """All of them, in the order of their start."""
+        return [self.broker, self.cloud, *self.gateways, *self.nodes]
+
+    def part(self, name: str) -> Part:
+        """One of them."""
+        return next(part for part in self.parts if part.name == name)
+
+    def __enter__(self) -> Self:
+        for part in self.parts:
+            part.running.start()
+            self._exits.callback(_end, part.running)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._exits.close()
+
+    def require_alive(self, names: Sequence[str]) -> None:
+        """Check that these have not ended by themselves.
+
+        Raises:
+            AssertionError: One has; shows the end of its log.
+        """
+        for name in names:
+            running = self.part(name).running
+            assert running.process is not None
+            status = running.process.poll()
+            assert status is None, f"{name} ended with {status}:\n{running.output()[-3000:]}"
+
+    def has_begun(self) -> bool:
+        """Whether something is stored."""
+        tables = ask(self.layout.store, "SELECT name FROM sqlite_master")
+        return ("blocks",) in tables and self._count(self.layout.store, "blocks") > 0
+
+    def waiting(self) -> dict[str, int]:
+        """Messages that wait in each flash and each spool."""
+        flashes = {node: self.layout.flash(node) for node in NODES}
+        counts = {node: self._count(path, "message") for node, path in flashes.items()}
+        for name in GATEWAYS:
+            counts[name] = self._count(self._spool(name), "messages")
+        return counts
+
+    def letters(self) -> list[str]:
+        """What a gateway or the cloud refused to take."""
+        letters = ask(self.layout.store, "SELECT node || ': ' || reason FROM dead_letters")
+        for name in GATEWAYS:
+            query = "SELECT node || ': ' || reason FROM dead_letters"
+            letters += ask(self._spool(name), query)
+        return [row[0] for row in letters]
+
+    def drain(self, *, seconds: float) -> None:
+        """End the nodes, which hand over what their flash holds, then wait until all has arrived.
+
+        A node that has no connection when it is told to end keeps what it has for its next start.
+
+        Raises:
+            AssertionError: Something still waits.
+        """
+        for part in self.nodes:
+            part.running.stop(seconds=seconds)
+            while self._count(self.layout.flash(part.name), "message"):
+                part.running.start()
+                self._wait_for_earlier_boots(part.name, seconds)
+                part.running.stop(seconds=seconds)
+        try:
+            wait_until(lambda: not any(self.waiting().values()), "all is stored", seconds=seconds)
+        except AssertionError as error:
+            raise AssertionError(f"{error}: {self.waiting()}") from None
+
+    def _wait_for_earlier_boots(self, node: str, seconds: float) -> None:
+        """Wait until what a node said before its last start has left its flash."""
+        query = (
+            "SELECT count(*) FROM message "
+            "WHERE boot < (SELECT value FROM counter WHERE name = 'boot')"
+        )
+        wait_until(
+            lambda: ask(self.layout.flash(node), query)[0][0] == 0,
+            f"what {node} said before its last start arrives",
+            seconds=seconds,
+        )
+
+    def _count(self, path: Path, table: str) -> int:
+        rows = ask(path, f"SELECT count(*) FROM {table}")  # noqa: S608 - our own words
+        return int(rows[0][0]) if rows else 0
+
+    def _spool(self, name: str) -> Path:
+        return self.layout.root / name / "spool.sqlite"
+
+    def _make_broker(self, host: Host) -> Part:
+        folder = self.layout.root / "broker"
+        disk = Disk(folder, 64 * _MEBIBYTE)
+        server = self._identities.make(IdentityKind.SERVER, "server.broker", hosts=(host.address,))
+        file = write_configuration(
+            folder, self._identities, server, host=host.address, ports=_PORTS
+        )
+        return self._part("broker", [mosquitto(), "-c", str(file)], host, disk)
+
+    def _make_cloud(self, host: Host) -> Part:
+        disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
+        server = self._identities.make(IdentityKind.SERVER, "server.cloud", hosts=(host.address,))
+        config = write_settings(self.layout.root / "cloud.toml", {
+            "store": {"path": self.layout.store},
+            "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
+        })  # fmt: skip
+        return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk)
+
+    def _make_gateway(self, host: Host, number: int) -> Part:
+        spool = self._spool(host.name)
+        disk = Disk(spool.parent, 256 * _MEBIBYTE)
+        own = self._identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
+        config = write_settings(self.layout.root / f"{host.name}.toml", {
+            "broker": {"host": self.broker.host.address, "port": _PORTS[1], "group": "site",
+                       "keepalive_s": 5},
+            "identity": {"directory": own.directory, "site": self._identities.site.directory},
+            "cloud": {"url": f"https://{self.cloud.host.address}:{_INGEST}/api/v1/ingest",
+                      "timeout_s": 3.0, "retry_most_s": 2.0},
+            "spool": {"path": spool},
+        })  # fmt: skip
+        return self._part(host.name, [ESKIN, "gateway", "--config", str(config)], host, disk)
+
+    def _make_node(self, host: Host) -> Part:
+        name = host.name
+        flash = self.layout.node(name) / "chip" / "flash.sqlite"
+        disk = Disk(flash.parent, 96 * _MEBIBYTE)
+        self.layout.flash(name).symlink_to(flash)
+        own = self._identities.node
+        if name != own.name:
+            own = self._identities.make(IdentityKind.NODE, name)
+        config = write_settings(self.layout.node_settings(name), {
+            "node": {"name": name, "profile": name, "seed": 1},
+            "sampling": {"block_samples": 50, "overrun_s": 3.0},
+            "broker": {"host": self.broker.host.address, "port": _PORTS[0], "keepalive_s": 5,
+                       "resend_s": 2.0, "drain_s": 60.0},
+            "identity": {"directory": own.directory,
+                         "site": self._identities.site.directory / CHAIN_FILE},
+            "flash": {"path": flash, "capacity_bytes": 32 * _MEBIBYTE},
+            "truth": {"path": self.layout.truth(name), "limit_bytes": 4096 * _MEBIBYTE},
+        })  # fmt: skip
+        return self._part(name, [ESKIN, "node", "--config", str(config)], host, disk)
+
+    def _part(self, name: str, argv: Sequence[str], host: Host, disk: Disk) -> Part:
+        clock = Wallclock(self.layout.root / f"{name}.clock", self._library)
+        log = self._logs / f"{name}.log"
+        return Part(name, argv, host=host, disk=disk, clock=clock, log=log)
+
+
+def _end(running: Running) -> None:
+    if running.process is not None and running.process.poll() is None:
+        running.kill()

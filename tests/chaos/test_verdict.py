@@ -1,0 +1,55 @@
+"""The verdict sees what is wrong: gaps without a cause, sums that are none, numbers with holes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cloud.store import Store
+from tests.chaos.plan import Stroke
+from tests.chaos.verdict import Verdict, add_up, explain
+from tests.cloud.clouds import put
+from tests.cloud.messages import block, gap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+@pytest.fixture
+def burnt(tmp_path: Path) -> Iterator[Store]:
+    with Store(tmp_path / "store.sqlite") as store:
+        put(store, block(0), block(1), gap(2))
+        yield store
+
+
+def wrong(store: Store, *faults: str) -> list[str]:
+    verdict = Verdict()
+    explain(store.path, verdict, set(faults))
+    add_up(store.path, verdict)
+    return verdict.faults
+
+
+def test_gap_needs_a_cause(burnt: Store) -> None:
+    assert wrong(burnt, "cut") == []
+    assert wrong(burnt, "clock ahead") == ["1 gaps without a cause: flash full"]
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("DELETE FROM blocks WHERE sequence = 1", "1 and"),
+        ("UPDATE channels SET samples = samples + 1", "are stored"),
+        ("UPDATE sequences SET first = 1", "holes: 1 ranges from 1"),
+        ("INSERT INTO sequences SELECT node, boot, 9, 9 FROM sequences", "holes: 2 ranges"),
+    ],
+)
+def test_sums_must_be_those_of_the_blocks(burnt: Store, change: str, words: str) -> None:
+    burnt.write(lambda connection: connection.exec_driver_sql(change)).result(20)
+    (fault,) = wrong(burnt, "cut")
+    assert words in fault
+
+
+def test_stroke_reads_well() -> None:
+    assert str(Stroke("cut", "cloud", 1.0, 3.5)) == "    1.0 s  cut cloud for 2.5 s"
