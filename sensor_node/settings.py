@@ -75,6 +75,25 @@ class BrokerSection(Section):
     )
 
 
+class RadioSection(Section):
+    """The air between the node and its access point, emulated."""
+
+    bandwidth_bytes_per_s: int | None = Field(
+        default=None,
+        ge=1,
+        description="bytes that it carries in an emulated second; none: as fast as the network",
+    )
+    loss: float = Field(default=0.0, ge=0, lt=1, description="probability that a packet is lost")
+    packet_bytes: int = Field(default=1024, ge=16, le=65536, description="bytes in a packet")
+    tries: int = Field(
+        default=4,
+        ge=1,
+        le=100,
+        description="how often a packet is sent until the radio gives its message up, which the "
+        "node then sends again after resend_s",
+    )
+
+
 class IdentitySection(Section):
     """Who the node is, and to which site it seals."""
 
@@ -128,6 +147,7 @@ class NodeSettings(Settings):
     node: NodeSection
     sampling: SamplingSection = SamplingSection()
     broker: BrokerSection = BrokerSection()
+    radio: RadioSection = RadioSection()
     identity: IdentitySection
     flash: FlashSection
     truth: TruthSection
