@@ -17,6 +17,7 @@ from sensor_node.firmware.outbox import Outbox
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
+from sensor_node.machine.radio import Radio, Traffic
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
 from sensor_node.truth import Truth
@@ -30,6 +31,8 @@ log = logging.getLogger(__name__)
 
 REBOOT: Final = BILLION
 """Emulated ns between the last sample of one boot and the first of the next, at least."""
+_OF_RADIO: Final = 0x7AD10
+"""Tells the radio's random numbers from all others of a seed."""
 _SHORTEST_TICK_S: Final = 0.05
 """A fast emulation takes several frames in one commit."""
 
@@ -111,6 +114,7 @@ def _begin(truth: Truth, start: int) -> int:
 
 
 def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading.Event) -> None:
+    own = settings.node
     node, clock = build_node(settings, outbox=outbox, truth=truth)
     commander = Commander(
         outbox,
@@ -131,11 +135,17 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
         record_status=node.record_status,
         take_command=take_command,
         is_running=lambda: node.machine.running,
+        radio=Radio(
+            settings.radio,
+            now=clock.now,
+            random=np.random.default_rng((truth.seed(own.seed), outbox.boot, _OF_RADIO)),
+            meter=Traffic(),
+        ),
+        speed=own.speed,
         broker=settings.broker,
         identity=settings.identity,
     )
     publisher.start()
-    own = settings.node
     log.info("running: node=%s boot=%d speed=%g", own.name, outbox.boot, own.speed)
     while not stop.is_set():
         wait = max(clock.seconds_until(node.next_due), _SHORTEST_TICK_S)

@@ -67,11 +67,30 @@ class BrokerSection(Section):
         default=200, ge=1, le=10_000, description="messages in flight without acknowledgement"
     )
     resend_s: float = Field(
-        default=5.0, gt=0, description="seconds after which a message is sent again"
+        default=5.0, gt=0, description="seconds from leaving the radio until it is sent again"
     )
     status_s: float = Field(default=5.0, gt=0, description="seconds between two status messages")
     drain_s: float = Field(
         default=3.0, ge=0, description="seconds to wait for acknowledgements when told to end"
+    )
+
+
+class RadioSection(Section):
+    """The air between the node and its access point, emulated."""
+
+    bandwidth_bytes_per_s: int | None = Field(
+        default=None,
+        ge=1,
+        description="bytes that it carries in an emulated second; none: as fast as the network",
+    )
+    loss: float = Field(default=0.0, ge=0, lt=1, description="probability that a packet is lost")
+    packet_bytes: int = Field(default=1024, ge=16, le=65536, description="bytes in a packet")
+    tries: int = Field(
+        default=4,
+        ge=1,
+        le=100,
+        description="how often a packet is sent until the radio gives its message up, which the "
+        "node then sends again after resend_s",
     )
 
 
@@ -139,6 +158,7 @@ class NodeSettings(Settings):
     node: NodeSection
     sampling: SamplingSection = SamplingSection()
     broker: BrokerSection = BrokerSection()
+    radio: RadioSection = RadioSection()
     identity: IdentitySection
     flash: FlashSection
     truth: TruthSection

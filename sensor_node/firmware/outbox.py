@@ -28,10 +28,9 @@ if TYPE_CHECKING:
 
         def __exit__(
             self,
-            kind: type[BaseException] | None,
-            error: BaseException | None,
-            trace: TracebackType | None,
-            /,
+            __kind: type[BaseException] | None,  # noqa: PYI063 - MicroPython knows no /
+            __error: BaseException | None,
+            __trace: TracebackType | None,
         ) -> object:
             """Give it back."""
 

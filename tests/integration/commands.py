@@ -6,6 +6,8 @@ import time
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Self
 
+import numpy as np
+
 from cloud.access import Scope, create_token
 from cloud.store import Store
 from eskin.identity import Identity, IdentityKind
@@ -23,10 +25,12 @@ from gateway.settings import IdentitySection as GatewayIdentity
 from sensor_node.commands import Commander
 from sensor_node.firmware.record import Channel
 from sensor_node.flash import Flash
+from sensor_node.machine.radio import Radio, Traffic
 from sensor_node.publisher import Publisher
 from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection as NodeBroker
 from sensor_node.settings import IdentitySection as NodeIdentity
+from sensor_node.settings import RadioSection
 from tests.brokers import Mosquitto
 from tests.cloud.test_service import Service
 from tests.processes import accepts, wait_until
@@ -66,6 +70,13 @@ class ObedientNode:
             self.outbox,
             record_status=self._record_status,
             take_command=commander.take,
+            radio=Radio(
+                RadioSection(),
+                now=time.monotonic_ns,
+                random=np.random.default_rng(1),
+                meter=Traffic(),
+            ),
+            speed=1.0,
             broker=broker,
             identity=NodeIdentity(directory=self._identity.directory, site=self._site),
         )

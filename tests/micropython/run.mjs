@@ -12,13 +12,18 @@ port.FS.writeFile('/sensor_node/__init__.py', '');
 for (const name of readdirSync(`${room}/firmware`).filter((name) => name.endsWith('.py'))) {
   port.FS.writeFile(`/sensor_node/firmware/${name}`, readFileSync(`${room}/firmware/${name}`));
 }
-port.FS.writeFile('/driver.py', readFileSync(fileURLToPath(new URL('driver.py', import.meta.url))));
+const own = fileURLToPath(new URL('.', import.meta.url));
+port.FS.mkdir('/tests');
+port.FS.mkdir('/tests/micropython');
+for (const name of readdirSync(own).filter((name) => name.endsWith('.py'))) {
+  port.FS.writeFile(`/tests/micropython/${name}`, readFileSync(`${own}/${name}`));
+}
 port.FS.writeFile('/job.json', readFileSync(job));
 port.runPython(`
 import json, sys
 sys.path.append('/')
 assert sys.implementation.name == 'micropython'
-from driver import run
+from tests.micropython.driver import run
 with open('/job.json') as file:
     job = json.load(file)
 with open('/answer.json', 'w') as file:

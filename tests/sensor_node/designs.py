@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,6 +11,7 @@ from pydantic import TypeAdapter
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
+from sensor_node.machine.radio import Radio, Traffic
 from sensor_node.node import Node
 from sensor_node.profile import Profile
 from sensor_node.service import build_outbox
@@ -96,6 +98,7 @@ class Bench:
             capacity=self.settings.flash.capacity_bytes,
             broker=self.settings.broker,
         )
+        self.traffic = Traffic()
         self.ticks = 0
         self.clock = clock_at(lambda: self.ticks, drift=drift)
         self.node = Node(
@@ -108,6 +111,15 @@ class Bench:
         while self.ticks < end:
             self.ticks = min(self.ticks + SECOND // 10, end)
             self.node.advance(self.ticks)
+
+    def radio(self) -> Radio:
+        """Air, in real time."""
+        return Radio(
+            self.settings.radio,
+            now=time.monotonic_ns,
+            random=np.random.default_rng(5),
+            meter=self.traffic,
+        )
 
     def bodies(self) -> Iterator[bytes]:
         """All waiting messages."""

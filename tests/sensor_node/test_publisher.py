@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -29,14 +30,19 @@ if TYPE_CHECKING:
 @pytest.fixture
 def bench(request: pytest.FixtureRequest, tmp_path: Path, broker: Mosquitto) -> Iterator[Bench]:
     given = {"port": broker.node_port, "resend_s": 0.5, "drain_s": 0.0, "keepalive_s": 5}
-    made = Bench(tmp_path / "node", broker=given | getattr(request, "param", {}))
+    changes = getattr(request, "param", {})
+    made = Bench(
+        tmp_path / "node",
+        broker=given | changes.get("broker", {}),
+        radio=changes.get("radio", {}),
+    )
     yield made
     made.close()
 
 
 def its_broker(**settings: float) -> pytest.MarkDecorator:
     """Let the node publish with these settings of its broker."""
-    return pytest.mark.parametrize("bench", [settings], indirect=True)
+    return pytest.mark.parametrize("bench", [{"broker": settings}], indirect=True)
 
 
 @pytest.fixture
@@ -46,6 +52,8 @@ def publishing(bench: Bench, identities: Identities, site_file: Path) -> Callabl
         publisher = Publisher(
             bench.outbox,
             record_status=bench.node.record_status,
+            radio=bench.radio(),
+            speed=1.0,
             broker=bench.settings.broker,
             identity=IdentitySection(directory=identities.node.directory, site=site_file),
         )
@@ -217,6 +225,28 @@ def test_full_disk_does_not_keep_waiting_messages_from_going_out(
     with Peer(identities, broker.gateway_port) as peer, publishing():
         # Nobody introduced the node, but its messages arrive.
         wait_until(lambda: peer.strangers >= said, "all arrived")
+
+
+@pytest.mark.parametrize(
+    "bench",
+    [{"radio": {"bandwidth_bytes_per_s": 60_000, "loss": 0.3, "packet_bytes": 512, "tries": 2}}],
+    indirect=True,
+)
+def test_lossy_and_narrow_air_delays_and_loses_nothing(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    bench.run_to(1.0)
+    before = {Position(*kept.position): kept.body for kept in waiting(bench.flash)}
+    size = sum(len(body) for body in before.values())
+    with Peer(identities, broker.gateway_port) as peer:
+        begun = time.monotonic()
+        with publishing():
+            wait_until(lambda: empty(bench), "flash is empty", seconds=30.0)
+        took = time.monotonic() - begun
+    assert {p: m.encode() for p, m in peer.messages.items() if p in before} == before
+    # With envelopes and repeats; 0.2 s are on the air ahead.
+    assert 1.2 * size < bench.traffic.sent < 60_000 * (took + 0.3)
+    assert bench.traffic.received > 0
 
 
 @its_broker(drain_s=10.0)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import random
 import shutil
 import subprocess
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,10 @@ import pytest
 
 import sensor_node
 from eskin.messages import Block, Gap, Peak, Status, decode_message
+from sensor_node.firmware.outbox import FAILED
+from sensor_node.firmware.record import GAP
+from sensor_node.firmware.room import FULL
+from tests.micropython.delivery import deliver
 from tests.sensor_node.designs import SECOND, Bench
 from tests.sensor_node.firmware.jobs import Recorder
 
@@ -19,13 +25,13 @@ ROOM = Path(sensor_node.__file__).parent
 PORT = Path(__file__).parents[2] / "micropython"
 
 
-def under_micropython(job: dict[str, Any], folder: Path) -> list[str]:
+def under_micropython(job: dict[str, Any], folder: Path) -> list[Any]:
     node = shutil.which("node") or str(Path(".venv/bin/node").absolute())
     assert (PORT / "node_modules").is_dir(), "MicroPython is missing: run make test"
     given, answer = folder / "job.json", folder / "answer.json"
     given.write_text(json.dumps(job))
     subprocess.run([node, PORT / "run.mjs", ROOM, given, answer], check=True, timeout=120)
-    said: list[str] = json.loads(answer.read_text())
+    said: list[Any] = json.loads(answer.read_text())
     return said
 
 
@@ -54,3 +60,38 @@ def test_same_bytes_as_in_the_emulated_node(
     assert under_micropython(recorder.job, tmp_path) == said
     kinds = {type(decode_message(bytes.fromhex(body))) for body in said}
     assert kinds == {Block, Gap, Peak, Status}
+
+
+def fate(seed: int) -> list[list[Any]]:
+    """A script of what may happen to an outbox."""
+    draw = random.Random(seed)  # noqa: S311 - it only has to be the same again
+    script: list[list[Any]] = [["connect"]]
+    for _ in range(400):
+        boot, first = draw.randint(1, 3), draw.randint(0, 200)
+        script += draw.choice(
+            [
+                [["say", ["block", draw.randint(1, 40)], ["peak", 0]]],
+                [["say", *[["block", 20]] * draw.randint(1, 9)]],
+                [["wear_out"], ["say", ["block", 9], ["peak", 0]], ["repair"]],
+                [["say", ["result", draw.randint(1, 30)]]],
+                [["status_is_due"], ["say", ["status", 0]]],
+                [["send", draw.randint(1, 12)], ["leave", boot, 0, 500]],
+                [["acknowledge", [boot, first, first + draw.randint(0, 30)]]],
+                [["wear_out"], ["acknowledge", [boot, first, first + 9]], ["repair"]],
+                [["wait", draw.randint(1, 50)]],
+                draw.choice([[["restart"]], [["connect"]], []]),
+            ]
+        )
+    return script
+
+
+def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
+    job = {"limits": [6000, 8, 60, 100], "script": fate(5)}
+    expected = json.loads(json.dumps(deliver(job)))
+    assert under_micropython(job, tmp_path) == expected
+    sent = [m for step in expected[:-1:2] if type(step) is list for m in step if type(m) is list]
+    assert {kind for _, kind, _ in sent} == set(range(1, 6))
+    assert max(Counter(tuple(position) for position, _, _ in sent).values()) > 2
+    gaps = [Gap.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == GAP]
+    assert {gap.reason for gap in gaps} == {FULL, FAILED}
+    assert max(len(gap.lost) for gap in gaps) > 1

@@ -1,0 +1,88 @@
+"""A storage chip in memory, which can be made to fail; runs under CPython and MicroPython alike."""
+
+from sensor_node.firmware.chip import Kept
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from sensor_node.firmware.chip import Position
+    from sensor_node.firmware.record import Record
+
+
+class MemoryChip:
+    """Keeps messages as long as it lives.
+
+    Attributes:
+        boot: Number of this start.
+        failing: Whether commits fail.
+    """
+
+    def __init__(self) -> None:
+        self.boot = 1
+        self.failing = False
+        self._messages: dict[Position, tuple[int, Kept]] = {}
+        self._gaps = 0
+        self._answer: bytes | None = None
+        self._before: tuple[dict[Position, tuple[int, Kept]], int, bytes | None] | None = None
+
+    def restart(self) -> None:
+        """Lose power and get it back."""
+        self.roll_back()
+        self.boot += 1
+
+    def begin(self) -> None:
+        assert self._before is None, "a transaction inside of another"
+        self._before = dict(self._messages), self._gaps, self._answer
+
+    def commit(self) -> None:
+        if self.failing:
+            raise OSError("worn out")
+        assert self._before is not None
+        self._before = None
+
+    def roll_back(self) -> None:
+        if self._before is not None:
+            self._messages, self._gaps, self._answer = self._before
+            self._before = None
+
+    def append(self, boot: int, record: "Record", shelf: int) -> None:
+        assert self._before is not None
+        position = boot, record.sequence
+        assert position not in self._messages, "one number given out twice"
+        time, body = (record.earliest, record.latest), bytes(record.body)
+        kept = Kept(position, record.kind, body, time, record.samples, 1 + record.named)
+        self._messages[position] = shelf, kept
+
+    def delete(self, boot: int, first: int, last: int) -> "tuple[int, int]":
+        assert self._before is not None
+        gone = [p for p in self._messages if p[0] == boot and first <= p[1] <= last]
+        freed = sum(len(self._messages.pop(position)[1].body) for position in gone)
+        return len(gone), freed
+
+    def read(self, position: "Position") -> "Kept | None":
+        found = self._messages.get(position)
+        return None if found is None else found[1]
+
+    def after(self, position: "Position", limit: int) -> "list[Kept]":
+        behind = sorted(each for each in self._messages if each > position)
+        return [self._messages[each][1] for each in behind[:limit]]
+
+    def oldest(self, shelf: int) -> "Kept | None":
+        own = [position for position, (where, _) in self._messages.items() if where == shelf]
+        return self._messages[min(own)][1] if own else None
+
+    def level(self) -> "tuple[int, int]":
+        return len(self._messages), sum(len(kept.body) for _, kept in self._messages.values())
+
+    def gaps(self) -> int:
+        return self._gaps
+
+    def keep_gaps(self, gaps: int) -> None:
+        assert self._before is not None
+        self._gaps = gaps
+
+    def answer(self) -> "bytes | None":
+        return self._answer
+
+    def keep_answer(self, body: bytes) -> None:
+        assert self._before is not None
+        self._answer = body
