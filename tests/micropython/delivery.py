@@ -51,7 +51,7 @@ class Delivery:
             return scribe.peak(CHANNEL, PeakEvent(CERTAIN, Span(0, 0.0, 1.0)), time, 1.0)
         if kind == "status":
             usage = self.outbox.usage()
-            return scribe.status(time, "p", "", self.now, usage, [CHANNEL])
+            return scribe.status(time, "p", "", self.now, usage, [CHANNEL], 1)
         return Record(RESULT, self.outbox.next_sequence(), b"done" * n, time, 0)
 
     def say(self, *said: "Sequence[Any]") -> "list[int] | None":

@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 
 from eskin.messages import Block, Gap, ResetCause, Status, decode_message
-from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.machine.machine import START_UP
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, Bench
+from tests.sensor_node.machine.hanging import hang
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from pathlib import Path
 
     from eskin.messages import Message
-    from sensor_node.firmware.inversion import Codes
-    from sensor_node.firmware.record import Record
-    from sensor_node.firmware.schedule import Frame
 
 
 @pytest.fixture
@@ -37,20 +34,6 @@ def messages(bench: Bench) -> list[Message]:
 def reset_at(bench: Bench, seconds: float, cause: ResetCause) -> None:
     machine = bench.node.machine
     machine.events.at(round(seconds * SECOND), lambda: machine.reset(cause))
-
-
-def hang(monkeypatch: pytest.MonkeyPatch, taxel: str, number: int) -> None:
-    """Let the firmware fail at one frame of its first boot."""
-    process = ControlUnit.process
-    left = [1]
-
-    def failing(unit: ControlUnit, frame: Frame, codes: Sequence[Codes]) -> list[Record]:
-        if unit.name == taxel and frame.number == number and left:
-            left.pop()
-            raise IndexError("index out of range")
-        return process(unit, frame, codes)
-
-    monkeypatch.setattr(ControlUnit, "process", failing)
 
 
 def require_truth(bench: Bench) -> None:
