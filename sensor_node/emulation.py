@@ -14,11 +14,12 @@ from sensor_node.firmware.taxel import CHAINS
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.machine.sheet import data_sheet
+from sensor_node.machine.sheet import coverage, data_sheet
 from sensor_node.physics import build_world
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from types import ModuleType
 
     from eskin.interval import Floats
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from sensor_node.machine.clock import Clock
     from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
+    from sensor_node.taxels.companion import Companion
 
 
 class EmulatedTaxel:
@@ -34,21 +36,22 @@ class EmulatedTaxel:
 
     Args:
         taxel: Its settings.
-        seed: Draws the true parts, the same at each boot.
-        noise_seed: Draws the noise: each frame's depends on its start alone.
+        seed: Draws the true parts, the same at each boot; and with the boot the noise, of which
+            each frame's depends on its start alone.
         clock: The node's clock.
         sampling: How samples become blocks.
         scribe: Writes the node's messages.
         boot: Number of this start.
         functions: The firmware's arithmetic, or its compiled copy.
+        companions: What it reads along, by the names of its inputs.
     """
 
     def __init__(
         self,
         taxel: AnyTaxel,
         *,
+        companions: Mapping[str, Companion],
         seed: tuple[int, ...],
-        noise_seed: tuple[int, ...],
         clock: Clock,
         sampling: SamplingSection,
         scribe: Scribe,
@@ -57,16 +60,16 @@ class EmulatedTaxel:
     ) -> None:
         parts = np.random.default_rng(seed)
         self._world = build_world(taxel, parts)
-        self._frontend = build_frontend(taxel, parts)
-        self._noise_seed = noise_seed
+        self._frontend = build_frontend(taxel, parts, companions)
+        self._noise_seed = (*seed, boot)
         self._clock = clock
         self._boot = boot
-        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), functions)
+        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel, companions), functions)
         self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,
             schedule=build_schedule(taxel, sampling.block_samples),
-            coverage=taxel.noise.coverage,
+            coverage=coverage(taxel, companions),
             prominences=_prominences(taxel),
             longest=round(taxel.longest_region_s * BILLION),
             encoding=int(Encoding[sampling.encoding.upper()]),

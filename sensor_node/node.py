@@ -65,12 +65,12 @@ class Node:
             EmulatedTaxel(
                 taxel,
                 seed=(seed, number),
-                noise_seed=(seed, number, flash.boot),
                 clock=clock,
                 sampling=settings.sampling,
                 scribe=self._scribe,
                 boot=flash.boot,
                 functions=functions,
+                companions=settings.companions(taxel, seed),
             )
             for number, taxel in enumerate(settings.taxel)
         ]

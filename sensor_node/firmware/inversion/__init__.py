@@ -9,7 +9,11 @@ Calibrations are tuples of floats that `sensor_node.firmware.calibration` makes.
 
 from sensor_node.firmware.inversion.amplified import measure_amplified
 from sensor_node.firmware.inversion.capacitive import measure_capacitive
+from sensor_node.firmware.inversion.eddy import measure_eddy
+from sensor_node.firmware.inversion.humidity import measure_humidity
 from sensor_node.firmware.inversion.inductive import measure_inductive
+from sensor_node.firmware.inversion.pad import measure_pad, measure_permittivity
+from sensor_node.firmware.inversion.temperature import measure_temperature
 from sensor_node.firmware.inversion.touch import measure_touch
 
 TYPE_CHECKING = False
@@ -20,6 +24,11 @@ if TYPE_CHECKING:
 __all__ = [
     "measure_amplified",
     "measure_capacitive",
+    "measure_eddy",
+    "measure_humidity",
     "measure_inductive",
+    "measure_pad",
+    "measure_permittivity",
+    "measure_temperature",
     "measure_touch",
 ]

@@ -14,8 +14,12 @@ if TYPE_CHECKING:
 class InductiveTaxel(Taxel):
     """Frequency, inductance, and distance of a metal object."""
 
-    quantities = (("frequency", "Hz"), ("inductance", "H"), ("distance", "m"))
-    inputs = ("voltage",)
+    quantities: "tuple[tuple[str, str], ...]" = (
+        ("frequency", "Hz"),
+        ("inductance", "H"),
+        ("distance", "m"),
+    )
+    inputs: "tuple[str, ...]" = ("voltage",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._reference = part(sheet, "reference")
