@@ -15,11 +15,12 @@ from sensor_node.firmware.taxel import CHAINS
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.machine.sheet import data_sheet
+from sensor_node.machine.sheet import coverage, data_sheet
 from sensor_node.physics import build_world
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from types import ModuleType
 
     from eskin.interval import Floats
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from sensor_node.machine.clock import Clock
     from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
+    from sensor_node.taxels.companion import Companion
 
 
 class EmulatedTaxel:
@@ -39,12 +41,14 @@ class EmulatedTaxel:
         clock: The node's clock.
         sampling: How samples become blocks.
         functions: The firmware's arithmetic, or its compiled copy.
+        companions: What it reads along, by the names of its inputs.
     """
 
     def __init__(
         self,
         taxel: AnyTaxel,
         *,
+        companions: Mapping[str, Companion],
         seed: tuple[int, ...],
         clock: Clock,
         sampling: SamplingSection,
@@ -57,7 +61,8 @@ class EmulatedTaxel:
         self._functions = functions
         parts = np.random.default_rng(seed)
         self._world = build_world(taxel, parts)
-        self._frontend = build_frontend(taxel, parts)
+        self._frontend = build_frontend(taxel, parts, companions)
+        self._companions = companions
         self._clock = clock
 
     def boot(self, number: int, scribe: Scribe) -> None:
@@ -70,12 +75,12 @@ class EmulatedTaxel:
         taxel = self._taxel
         self._boot = number
         self._frontend.amplify(1.0)
-        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), self._functions)
+        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel, self._companions), self._functions)
         self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,
             schedule=build_schedule(taxel, self._sampling.block_samples),
-            coverage=taxel.noise.coverage,
+            coverage=coverage(taxel, self._companions),
             prominences=_prominences(taxel),
             longest=round(taxel.longest_region_s * BILLION),
             encoding=int(Encoding[self._sampling.encoding.upper()]),

@@ -85,6 +85,7 @@ class Node:
                 clock=clock,
                 sampling=settings.sampling,
                 functions=functions,
+                companions=settings.companions(taxel, seed),
             )
             for number, taxel in enumerate(settings.taxel)
         ]

@@ -11,7 +11,9 @@ from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.settings import Section, Settings
 from sensor_node.profile import Profile, profile_names
-from sensor_node.taxels import Taxel
+from sensor_node.scenario.fit import Played
+from sensor_node.taxels import AnyTaxel, Taxel
+from sensor_node.taxels.companion import Companion
 
 
 class NodeSection(Section):
@@ -195,3 +197,24 @@ class NodeSettings(Settings):
         if twice:
             raise ValueError(f"the same id twice: {', '.join(twice)}")
         return value
+
+    @field_validator("taxel")
+    @classmethod
+    def _companions_are_there(cls, value: tuple[Taxel, ...]) -> tuple[Taxel, ...]:
+        found = {taxel.id: taxel for taxel in value}
+        for taxel in value:
+            for role, name in taxel.companions.items():
+                if name not in found or found[name].kind != role:
+                    raise ValueError(f"{taxel.id}.{role} = '{name}': there is no such {role}")
+                both = (taxel, found[name])
+                if len({each.scenario for each in both if isinstance(each, Played)}) > 1:
+                    raise ValueError(f"{taxel.id} and its {role} '{name}' live other scenarios")
+        return value
+
+    def companions(self, taxel: AnyTaxel, seed: int) -> dict[str, Companion]:
+        """What a taxel reads along, by the names of its inputs; ``seed`` draws all true parts."""
+        numbers = {each.id: number for number, each in enumerate(self.taxel)}
+        return {
+            role: Companion(self.taxel[numbers[name]], (seed, numbers[name]))
+            for role, name in taxel.companions.items()
+        }

@@ -22,8 +22,9 @@ _HEAD: Final = """\
 # Scenarios, datasets and replay
 
 A scenario is a TOML file that says what touches which taxel of a skin, when, and what surrounds
-it. It drives the taxels of a node (`kind = "pad"` and `kind = "coil"`, see
-[settings](settings.md)), and `eskin export` makes labelled datasets of it.
+it. It drives the taxels of a node (`kind = "pad"`, `"coil"`, `"thermometer"`, `"hygrometer"` and
+`"bioelectric"`, see [settings](settings.md); [quantities](quantities.md) says what they measure),
+and `eskin export` makes labelled datasets of it.
 [hand.toml](../sensor_node/scenarios/hand.toml) comes with eskin; the profile
 [hand](../sensor_node/profiles/hand.toml) lives it.
 
@@ -62,10 +63,14 @@ radius_m = 4e-3
   The true `k` of each taxel is drawn from 0 to `crosstalk`.
 - **A pad** is two plates with an elastic layer between them, `d = d0 / (1 + p/E)` under the
   pressure p of a contact: it hardens as it gets thinner. Its capacitance is `C = C0·(1 + P/E)`,
-  where P is the mean pressure that it feels. `C0 = ε0·εr·A/d0` follows the air by `1 +
-  permittivity_per_K·(T - 20 °C) + permittivity_per_percent·(H - 50 %)`.
+  where P is the mean pressure that it feels, and its plates' mean distance `d0 / (1 + P/E)`.
+  `C0 = ε0·εr·A/d0` follows the air by `1 + permittivity_per_K·(T - 20 °C) +
+  permittivity_per_percent·(H - 50 %)`.
 - **A coil** sees metal by `L = L0 - ΔL·e^(-αd)` (eq. 11 of the paper), and by eddy currents: with
-  the metal's quality q its impedance changes by `ω·ΔL·e^(-αd)·(1/q - j)`.
+  the metal's quality q its impedance changes by `ω·ΔL·e^(-αd)·(1/q - j)`, and with it the current
+  that a fixed voltage drives through it, in amplitude and phase.
+- **The air and the body** are the same for all: a `thermometer`, a `hygrometer` and a `bioelectric`
+  taxel measure them.
 - **Labels**: `noise` where nothing happens, else the kind of the contact that covers the taxel,
   or `approach` where metal is nearer than `reach_m`.
 
@@ -86,7 +91,7 @@ card (`README.md`): columns, units, licence, how it was made, seeds, versions. O
 taxel at one instant: its label, and for each quantity the truth beside its interval. No seed is
 in both parts; the same seeds and versions give the same bytes. All taxels of the skin have a pad,
 and a coil where metal comes near; `[pad]` and `[coil]` change their data sheets and take the keys
-of these kinds in [settings](settings.md). Pressure, contact area and plate distance are
+of these kinds in [settings](settings.md). Pressure, contact area and plate distances are
 calculated back from the capacitances of all pads together, so that what neighbours hand on is
 taken back.
 

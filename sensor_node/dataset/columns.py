@@ -21,23 +21,16 @@ class Quantity:
         unit: As it stands in the columns' names; empty for a plain number.
         ucum: The same as a UCUM code.
         meaning: One line.
-        measured: Whether it has an interval.
     """
 
     name: str
     unit: str
     ucum: str
     meaning: str
-    measured: bool = True
 
     def column(self, side: str) -> str:
         """Name of one of its columns, such as ``capacitance_lo_F``."""
         return f"{self.name}_{side}{'_' if self.unit else ''}{self.unit}"
-
-    @property
-    def sides(self) -> tuple[str, ...]:
-        """Which columns it has."""
-        return (TRUE, LO, HI) if self.measured else (TRUE,)
 
 
 PAD: Final = (
@@ -46,7 +39,8 @@ PAD: Final = (
         "pressure", "Pa", "Pa", "mean pressure of the contacts over the taxel, without crosstalk"
     ),
     Quantity("contact_area", "m2", "m2", "area of the plate that contacts cover"),
-    Quantity("plate_distance", "m", "m", "distance of the plates under the contact, or at rest"),
+    Quantity("plate_distance", "m", "m", "mean distance of the plates (harmonic), with crosstalk"),
+    Quantity("contact_distance", "m", "m", "distance of the plates under the contact, or at rest"),
 )
 """What pads give."""
 
@@ -54,8 +48,8 @@ COIL: Final = (
     Quantity("inductance", "H", "H", "inductance at the oscillator, with faults"),
     Quantity("frequency", "Hz", "Hz", "frequency of the LC oscillator"),
     Quantity("distance", "m", "m", "distance to the nearest metal"),
-    Quantity("eddy_amplitude", "", "1", "coil current over that without metal", measured=False),
-    Quantity("eddy_phase", "rad", "rad", "change of the coil current's phase", measured=False),
+    Quantity("eddy_amplitude", "", "1", "coil current over that without metal"),
+    Quantity("eddy_phase", "rad", "rad", "change of the coil current's phase"),
 )
 """What coils give."""
 
@@ -87,7 +81,7 @@ def schema(quantities: tuple[Quantity, ...]) -> pa.Schema:
             f"{each.meaning}: {_SIDES[side]}",
         )
         for each in quantities
-        for side in each.sides
+        for side in (TRUE, LO, HI)
     ]
     return pa.schema(fields)
 

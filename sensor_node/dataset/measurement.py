@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eskin.interval import Interval
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.inversion import Inversion
 from sensor_node.skin import unmix
 from sensor_node.skin.pressing import PadInversion
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from eskin.interval import Floats, Interval
+    from eskin.interval import Floats
     from sensor_node.skin.skin import Indices
     from sensor_node.taxels import CoilSection, PadSection
 
@@ -42,23 +43,26 @@ class Chains:
         self._noises = noises
 
     def measure(
-        self, quantity: str, sensed: Floats
+        self, sensed: Mapping[str, Floats]
     ) -> tuple[dict[str, Floats], dict[str, Interval]]:
-        """Run all chains on what the sensors give, taxels × times.
+        """Run all chains on what the sensors give, each quantity taxels × times.
 
         Returns:
             The quantities that come to be in the chains, and the intervals.
         """
+        shape = next(iter(sensed.values())).shape
         done = [
-            frontend.digitise({quantity: row}, random)
-            for frontend, row, random in zip(self._frontends, sensed, self._noises, strict=True)
+            frontend.digitise({name: rows[number] for name, rows in sensed.items()}, random)
+            for number, (frontend, random) in enumerate(
+                zip(self._frontends, self._noises, strict=True)
+            )
         ]
         truth = {name: np.stack([each.truth[name] for each in done]) for name in done[0].truth}
         codes = {
             name: np.concatenate([each.codes[name] for each in done]) for name in done[0].codes
         }
         measured = self._inversion.measure(codes)
-        return truth, {name: values.reshape(sensed.shape) for name, values in measured.items()}
+        return truth, {name: values.reshape(shape) for name, values in measured.items()}
 
 
 class SkinInversion:
@@ -78,17 +82,25 @@ class SkinInversion:
         self._neighbours = neighbours
         self._crosstalk = crosstalk
         self._most = taxel.pressure_max_Pa
-        self._broken = broken
+        self._broken = list(broken)
 
     def tell(
         self, capacitance: Interval, temperature: Interval, humidity: Interval
     ) -> dict[str, Interval]:
-        """Pressure in Pa, contact area in m² and plate distance in m, taxels × times."""
+        """Pressure in Pa, contact area in m², both distances in m, taxels × times."""
+        distance = self._inversion.plate_distance(capacitance, temperature, humidity)
         own = unmix(
-            self._inversion.felt(capacitance, temperature, humidity),
+            self._inversion.felt(distance),
             self._neighbours,
             bound=self._crosstalk,
             most=self._most,
             broken=self._broken,
         )
-        return self._inversion.quantities(own)
+        return {"plate_distance": self._believed(distance)} | self._inversion.quantities(own)
+
+    def _believed(self, distance: Interval) -> Interval:
+        """Of a broken taxel nothing is known but what its data sheet says."""
+        lo, hi = distance.inf.copy(), distance.sup.copy()
+        lo[self._broken] = self._inversion.stated_distance.inf
+        hi[self._broken] = self._inversion.stated_distance.sup
+        return Interval(lo, hi)

@@ -30,6 +30,8 @@ _REST_HERTZ: Final = 1e6
 _HEADROOM: Final = 1.25
 _LEAST_PRESSURE: Final = 1e3
 _FIXED: Final = ("id", "kind", "scenario", "place", "sampling_Hz")
+_OF_NODES: Final = ("thermometer", "hygrometer")
+"""A dataset has sensors of the air of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +96,7 @@ class Plan:
     def coverage(self) -> float:
         """Probability that a single interval holds the truth, at least."""
         taxels: list[PadSection | CoilSection] = [*self.pads, *self.coils]
-        return min(taxel.noise.coverage for taxel in taxels)
+        return min(taxel.coverage for taxel in taxels)
 
 
 def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:
@@ -102,6 +104,8 @@ def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:
     given = {
         "plate_area_m2": _rounded(_FILL * skin.cell_area),
         "pressure_max_Pa": max(_LEAST_PRESSURE, _rounded(_HEADROOM * script.peak_pressure)),
+        "crosstalk": script.skin.crosstalk,
+        **_air(script),
         "reference_Hz": _HEADROOM * _REST_HERTZ,
         "noise": {"kind": "uniform", "bound": 1e-7},
     }
@@ -111,6 +115,18 @@ def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:
         resistance = _rounded(1.0 / (2.0 * math.pi * _REST_HERTZ * EPSILON_0 * plates))
         sheet = sheet.model_copy(update={"resistance_ohm": resistance})
     return tuple(sheet.model_copy(update={"id": name, "place": name}) for name in skin.names)
+
+
+def _air(script: Script) -> dict[str, float]:
+    """What a data sheet states of the air: all that the scenario has."""
+    temperatures = [value for _, value in script.ambient.temperature_Cel]
+    humidities = [value for _, value in script.ambient.humidity_percent]
+    return {
+        "temperature_min_Cel": min(temperatures),
+        "temperature_max_Cel": max(temperatures),
+        "humidity_min_percent": min(humidities),
+        "humidity_max_percent": max(humidities),
+    }
 
 
 def _coils(scenario: str, script: Script, rate: float) -> tuple[CoilSection, ...]:
@@ -124,7 +140,7 @@ def _sheet(
     model: type[Sheet], kind: str, table: dict[str, Any], *, scenario: str, rate: float
 ) -> Sheet:
     """The data sheet of the skin's first taxel, as a scenario's table has it."""
-    for key in _FIXED:
+    for key in (*_FIXED, *_OF_NODES):
         if key in table:
             raise ScenarioError(scenario, f"{kind}.{key}", "the dataset itself sets it")
     first = read_scenario(scenario).skin.build().names[0]

@@ -67,12 +67,14 @@ class Run:
     def _batch(self, seconds: Floats) -> pa.RecordBatch:
         true, stimulus = self._pads.truth(seconds)
         air_true, air = self._surroundings(stimulus)
-        measured = self._pad_chains.measure("capacitance", true["capacitance"])[1]
+        measured = self._pad_chains.measure({"capacitance": true["capacitance"]})[1]
         told = self._inversion.tell(measured["capacitance"], air["temperature"], air["humidity"])
         truth, intervals = true | air_true, measured | told | air
         if self._coils is not None:
             coil_true, _ = self._coils.truth(seconds)
-            chain, seen = self._coil_chains.measure("inductance", coil_true["inductance"])
+            chain, seen = self._coil_chains.measure(
+                {name: coil_true[name] for name in ("inductance", "conductance", "susceptance")}
+            )
             truth, intervals = truth | coil_true | chain, intervals | self._believed(seen)
         return self._rows(seconds, stimulus, truth, intervals)
 
@@ -93,9 +95,8 @@ class Run:
         }
         for quantity in self._plan.quantities:
             columns[quantity.column(TRUE)] = _flat(truth[quantity.name], shape)
-            if quantity.measured:
-                columns[quantity.column(LO)] = _flat(intervals[quantity.name].inf, shape)
-                columns[quantity.column(HI)] = _flat(intervals[quantity.name].sup, shape)
+            columns[quantity.column(LO)] = _flat(intervals[quantity.name].inf, shape)
+            columns[quantity.column(HI)] = _flat(intervals[quantity.name].sup, shape)
         return pa.RecordBatch.from_pydict(columns, schema=schema(self._plan.quantities))
 
     def _surroundings(self, stimulus: Stimulus) -> tuple[Columns, dict[str, Interval]]:

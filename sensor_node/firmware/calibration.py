@@ -3,6 +3,9 @@
 A part of value v and tolerance t lies in ``v·[1 - t, 1 + t]``; a sheet is a map of SI values.
 """
 
+from math import sqrt
+
+from sensor_node.firmware.arctangent import arctangent
 from sensor_node.firmware.rounding import TWO_PI_HI, TWO_PI_LO, down, up
 
 TYPE_CHECKING = False
@@ -76,3 +79,44 @@ def half_square(sheet: "Sheet") -> "Bounds":
     supply = part(sheet, "supply")
     lo, hi = product(supply, supply)
     return 0.5 * lo, 0.5 * hi
+
+
+def plates(sheet: "Sheet") -> "Bounds":
+    """``ε0·εr·A``: a capacitance times the distance of its plates (eq. 2)."""
+    permittivity = product((EPSILON_0, EPSILON_0), part(sheet, "relative_permittivity"))
+    return product(permittivity, part(sheet, "plate_area"))
+
+
+def pressed(sheet: "Sheet") -> "tuple[Bounds, Bounds, Bounds, Bounds, float, float]":
+    """A pad: ε0·εr·A, A, distance at rest, elasticity, greatest pressure, what neighbours give."""
+    most = sheet["pressure_max"]
+    return (
+        plates(sheet),
+        part(sheet, "plate_area"),
+        part(sheet, "plate_distance"),
+        part(sheet, "elasticity"),
+        most,
+        up(sheet["crosstalk"] * most),
+    )
+
+
+def platinum(sheet: "Sheet") -> "Bounds":
+    """How far a platinum resistor is off: in K, and for each K away from 0 °C.
+
+    At the true t it shows ``s = t ± (a + b·|t|)``, so t is ``s ± (a + b·(|s| + a)/(1 - b))``.
+    """
+    constant, growing = sheet["tolerance_K"], sheet["tolerance_per_K"]
+    growing = up(growing / down(1.0 - growing))
+    return up(constant + up(growing * constant)), growing
+
+
+def empty_coil(sheet: "Sheet") -> "tuple[Bounds, Bounds]":
+    """``|Z0|/(G·V)`` and ``atan(R/(ωL0))`` of a coil without metal."""
+    resistance = part(sheet, "coil_resistance")
+    omega = product((TWO_PI_LO, TWO_PI_HI), part(sheet, "excitation"))
+    reactance = product(omega, part(sheet, "inductance"))
+    r, x = product(resistance, resistance), product(reactance, reactance)
+    modulus = down(sqrt(down(r[0] + x[0]))), up(sqrt(up(r[1] + x[1])))
+    ratio = quotient(resistance, reactance)
+    driven = product(part(sheet, "drive"), part(sheet, "demodulator_gain"))
+    return quotient(modulus, driven), (arctangent(ratio[0])[0], arctangent(ratio[1])[1])

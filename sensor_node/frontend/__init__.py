@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from sensor_node.frontend.chain import Digitised, Frontend, build_frontend
+from sensor_node.frontend.amplified import Digitised, Frontend
+from sensor_node.frontend.chain import build_frontend
 
 __all__ = ["Digitised", "Frontend", "build_frontend"]

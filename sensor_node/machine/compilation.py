@@ -7,14 +7,32 @@ would take too long. Compiled without any licence to reorder, binary64 gives the
 from __future__ import annotations
 
 import functools
+import math
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 from eskin.kernels.compiled import kernel, part
-from sensor_node.firmware import inversion, logarithm, rounding
+from sensor_node.firmware import arctangent, inversion, logarithm, rounding
+from sensor_node.firmware.inversion import (
+    amplified,
+    capacitive,
+    codes,
+    eddy,
+    humidity,
+    inductive,
+    pad,
+    temperature,
+    touch,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+_MODULES = (
+    *(rounding, logarithm, arctangent),
+    *(codes, amplified, capacitive, inductive, touch, eddy, temperature, humidity, pad),
+)
+"""All that calculates; no two have different things of one name."""
 
 
 @functools.cache
@@ -22,7 +40,8 @@ def compiled_inversion() -> ModuleType:
     """A copy of `sensor_node.firmware.inversion` whose functions are machine code."""
     copy = ModuleType(inversion.__name__)
     shared: dict[str, Any] = vars(copy)
-    for module in (rounding, logarithm, inversion):
+    shared["sqrt"] = math.sqrt
+    for module in _MODULES:
         constants = ((name, value) for name, value in vars(module).items() if _is_number(value))
         shared.update(constants)
         for name, function in _own_functions(module):

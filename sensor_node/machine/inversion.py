@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from sensor_node.machine.converter import Codes
     from sensor_node.taxels import AnyTaxel
+    from sensor_node.taxels.companion import Companion
 
 
 class Inversion:
@@ -24,10 +25,12 @@ class Inversion:
 
     Args:
         taxel: Its settings; never its true parts.
+        companions: What it reads along, by the names of its inputs.
     """
 
-    def __init__(self, taxel: AnyTaxel) -> None:
-        self._taxel = CHAINS[taxel.chain](data_sheet(taxel), compiled_inversion())
+    def __init__(self, taxel: AnyTaxel, companions: Mapping[str, Companion] | None = None) -> None:
+        sheet = data_sheet(taxel, companions)
+        self._taxel = CHAINS[taxel.chain](sheet, compiled_inversion())
 
     def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
         """Quantity to intervals, as many as there are codes."""

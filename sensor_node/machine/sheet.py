@@ -5,16 +5,35 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-if TYPE_CHECKING:
-    from sensor_node.taxels import AnyTaxel
+from sensor_node.noise import joint_coverage
 
-_UNIT: Final = re.compile(r"_(per_m|ohm|m2|m)$")
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sensor_node.taxels import AnyTaxel
+    from sensor_node.taxels.companion import Companion
+
+_UNIT: Final = re.compile(r"_(per_m|ohm|m2|m|Pa)$")
 """Of names in which the unit is a part of the Python name, too."""
 
 
-def data_sheet(taxel: AnyTaxel) -> dict[str, float]:
-    """All numbers of a taxel's settings, in SI units; ``reach``: how far its noise may reach."""
-    numbers = {
+def data_sheet(
+    taxel: AnyTaxel, companions: Mapping[str, Companion] | None = None
+) -> dict[str, float]:
+    """All numbers of a taxel's settings, in SI units; ``reach``: how far its noise may reach.
+
+    The data sheets of what it reads along stand in it, too, under their names and a dot.
+    """
+    sheet = {
         _UNIT.sub("", name): float(value) for name, value in taxel if isinstance(value, int | float)
     }
-    return numbers | {"adc_min": taxel.adc_min, "reach": taxel.noise.reach}
+    sheet |= {"adc_min": taxel.adc_min, "reach": taxel.noise.reach}
+    for role, companion in (companions or {}).items():
+        of_companion = data_sheet(companion.taxel).items()
+        sheet |= {f"{role}.{name}": value for name, value in of_companion}
+    return sheet
+
+
+def coverage(taxel: AnyTaxel, companions: Mapping[str, Companion]) -> float:
+    """Probability that a sample's interval holds the truth, with all that the taxel reads along."""
+    return joint_coverage([taxel.coverage, *(each.taxel.coverage for each in companions.values())])

@@ -49,9 +49,9 @@ class Coils:
         faults: Sequence[FaultSection],
     ) -> None:
         parts = [_draw(taxel, random) for taxel, random in zip(taxels, randoms, strict=True)]
-        self._base, self._change, self._damping = np.array(parts).T[:, :, None]
-        self._resistance = np.array([[taxel.coil_resistance_ohm] for taxel in taxels])
-        self._omega = 2.0 * np.pi * np.array([[taxel.excitation] for taxel in taxels])
+        base, change, damping, self._resistance, hertz = np.array(parts).T[:, :, None]
+        self._base, self._change, self._damping = base, change, damping
+        self._omega = 2.0 * np.pi * hertz
         rows = {taxel.place: row for row, taxel in enumerate(taxels)}
         self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
         self._stage = stage
@@ -60,9 +60,10 @@ class Coils:
         """What is at some times, each quantity an array of coils × times, and what caused it.
 
         Returns:
-            Inductance at the oscillator in H (with faults), distance of the metal in m, and what
-            eddy currents make of the coil's current: its amplitude over the one without metal, and
-            its change of phase in rad.
+            Inductance at the oscillator in H (with faults), distance of the metal in m; what eddy
+            currents make of the coil's current: its amplitude over the one without metal, its
+            change of phase in rad; and the parts of 1/Z, its conductance and its susceptance
+            (inductive: positive), in S.
         """
         stimulus = self._stage.stimulus(seconds)
         fall = self._fall(stimulus)
@@ -78,11 +79,14 @@ class Coils:
                 intact=lambda then: self._base - self._fall(self._stage.stimulus(then)),
                 dead=_OPEN_LINE,
             )
+        admittance = 1.0 / after
         truth = {
             "inductance": inductance,
             "distance": stimulus.metal_distance,
             "eddy_amplitude": np.abs(before) / np.abs(after),
             "eddy_phase": np.angle(before) - np.angle(after),
+            "conductance": admittance.real,
+            "susceptance": -admittance.imag,
         }
         return truth, stimulus
 
@@ -100,16 +104,18 @@ class CoilWorld:
         self._coils = Coils([taxel], [random], stage=stage, faults=script.fault)
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
-        """True inductance in H, distance in m, amplitude, and phase in rad."""
+        """True inductance in H, distance in m, amplitude, phase in rad, parts of 1/Z in S."""
         del random
         truth = {name: values[0] for name, values in self._coils.truth(seconds)[0].items()}
         return Signals(truth, truth)
 
 
-def _draw(taxel: CoilSection, random: np.random.Generator) -> tuple[float, float, float]:
-    """Inductance without metal, its greatest change, damping."""
+def _draw(taxel: CoilSection, random: np.random.Generator) -> tuple[float, ...]:
+    """Inductance without metal, its greatest change, damping, resistance, excitation."""
     return (
         draw_part(random, taxel.inductance, taxel.inductance_tolerance),
         draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance),
         draw_part(random, taxel.damping_per_m, taxel.damping_tolerance),
+        draw_part(random, taxel.coil_resistance_ohm, taxel.coil_resistance_tolerance),
+        draw_part(random, taxel.excitation, taxel.excitation_tolerance),
     )

@@ -3,7 +3,8 @@
 Under a contact of pressure p the layer is compressed to ``d = d0 / (1 + p/E)``: it hardens as it
 gets thinner and never vanishes; E halves it. A contact that covers the share s of the plate A then
 gives ``C = ε·A·[(1-s)/d0 + s/d] = C0·(1 + P/E)`` with the mean pressure ``P = s·p``: the
-capacitance is linear in it (eq. 2, 9 and 10 of the paper at once).
+capacitance is linear in it (eq. 2, 9 and 10 of the paper at once), and the plates' mean distance
+(harmonic over the plate) is ``d0 / (1 + P/E)``.
 
 The permittivity follows the surroundings: ``ε = ε0·εr·[1 + a·(T - 20 °C) + b·(H - 50 %)]``.
 """
@@ -15,9 +16,10 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sensor_node.firmware.calibration import EPSILON_0
+from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
+from sensor_node.firmware.inversion.pad import REFERENCE_TEMPERATURE
 from sensor_node.physics.parameters import draw_part
 from sensor_node.physics.signals import Signals
-from sensor_node.physics.surroundings import REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
 from sensor_node.scenario import Stage, read_scenario
 from sensor_node.skin import break_off
 
@@ -65,8 +67,9 @@ class Pads:
         """What is at some times, each quantity an array of pads × times, and what caused it.
 
         Returns:
-            Capacitance at the oscillator in F (with crosstalk and faults), contact area in m²,
-            plate distance under the contact in m, mean pressure of the contacts in Pa.
+            Capacitance at the oscillator in F (with crosstalk and faults), contact area in m², mean
+            plate distance in m (harmonic over the plate, with crosstalk) and the one under the
+            contact, mean pressure of the contacts in Pa.
         """
         stimulus = self._stage.stimulus(seconds)
         covered = stimulus.covered
@@ -84,7 +87,8 @@ class Pads:
         truth = {
             "capacitance": capacitance,
             "contact_area": covered * self._area,
-            "plate_distance": self._distance / (1.0 + local / self._elasticity),
+            "plate_distance": self._distance / (1.0 + stimulus.felt / self._elasticity),
+            "contact_distance": self._distance / (1.0 + local / self._elasticity),
             "pressure": stimulus.pressure,
         }
         return truth, stimulus
@@ -107,10 +111,15 @@ class PadWorld:
         self._pads = Pads([taxel], [random], stage=stage, faults=script.fault)
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
-        """True capacitance in F, contact area in m², plate distance in m, pressure in Pa."""
+        """True capacitance in F, contact area in m², distances in m, pressure in Pa.
+
+        The air is sensed, too: temperature in °C, humidity in %.
+        """
         del random
-        truth = {name: values[0] for name, values in self._pads.truth(seconds)[0].items()}
-        return Signals(truth, truth)
+        true, stimulus = self._pads.truth(seconds)
+        truth = {name: values[0] for name, values in true.items()}
+        air = {"temperature": stimulus.temperature, "humidity": stimulus.humidity}
+        return Signals(truth, truth | air)
 
 
 def _draw(taxel: PadSection, random: np.random.Generator) -> tuple[float, float, float, float]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
+from sensor_node.physics.air import AirWorld, BodyWorld
 from sensor_node.physics.capacitive import CapacitiveWorld
 from sensor_node.physics.coil import CoilWorld
 from sensor_node.physics.hybrid import HybridWorld
@@ -12,12 +13,15 @@ from sensor_node.physics.pad import PadWorld
 from sensor_node.physics.recorded import RecordedWorld
 from sensor_node.physics.touch import TouchWorld
 from sensor_node.taxels import (
+    BioelectricSection,
     CoilSection,
     HarmonicSection,
+    HygrometerSection,
     PadSection,
     RecordedCapacitanceSection,
     RecordedInductanceSection,
     SwingSection,
+    ThermometerSection,
     TouchSection,
 )
 
@@ -54,6 +58,10 @@ def build_world(taxel: AnyTaxel, random: np.random.Generator) -> World:
             world = CoilWorld(taxel, random)
         case RecordedInductanceSection():
             world = RecordedWorld(taxel, "inductance", random)
+        case ThermometerSection() | HygrometerSection():
+            world = AirWorld(taxel)
+        case BioelectricSection():
+            world = BodyWorld(taxel)
         case _:
             world = HybridWorld(taxel, random)
     return world

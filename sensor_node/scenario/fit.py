@@ -13,11 +13,10 @@ from sensor_node.scenario.file import read_scenario
 _ROUNDING: Final = 1e-9
 
 
-class Staged(Section):
+class Played(Section):
     """What all taxels have that live a scenario."""
 
     scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
-    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
 
     @field_validator("scenario")
     @classmethod
@@ -27,6 +26,12 @@ class Staged(Section):
         except ScenarioError as error:
             raise ValueError(str(error)) from error
         return value
+
+
+class Staged(Played):
+    """What those have that are taxels of the scenario's skin."""
+
+    place: str = Field(description="which taxel of the scenario's skin it is, such as t05")
 
     @field_validator("place")
     @classmethod
@@ -64,3 +69,33 @@ def require_room(scenario: str, plate_area: float) -> None:
             f"plate_area_m2 = {plate_area!r} is more than a taxel of the scenario's skin has, "
             f"{cell:.6g}"
         )
+
+
+def require_crosstalk(scenario: str, bound: float) -> None:
+    """Refuse a skin that hands on more than a taxel's data sheet says.
+
+    Raises:
+        ValueError: It may.
+    """
+    most = read_scenario(scenario).skin.crosstalk
+    if most > bound:
+        raise ValueError(f"crosstalk = {bound!r} is less than the scenario's skin has, {most!r}")
+
+
+def require_air(
+    scenario: str, temperature: tuple[float, float], humidity: tuple[float, float]
+) -> None:
+    """Refuse air beyond what a taxel's data sheet states, in °C and %.
+
+    Raises:
+        ValueError: There is some.
+    """
+    ambient = read_scenario(scenario).ambient
+    stated = (("temperature_Cel", temperature), ("humidity_percent", humidity))
+    for key, (least, most) in stated:
+        values = [value for _, value in getattr(ambient, key)]
+        if min(values) < least or max(values) > most:
+            raise ValueError(
+                f"the scenario's {key} goes from {min(values):g} to {max(values):g}, "
+                f"the data sheet from {least:g} to {most:g}"
+            )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -11,6 +11,11 @@ from eskin.settings import Section
 from sensor_node.scenario.events import ApproachEvent, Event, NoiseEvent
 from sensor_node.scenario.surroundings import AmbientSection, BioelectricSection
 from sensor_node.skin import FaultSection, Shape
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from eskin.interval import Floats
 
 
 class VariationSection(Section):
@@ -54,6 +59,13 @@ class Script(Section):
     coil: dict[str, Any] = Field(
         default={}, description="data sheet of the inductive taxels of a dataset"
     )
+
+    def local(self, seconds: Floats) -> tuple[NDArray[np.int64], Floats]:
+        """Number of the loop, and the time within it, at times in s since the start."""
+        if not self.repeat:
+            return np.zeros(len(seconds), np.int64), seconds
+        loops = np.maximum(np.floor(seconds / self.duration_s), 0.0).astype(np.int64)
+        return loops, seconds - loops * self.duration_s
 
     @property
     def peak_pressure(self) -> float:

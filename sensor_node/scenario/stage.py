@@ -52,10 +52,7 @@ class Stage:
     def stimulus(self, seconds: Floats) -> Stimulus:
         """True causes at times since the start; what comes before is as the start."""
         script = self._script
-        loops, local = np.zeros(len(seconds), np.int64), seconds
-        if script.repeat:
-            loops = np.maximum(np.floor(seconds / script.duration_s), 0.0).astype(np.int64)
-            local = seconds - loops * script.duration_s
+        loops, local = script.local(seconds)
         shape = len(self._rows), len(seconds)
         play = _Play(self, shape)
         for loop in np.unique(loops).tolist():

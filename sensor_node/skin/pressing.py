@@ -1,8 +1,9 @@
 """From a pad's capacitance back to what presses it: each result encloses the truth.
 
-The pad's model (`sensor_node.physics.pad`) backwards: ``P = E·(C/C0 - 1)``. From its mean pressure
-P alone, contact area and plate distance are known within bounds: a contact covers the whole plate
-at most, and presses with ``pressure_max_Pa`` at most.
+The pad's model (`sensor_node.physics.pad`) backwards: the mean plate distance is ``d = ε·A/C``, and
+what the pad feels ``E·(d0/d - 1)``. From its own mean pressure P alone, contact area and distance
+under the contact are known within bounds: a contact covers the whole plate at most, and presses
+with ``pressure_max_Pa`` at most.
 """
 
 from __future__ import annotations
@@ -13,7 +14,8 @@ import numpy as np
 
 from eskin.interval import Interval
 from sensor_node.firmware.calibration import EPSILON_0
-from sensor_node.physics.surroundings import REFERENCE_HUMIDITY, REFERENCE_TEMPERATURE
+from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
+from sensor_node.firmware.inversion.pad import REFERENCE_TEMPERATURE
 
 if TYPE_CHECKING:
     from sensor_node.taxels import PadSection
@@ -35,14 +37,19 @@ class PadInversion:
         permittivity = Interval.relative(
             taxel.relative_permittivity, taxel.relative_permittivity_tolerance
         )
-        self._rest = permittivity * EPSILON_0 * self._area / self._distance
+        self._plates = permittivity * EPSILON_0 * self._area
         self._elasticity = Interval.relative(taxel.elasticity_Pa, taxel.elasticity_tolerance)
         self._per_kelvin = taxel.permittivity_per_K
         self._per_percent = taxel.permittivity_per_percent
         self._most = taxel.pressure_max_Pa
+        felt = Interval(0.0, self._most) * (1.0 + Interval(taxel.crosstalk))
+        self.stated_distance = self._distance / (felt * _EMULATION / self._elasticity + 1.0)
+        """Mean plate distance in m as far as the data sheet alone tells."""
 
-    def felt(self, capacitance: Interval, temperature: Interval, humidity: Interval) -> Interval:
-        """Pressure that the pad feels in Pa, crosstalk included.
+    def plate_distance(
+        self, capacitance: Interval, temperature: Interval, humidity: Interval
+    ) -> Interval:
+        """Mean plate distance in m: harmonic over the plate, crosstalk included.
 
         Args:
             capacitance: In F.
@@ -54,24 +61,17 @@ class PadInversion:
             + (temperature - REFERENCE_TEMPERATURE) * self._per_kelvin
             + (humidity - REFERENCE_HUMIDITY) * self._per_percent
         )
-        ratio = capacitance * _EMULATION / (self._rest * ambient)
-        return (ratio - 1.0) * self._elasticity
+        return self._plates * ambient / (capacitance * _EMULATION)
 
-    def own(self, felt: Interval, crosstalk: float) -> Interval:
-        """Its own mean pressure in Pa, where nothing is known of its neighbours.
-
-        Where noise went beyond its reach nothing is known but ``[0, pressure_max_Pa]``.
-        """
-        whole = Interval(np.zeros(felt.shape), np.full(felt.shape, self._most))
-        cut = whole.intersection(felt - Interval(0.0, crosstalk) * self._most)
-        lost = cut.is_empty
-        return Interval(np.where(lost, whole.inf, cut.inf), np.where(lost, whole.sup, cut.sup))
+    def felt(self, plate_distance: Interval) -> Interval:
+        """Pressure that the pad feels in Pa, crosstalk included, from its mean plate distance."""
+        return (self._distance / plate_distance - 1.0) * self._elasticity
 
     def quantities(self, pressure: Interval) -> dict[str, Interval]:
         """What follows from its own mean pressure.
 
         Returns:
-            Pressure in Pa, contact area in m², plate distance under the contact in m.
+            Pressure in Pa, contact area in m², distance under the contact in m.
         """
         share = Interval(pressure.inf) * _EMULATION / self._most
         local = Interval(pressure.inf, np.full(pressure.shape, self._most)) * _EMULATION
@@ -81,5 +81,5 @@ class PadInversion:
             "contact_area": Interval(
                 np.maximum(area.inf, 0.0), np.full(pressure.shape, float(self._area.sup))
             ),
-            "plate_distance": self._distance / (local / self._elasticity + 1.0),
+            "contact_distance": self._distance / (local / self._elasticity + 1.0),
         }

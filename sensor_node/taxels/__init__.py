@@ -6,6 +6,8 @@ from typing import Annotated, TypeAlias
 
 from pydantic import Field
 
+from sensor_node.taxels.air import HygrometerSection, ThermometerSection
+from sensor_node.taxels.bioelectric import BioelectricSection
 from sensor_node.taxels.capacitive import (
     CapacitiveSection,
     HarmonicSection,
@@ -31,6 +33,9 @@ AnyTaxel: TypeAlias = (
     | CoilSection
     | RecordedInductanceSection
     | HybridSection
+    | ThermometerSection
+    | HygrometerSection
+    | BioelectricSection
 )
 """A taxel of any kind."""
 
@@ -39,10 +44,12 @@ Taxel: TypeAlias = Annotated[AnyTaxel, Field(discriminator="kind")]
 
 __all__ = [
     "AnyTaxel",
+    "BioelectricSection",
     "CapacitiveSection",
     "CoilSection",
     "HarmonicSection",
     "HybridSection",
+    "HygrometerSection",
     "InductiveSection",
     "PadSection",
     "RecordedCapacitanceSection",
@@ -50,6 +57,7 @@ __all__ = [
     "SwingSection",
     "Taxel",
     "TaxelSection",
+    "ThermometerSection",
     "TouchSection",
     "period",
 ]

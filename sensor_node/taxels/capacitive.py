@@ -7,7 +7,13 @@ from typing import ClassVar, Literal, Self
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from sensor_node.replay import Recorded
-from sensor_node.scenario.fit import Staged, require_pressure, require_room
+from sensor_node.scenario.fit import (
+    Staged,
+    require_air,
+    require_crosstalk,
+    require_pressure,
+    require_room,
+)
 from sensor_node.taxels.section import Positive, Rate, TaxelSection, Tolerance, above, unit
 
 
@@ -67,6 +73,14 @@ class PadSection(Staged, CapacitiveSection):
     Two plates with an elastic layer between them; docs/scenarios.md has its model.
     """
 
+    chain: ClassVar[str] = "pad"
+    units: ClassVar[dict[str, str]] = {
+        **CapacitiveSection.units,
+        "plate_distance": "m",
+        "contact_area": "m2",
+        "pressure": "Pa",
+    }
+
     kind: Literal["pad"]
     plate_area_m2: Positive
     plate_area_tolerance: Tolerance = 1e-3
@@ -79,11 +93,39 @@ class PadSection(Staged, CapacitiveSection):
     elasticity_Pa: Positive = Field(default=1e5, description="pressure that halves the distance")
     elasticity_tolerance: Tolerance = 0.02
     pressure_max_Pa: Positive = Field(default=5e4, description="greatest pressure of a contact")
+    crosstalk: float = Field(
+        default=0.1, ge=0, le=0.5, description="share of its neighbours' pressure that it feels"
+    )
+    thermometer: str | None = Field(
+        default=None, description="id of the node's taxel that it reads the temperature from"
+    )
+    hygrometer: str | None = Field(
+        default=None, description="id of the node's taxel that it reads the humidity from"
+    )
+    temperature_min: float = unit("temperature_min_Cel", 0.0, description="without thermometer")
+    temperature_max: float = unit("temperature_max_Cel", 50.0, description="without thermometer")
+    humidity_min: float = unit("humidity_min_percent", 0.0, description="without hygrometer")
+    humidity_max: float = unit("humidity_max_percent", 100.0, description="without hygrometer")
+    plate_distance_prominence: Positive | None = unit("plate_distance_prominence_m", None)
+    contact_area_prominence: Positive | None = unit("contact_area_prominence_m2", None)
+    pressure_prominence: Positive | None = unit("pressure_prominence_Pa", None)
+
+    @property
+    def companions(self) -> dict[str, str]:
+        """What it reads along, at its own instants, to the id of that taxel of its node."""
+        named = {"thermometer": self.thermometer, "hygrometer": self.hygrometer}
+        return {role: name for role, name in named.items() if name is not None}
 
     @model_validator(mode="after")
     def _fits_the_scenario(self) -> Self:
         require_pressure(self.scenario, self.pressure_max_Pa)
         require_room(self.scenario, self.plate_area_m2)
+        require_crosstalk(self.scenario, self.crosstalk)
+        require_air(
+            self.scenario,
+            (self.temperature_min, self.temperature_max),
+            (self.humidity_min, self.humidity_max),
+        )
         return self
 
 

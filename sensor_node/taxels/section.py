@@ -12,7 +12,7 @@ from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo
 
 from eskin.settings import Section
 from sensor_node.machine.crystal import BILLION
-from sensor_node.noise import Noise
+from sensor_node.noise import Noise, joint_coverage
 
 Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
@@ -54,6 +54,8 @@ class TaxelSection(Section):
     """Quantity to UCUM unit, in the order of its channels."""
     chain: ClassVar[str]
     """The measuring chain, as the firmware calls it."""
+    disturbances: ClassVar[int] = 1
+    """How many independent noises disturb one interval, at most."""
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$", description="such as t01")
     noise: Noise = Field(description="disturbance of the measurement")
@@ -64,6 +66,16 @@ class TaxelSection(Section):
     longest_region_s: float = Field(
         default=5.0, gt=0, description="after this time an undecided stretch is reported"
     )
+
+    @property
+    def coverage(self) -> float:
+        """Probability that a sample's interval holds the truth, at least."""
+        return joint_coverage([self.noise.coverage] * self.disturbances)
+
+    @property
+    def companions(self) -> dict[str, str]:
+        """What it reads along, at its own instants, to the id of that taxel of its node."""
+        return {}
 
     def prominence(self, quantity: str) -> float | None:
         """Least prominence of a peak, in the channel's unit; ``None``: peaks are not sought."""

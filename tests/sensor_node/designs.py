@@ -36,6 +36,9 @@ KINDS = {
     "hybrid": ("forearm", 1),
     "pad": ("hand", 0),
     "coil": ("hand", 14),
+    "thermometer": ("hand", 16),
+    "hygrometer": ("hand", 17),
+    "bioelectric": ("hand", 18),
 }
 
 

@@ -77,13 +77,20 @@ def test_channels_of_the_profiles_are_those_of_the_contract(tmp_path: Path) -> N
             *(
                 f"t{n:02d}.{quantity}"
                 for n in (*range(12), 13, 15)
-                for quantity in ("capacitance:F", "current:A")
+                for quantity in (
+                    *("capacitance:F", "current:A", "plate_distance:m"),
+                    *("contact_area:m2", "pressure:Pa"),
+                )
             ),
             *(
                 f"m{n}.{quantity}"
                 for n in ("06", "10")
-                for quantity in ("frequency:Hz", "inductance:H", "distance:m")
+                for quantity in (
+                    *("frequency:Hz", "inductance:H", "distance:m"),
+                    *("eddy_amplitude:1", "eddy_phase:rad"),
+                )
             ),
+            *("a01.temperature:Cel", "a02.humidity:%", "b01.bioelectric:V"),
         ],
     }
 

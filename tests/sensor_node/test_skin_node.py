@@ -1,4 +1,4 @@
-"""The packaged hand as a node: a skin of sixteen taxels that live one scenario."""
+"""The packaged hand as a node: a skin of nineteen taxels that live one scenario."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ def test_hand_lives_its_scenario_and_every_block_holds_its_truth(tmp_path: Path)
     messages = [decode_message(body) for body in bench.bodies()]
     blocks = [message for message in messages if isinstance(message, Block)]
     truth = Truth.read(bench.settings.truth.path, [block.position for block in blocks])
-    assert len(blocks) == 25 * (14 * 2 + 2 * 3)
+    assert len(blocks) == 25 * (14 * 5 + 2 * 5 + 1) + 5 * 2
     for block in blocks:
         assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
     peaks = {message.channel for message in messages if isinstance(message, Peak)}
-    assert {"t05.capacitance", "m06.frequency"} <= peaks
+    assert {"t05.capacitance", "m06.frequency", "b01.bioelectric"} <= peaks
     bench.close()
 
 

@@ -35,6 +35,14 @@ EXACT = {
     for part in ("plate_area", "plate_distance", "relative_permittivity", "elasticity")
 }
 
+KNOWN = {
+    **EXACT,
+    **{f"{part}_tolerance": 0.0 for part in ("resistance", "reference", "transconductance")},
+    **{f"permittivity_per_{unit}": 0.0 for unit in ("K", "percent")},
+    "noise": {"kind": "uniform", "bound": 0.0},
+}
+"""A pad of which everything is known, but what its neighbours hand on."""
+
 
 def pad_of(scene: str, place: str, **changes: Any) -> PadSection:
     made = taxel("pad", scenario=scene, place=place, **changes)
@@ -52,21 +60,25 @@ def test_pad_is_the_parallel_plates_of_its_covered_and_its_free_part(tmp_path: P
     true = truth(taxel("pad", **EXACT, scenario=scene, place="t05", plate_area_m2=9e-5))
     part = {"relative_permittivity": 3.0}
     covered = true["contact_area"]
-    pressed = capacitance(area=covered + 1e-30, distance=true["plate_distance"], **part)
+    pressed = capacitance(area=covered + 1e-30, distance=true["contact_distance"], **part)
     free = capacitance(area=9e-5 - covered, distance=1e-3, **part)
     both = pressed + free
     assert true["capacitance"] == pytest.approx(both.mid, rel=1e-9)
-    assert true["plate_distance"].min() < 0.9e-3
-    assert np.all(true["plate_distance"][covered == 0.0] == 1e-3)
+    mean = capacitance(area=9e-5, distance=true["plate_distance"], **part)
+    assert true["capacitance"] == pytest.approx(mean.mid, rel=1e-9)
+    assert true["contact_distance"].min() < true["plate_distance"].min() < 0.95e-3
+    assert np.all(true["contact_distance"][covered == 0.0] == 1e-3)
 
 
-def test_plate_distance_halves_where_the_pressure_is_the_elasticity(tmp_path: Path) -> None:
+def test_distance_under_a_contact_halves_where_the_pressure_is_the_elasticity(
+    tmp_path: Path,
+) -> None:
     pressure = 1.0 / (np.pi * 4e-3**2)  # of the tap, in Pa
     scene = write(tmp_path, HEAD + TAP)
     design = taxel(
         "pad", **EXACT, scenario=scene, place="t05", plate_area_m2=9e-5, elasticity_Pa=pressure
     )
-    assert truth(design, np.array([1.1]))["plate_distance"] == pytest.approx([0.5e-3])
+    assert truth(design, np.array([1.1]))["contact_distance"] == pytest.approx([0.5e-3])
 
 
 def test_permittivity_follows_temperature_and_humidity(tmp_path: Path) -> None:
@@ -82,7 +94,8 @@ def test_permittivity_follows_temperature_and_humidity(tmp_path: Path) -> None:
 
 
 def test_coil_follows_eq_11_and_its_eddy_currents_the_reflected_impedance() -> None:
-    still = {f"{part}_tolerance": 0.0 for part in ("inductance", "inductance_change", "damping")}
+    parts = ("inductance", "inductance_change", "damping", "coil_resistance", "excitation")
+    still = {f"{part}_tolerance": 0.0 for part in parts}
     true = truth(taxel("coil", **still))
     model = proximity_at(
         true["distance"],
@@ -172,7 +185,7 @@ def pads(draw: st.DrawFn) -> PadSection:
     max_examples=40, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
 )
 @given(pads(), st.integers(0, 2**32), st.booleans())
-def test_pressure_area_and_distance_hold_the_truth(
+def test_felt_pressure_and_distances_hold_the_truth(
     design: PadSection,
     seed: int,
     thin: bool,  # noqa: FBT001 - hypothesis gives it
@@ -186,19 +199,24 @@ def test_pressure_area_and_distance_hold_the_truth(
     error = 0.0 if thin else 1e-3
     measured = Interval.relative(true["capacitance"], error)
     temperature = Interval.around(stimulus.temperature, error)
-    felt = inversion.felt(measured, temperature, Interval(stimulus.humidity))
-    assert np.all(felt.contains(stimulus.felt))
-    told = inversion.quantities(inversion.own(felt, script.skin.crosstalk))
-    for quantity, values in told.items():
+    distance = inversion.plate_distance(measured, temperature, Interval(stimulus.humidity))
+    assert np.all(distance.contains(true["plate_distance"]))
+    assert np.all(inversion.stated_distance.contains(true["plate_distance"]))
+    assert np.all(inversion.felt(distance).contains(stimulus.felt))
+    own = Interval.relative(true["pressure"], error)
+    for quantity, values in inversion.quantities(own).items():
         assert np.all(values.contains(true[quantity])), quantity
 
 
 def test_crosstalk_of_unknown_neighbours_is_taken_in() -> None:
-    stimulus = Stage(read_scenario("hand.toml"), ["t06"]).stimulus(TIMES)
-    inversion = PadInversion(pad_of("hand.toml", "t06"))
-    felt = Interval(stimulus.felt[0])
-    assert np.all(inversion.own(felt, 0.1).contains(stimulus.pressure[0]))
-    assert not np.all(inversion.own(felt, 0.0).contains(stimulus.pressure[0]))
+    design = pad_of("hand.toml", "t06", **KNOWN, adc_bits=20)
+    random = np.random.default_rng(1)
+    signals = build_world(design, random).signals(TIMES, random)
+    codes = build_frontend(design, random).digitise(signals.sensed, random).codes
+    for crosstalk, holds in ((0.1, True), (0.0, False)):
+        believed = design.model_copy(update={"crosstalk": crosstalk})
+        told = Inversion(believed).measure(codes)["pressure"]
+        assert np.all(told.contains(signals.truth["pressure"])) == holds
 
 
 def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
@@ -212,13 +230,14 @@ def test_touch_is_certain_on_a_skin_of_packaged_pads() -> None:
         codes = build_frontend(design, random).digitise({"capacitance": row}, random).codes
         measured = Inversion(design).measure(codes)["capacitance"]
         air = Interval(stimulus.temperature), Interval(stimulus.humidity)
-        felt.append(PadInversion(design).felt(measured, *air))
+        inversion = PadInversion(design)
+        felt.append(inversion.felt(inversion.plate_distance(measured, *air)))
     own = unmix(Interval.stack(felt), stage.skin.neighbours, bound=0.1, most=5e4)
     assert np.all(own.contains(true["pressure"]))
     told = PadInversion(designs[0]).quantities(own)
     assert told["pressure"].inf[5].max() > 0.8 * true["pressure"][5].max()
     assert told["contact_area"].inf[5].max() > 0.15 * true["contact_area"][5].max()
-    assert told["plate_distance"].sup[5].min() < 0.96e-3
+    assert told["contact_distance"].sup[5].min() < 0.96e-3
     # Fingers have no neighbours that are pressed: what touches nothing is never certainly pressed.
     assert not np.any(told["pressure"].inf[20] > 0.0)
 

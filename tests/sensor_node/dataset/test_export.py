@@ -60,7 +60,7 @@ def test_every_interval_holds_its_truth_also_beside_broken_taxels(
 ) -> None:
     found = columns(make(tmp_path / "set", SHORT + TAP + METAL + VARIED + fault))
     triples = intervals(found)
-    assert len(triples) == 10
+    assert len(triples) == 13
     for true, lo, hi in triples:
         holds = (found[lo] <= found[true]) & (found[true] <= found[hi])
         assert holds.all(), (true, int((~holds).sum()))

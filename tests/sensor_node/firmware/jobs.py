@@ -27,7 +27,8 @@ class Recorder:
         self.job: dict[str, Any] = {"boot": 1, "taxels": [], "steps": []}
         self._units: list[ControlUnit] = []
         self._calling = False
-        self._sheets: list[tuple[str, Mapping[str, float]]] = []
+        # By taxel: one that is read along is made within another one.
+        self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
 
@@ -40,12 +41,12 @@ class Recorder:
             make_clock(made, reading, error, drift)
 
         def taxel(made: Taxel, sheet: Mapping[str, float], *rest: Any) -> None:
-            self._sheets.append((kinds[type(made)], sheet))
+            self._sheets[made] = (kinds[type(made)], sheet)
             make_taxel(made, sheet, *rest)
 
         def unit(made: ControlUnit, name: str, calibrated: Taxel, **given: Any) -> None:
             self._units.append(made)
-            self.job["taxels"].append(self._described(name, given))
+            self.job["taxels"].append(self._described(name, calibrated, given))
             make_unit(made, name, calibrated, **given)
 
         monkeypatch.setattr(Clock, "__init__", clock)
@@ -112,8 +113,8 @@ class Recorder:
     def _note(self, unit: ControlUnit, **step: Any) -> None:
         self.job["steps"].append({"taxel": self._units.index(unit), **step})
 
-    def _described(self, name: str, given: dict[str, Any]) -> dict[str, Any]:
-        kind, sheet = self._sheets[-1]
+    def _described(self, name: str, made: Taxel, given: dict[str, Any]) -> dict[str, Any]:
+        kind, sheet = self._sheets[made]
         schedule = given["schedule"]
         return {
             "id": name,

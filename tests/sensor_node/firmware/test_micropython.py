@@ -17,8 +17,9 @@ from eskin.messages import Block, Gap, Peak, Status, decode_message
 from sensor_node.firmware.outbox import FAILED
 from sensor_node.firmware.record import GAP
 from sensor_node.firmware.room import FULL
+from sensor_node.scenario.file import scenario_text
 from tests.micropython.delivery import deliver
-from tests.sensor_node.designs import SECOND, Bench
+from tests.sensor_node.designs import SECOND, Bench, table
 from tests.sensor_node.firmware.jobs import Recorder
 
 ROOM = Path(sensor_node.__file__).parent
@@ -95,3 +96,26 @@ def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
     gaps = [Gap.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == GAP]
     assert {gap.reason for gap in gaps} == {FULL, FAILED}
     assert max(len(gap.lost) for gap in gaps) > 1
+
+
+def test_same_bytes_of_every_taxel_that_lives_a_scenario(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(monkeypatch)
+    # Breath freezes, too: below 0 °C a thermometer has a formula of its own.
+    scene = scenario_text("hand.toml").replace("[0.0, 22.0]", "[0.0, -30.0]")
+    (tmp_path / "scene.toml").write_text(scene)
+    kinds = ("thermometer", "hygrometer", "bioelectric", "coil", "pad")
+    changes: dict[str, Any] = {"scenario": str(tmp_path / "scene.toml"), "sampling_Hz": 50.0}
+    taxels = [table(kind, **changes) for kind in kinds]
+    taxels[0]["adc_min"] = 0.4
+    taxels[-1] |= {"place": "t05", "temperature_min_Cel": -40.0}
+    bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"encoding": "f64"})
+    bench.run_to(10.0)
+    bench.node.finish()
+    said = [body.hex() for body in bench.bodies()]
+    bench.close()
+    assert under_micropython(recorder.job, tmp_path) == said
+    blocks = [decode_message(bytes.fromhex(body)) for body in said]
+    channels = {block.channel for block in blocks if isinstance(block, Block)}
+    assert len(channels) == 1 + 1 + 1 + 5 + 5

@@ -6,6 +6,7 @@ import mpmath
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sensor_node.firmware.arctangent import arctangent
 from sensor_node.firmware.logarithm import logarithm
 from sensor_node.firmware.rounding import LEAST, MOST, TWO_PI_HI, TWO_PI_LO, down, up
 
@@ -48,3 +49,19 @@ def test_logarithm_is_enclosed_tightly(x: float) -> None:
 def test_logarithm_of_zero_and_infinity_is_unbounded() -> None:
     assert logarithm(0.0) == (-math.inf, -math.inf)
     assert logarithm(math.inf) == (math.inf, math.inf)
+
+
+@given(st.one_of(st.floats(allow_nan=False), st.floats(-3.0, 3.0), st.floats(0.999, 1.001)))
+def test_arctangent_is_enclosed_tightly(x: float) -> None:
+    lo, hi = arctangent(x)
+    with mpmath.workprec(1200):
+        exact = mpmath.atan(mpmath.mpf(x))
+        assert lo <= exact <= hi
+        assert hi - lo <= 3e-14 * abs(float(exact)) + 1e-322
+
+
+def test_arctangent_of_infinity_is_a_right_angle() -> None:
+    lo, hi = arctangent(math.inf)
+    with mpmath.workprec(200):
+        assert lo < mpmath.pi / 2 < hi
+    assert arctangent(-math.inf) == (-hi, -lo)

@@ -14,7 +14,7 @@ import sensor_node
 from eskin.errors import SettingsError
 from sensor_node.flash import Flash
 from sensor_node.machine.budget import PROGRAM, ram_budget, require_fit, taxel_objects
-from sensor_node.service import build_node
+from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import Bench, settings
 from tests.sensor_node.firmware.jobs import Recorder
@@ -77,13 +77,14 @@ def test_node_that_does_not_fit_is_refused_with_numbers_and_remedy(
     tmp_path: Path,
 ) -> None:
     small = settings(tmp_path, "hand", machine={"ram_bytes": 262_144})
-    flash, truth = Flash(small.flash.path, capacity=10**6), Truth(small.truth.path, limit=10**6)
+    flash, truth = Flash(small.flash.path), Truth(small.truth.path, limit=10**6)
+    outbox = build_outbox(flash, capacity=10**6, broker=small.broker)
     need = ram_budget(small).total
     assert need > 262_144
     with pytest.raises(
         SettingsError, match=r"machine\.ram_bytes: 262144 bytes do not hold"
     ) as error:
-        build_node(small, flash=flash, truth=truth)
+        build_node(small, outbox=outbox, truth=truth)
     assert f"needs {need} (program" in str(error.value)
     assert "fewer sampling.block_samples than 250" in str(error.value)
     require_fit(settings(tmp_path, "hand", machine={"ram_bytes": need}))

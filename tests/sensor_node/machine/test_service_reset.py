@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from eskin.messages import Gap, ResetCause, Result, Status
 from sensor_node.flash import Flash
-from sensor_node.service import _serve
+from sensor_node.service import _serve, build_outbox
 from sensor_node.truth import Truth
 from tests.processes import wait_until
 from tests.sensor_node.designs import settings
@@ -30,10 +30,11 @@ if TYPE_CHECKING:
 @contextmanager
 def serving(given: NodeSettings) -> Iterator[None]:
     """A node's service in a thread."""
-    flash = Flash(given.flash.path, capacity=10**8, epoch=1)
+    flash = Flash(given.flash.path, epoch=1)
+    outbox = build_outbox(flash, capacity=10**8, broker=given.broker)
     truth = Truth(given.truth.path, limit=10**8)
     stop = threading.Event()
-    thread = threading.Thread(target=_serve, args=(given, flash, truth, stop))
+    thread = threading.Thread(target=_serve, args=(given, outbox, truth, stop))
     thread.start()
     try:
         yield

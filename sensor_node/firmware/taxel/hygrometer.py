@@ -1,0 +1,39 @@
+"""A capacitive polymer that measures the humidity."""
+
+from sensor_node.firmware.calibration import oscillator, part
+from sensor_node.firmware.taxel.taxel import Taxel
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.inversion import Buffer, Codes
+
+
+class HygrometerTaxel(Taxel):
+    """Relative humidity by a capacitive polymer, over the chain of Fig. 3."""
+
+    quantities = (("humidity", "%"),)
+    inputs = ("current",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._factor = oscillator(sheet)
+        self._rest = part(sheet, "capacitance")
+        self._sensitivity = part(sheet, "sensitivity")
+        self._error = sheet["error_percent"]
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Relative humidity in %."""
+        self._functions.measure_humidity(
+            codes[0],
+            n,
+            self._last,
+            self._adc,
+            self._reach,
+            self._factor,
+            self._rest,
+            self._sensitivity,
+            self._error,
+            *bounds,
+        )

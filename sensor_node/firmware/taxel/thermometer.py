@@ -1,0 +1,30 @@
+"""A platinum resistor that measures the temperature."""
+
+from sensor_node.firmware.calibration import part, platinum
+from sensor_node.firmware.rounding import down, up
+from sensor_node.firmware.taxel.taxel import Taxel
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.inversion import Buffer, Codes
+
+
+class ThermometerTaxel(Taxel):
+    """Temperature by a platinum resistor in a divider (IEC 60751)."""
+
+    quantities = (("temperature", "Cel"),)
+    inputs = ("share",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        series, nominal = part(sheet, "series_resistance"), sheet["nominal"]
+        self._divider = down(series[0] / nominal), up(series[1] / nominal)
+        self._tolerance = platinum(sheet)
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Temperature in °C."""
+        self._functions.measure_temperature(
+            codes[0], n, self._last, self._adc, self._reach, self._divider, self._tolerance, *bounds
+        )

@@ -1,0 +1,40 @@
+"""A touch that covers a plate."""
+
+from sensor_node.firmware.calibration import half_square, oscillator, plate, quotient
+from sensor_node.firmware.rounding import up
+from sensor_node.firmware.taxel.taxel import Taxel
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.inversion import Buffer, Codes
+
+
+class TouchTaxel(Taxel):
+    """Area, capacitance and energy of a touch."""
+
+    quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
+    inputs = ("current",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._factor = oscillator(sheet)
+        per_area = plate(sheet)
+        self._area_factor = quotient((1.0, 1.0), per_area)
+        self._energy_factor = half_square(sheet)
+        self._reaches = self._reach, up(per_area[1] * self._reach)
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Area in m², capacitance in F, energy in J."""
+        self._functions.measure_touch(
+            codes[0],
+            n,
+            self._last,
+            self._adc,
+            self._reaches,
+            self._factor,
+            self._area_factor,
+            self._energy_factor,
+            *bounds,
+        )

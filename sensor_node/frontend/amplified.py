@@ -1,0 +1,47 @@
+"""What all analogue chains have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
+    from eskin.interval import Floats
+    from sensor_node.machine.converter import Codes, Converter
+
+
+@dataclass(frozen=True, slots=True)
+class Digitised:
+    """What the chain made of the signals.
+
+    Attributes:
+        truth: Quantities that come to be in the chain, without noise.
+        codes: One array of ADC codes an input.
+    """
+
+    truth: dict[str, Floats]
+    codes: dict[str, Codes]
+
+
+class Frontend(Protocol):
+    """An analogue chain with its ADC."""
+
+    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+        """Run the chain on what the sensor gives."""
+
+    def amplify(self, gain: float) -> None:
+        """Set the amplifier before the converter."""
+
+
+class Amplified:
+    """What all chains have: a converter behind an amplifier."""
+
+    _converter: Converter
+
+    def amplify(self, gain: float) -> None:
+        """Set the amplifier before the converter."""
+        self._converter.gain = gain
