@@ -140,6 +140,22 @@ def _codes(design: AnyTaxel, read_along: dict[str, Companion], seed: int) -> Any
     return frontend.digitise(signals.sensed, random).codes
 
 
+def test_sensor_that_is_read_along_is_the_one_that_the_node_has() -> None:
+    read_along = companions(4, noise=QUIET)
+    design = taxel("pad", place="t05")
+    random = np.random.default_rng(1)
+    build_world(design, random)
+    build_frontend(design, random, read_along)
+    instants = np.sort(random.uniform(0.0, 60.0, 200))
+    codes = _codes(design, read_along, 1)["thermometer"]
+    for seed, same in (((4, 0), True), ((5, 0), False)):
+        sensor = taxel("thermometer", noise=QUIET)
+        true = np.random.default_rng(seed)
+        sensed = build_world(sensor, true).signals(instants, random).sensed
+        own = build_frontend(sensor, true).digitise(sensed, random).codes["share"]
+        assert np.array_equal(codes, own) == same
+
+
 def test_broken_thermometer_leaves_the_pad_open_and_never_wrong() -> None:
     design = taxel("pad", place="t05")
     read_along = companions(1)

@@ -159,6 +159,8 @@ def test_stuck_taxel_stays_and_dead_one_saturates(tmp_path: Path) -> None:
         assert len(set(found["capacitance_true_F"][rows])) == 1
         assert np.isneginf(found["capacitance_lo_F"][rows]).all() == (kind == "dead")
         assert np.ptp(found["pressure_true_Pa"][rows]) > 1e3
+        lo, true, hi = (found[f"plate_distance_{side}_m"][rows] for side in ("lo", "true", "hi"))
+        assert np.all((lo <= true) & (true <= hi))
 
 
 def test_data_sheets_of_the_scenario_are_used(tmp_path: Path) -> None:
