@@ -9,7 +9,7 @@ side of the quarter turn the angle lies. In half turns nothing is rounded but th
 On the rest, ``|z| <= 0.83`` rad (``k`` may be off by rounding where the angle is great), Taylor
 polynomials stand in. Rounded to floats, with a relative error of 1.2 u, are only the terms from
 ``z**9`` on for the sine, at most 6e-7 of it, and from ``z**8`` on for the cosine, at most 8.3e-6
-of it; with truncation after ``z**19`` and ``z**20`` that stays below ``2**-65``.
+of it; with truncation after ``z**21`` and ``z**20`` that stays below ``2**-65``.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ _C6: Final = (-0.001388888888888889, 5.300543954373577e-20)
 @inlined
 def _sine_tail(t: float) -> float:
     """The terms of ``sin(z)/z`` from ``t⁴`` on, divided by it, for ``t = z²``."""
-    tail = fma(t, -8.22063524662433e-18, 2.8114572543455206e-15)
+    tail = fma(t, 1.9572941063391263e-20, -8.22063524662433e-18)
+    tail = fma(t, tail, 2.8114572543455206e-15)
     tail = fma(t, tail, -7.647163731819816e-13)
     tail = fma(t, tail, 1.6059043836821613e-10)
     tail = fma(t, tail, -2.505210838544172e-08)
