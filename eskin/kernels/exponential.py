@@ -130,12 +130,17 @@ def _long_tail(r: float) -> float:
 
 
 @inlined
-def expm1_of_rest(r: Two) -> Two:
-    """``exp(r) - 1`` for ``|r| <= 0.3467``."""
+def expm1_excess(r: Two) -> Two:
+    """``(exp(r) - 1 - r)/r²`` for ``|r| <= 0.3467``, within ``2**-62``."""
     sum_ = two_words.add(_QUARTER_OF_SIXTH, two_words.scaled(r, _long_tail(r[0])))
     sum_ = two_words.add(_SIXTH, two_words.mul(r, sum_))
-    sum_ = two_words.add((0.5, 0.0), two_words.mul(r, sum_))
-    sum_ = two_words.add((1.0, 0.0), two_words.mul(r, sum_))
+    return two_words.add((0.5, 0.0), two_words.mul(r, sum_))
+
+
+@inlined
+def expm1_of_rest(r: Two) -> Two:
+    """``exp(r) - 1`` for ``|r| <= 0.3467``."""
+    sum_ = two_words.add((1.0, 0.0), two_words.mul(r, expm1_excess(r)))
     return two_words.mul(r, sum_)
 
 

@@ -135,15 +135,3 @@ def libm_up(value: float) -> float:
 def libm_down(value: float) -> float:
     """At most what a libm good to one ulp meant: two floats down, but not beyond its sign."""
     return -libm_up(-value)
-
-
-@part
-def widen_up(x: float, ulps: int) -> float:
-    """At least ``x + ulps`` floats, at most two floats more: for a libm with a known error."""
-    return next_up(x + (ulps * 2.0**-52) * abs(x) + 5e-324 * ulps)
-
-
-@part
-def widen_down(x: float, ulps: int) -> float:
-    """At most ``x - ulps`` floats."""
-    return -widen_up(-x, ulps)

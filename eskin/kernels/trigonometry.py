@@ -1,10 +1,12 @@
-"""Sine, cosine and tangent of intervals, IEEE 1788-2015 clause 10.5.3.
+"""Sine, cosine and tangent of intervals, IEEE 1788-2015 clause 10.5.3: at most a float too wide.
 
-A scalar libm is good to less than one ulp where it is any good (glibc, musl and Apple's claim 0.51
-to 0.98 ulp for these functions), but nobody certifies it: its results are moved by two floats.
+An angle is reduced to whole quarter turns and a rest whose sign is certain
+(`eskin.kernels.circular`). So a turning point lies inside exactly where its number lies between
+the first quarter turn that is reached and the last.
 
-Each turning point is looked for with a tolerance that is far above the error of the reduction to
-one turn, and so small that what it lets in differs from the truth by less than a float.
+Beyond 2⁴⁸ rad only a single number is reduced: by a scalar libm, which does so exactly. It is good
+to less than one ulp where it is any good (glibc, musl and Apple's claim 0.51 to 0.98 ulp for these
+functions), but nobody certifies it: its results are moved by two floats.
 """
 
 from __future__ import annotations
@@ -12,136 +14,108 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import kernel, part
-from eskin.kernels.instructions import fma
-from eskin.kernels.rounding import libm_down, libm_up, sub_up
+from eskin.kernels import two_words
+from eskin.kernels.arithmetic import unless_empty
+from eskin.kernels.circular import LARGEST, floor_of_quarters, reduced, sine_and_cosine, sine_of
+from eskin.kernels.compiled import inlined, kernel, part
+from eskin.kernels.rounding import greater, lesser, libm_down, libm_up
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
+    from eskin.kernels.circular import Turned
 
-TURN: Final = 6.283185307179586
-"""2π to the nearest float, and what is missing."""
-TURN_REST: Final = 2.4492935982947064e-16
-HALF_TURN: Final = 3.141592653589793
-QUARTER: Final = 1.5707963267948966
-LARGEST: Final = 2.0**48
-"""Beyond it, only a single number is reduced: by libm, which does so exactly."""
-NEAR: Final = 1e-9
-"""Nearer to a pole, signs decide."""
-TOLERANCE: Final = 1e-10
-"""``1 - cos(1e-10) < 1e-20``."""
+_QUOTIENT_ERROR: Final = 2.0 * two_words.RELATIVE_ERROR
 
 
-@part
-def within_turn(x: float) -> float:
-    """``x`` less whole turns: in ``[-π, π]``, good to 1e-14 for ``|x| <= LARGEST``."""
-    turns = math.floor(x / TURN + 0.5)
-    return fma(-turns, TURN_REST, fma(-turns, TURN, x))
+@inlined
+def _reaches(turned_a: Turned, turned_b: Turned, place: float, period: float) -> bool:
+    """Whether ``place + n·period`` quarter turns lie between two angles; a period of 2 or 4."""
+    first = turned_a[0] + (1.0 if turned_a[1][0] > 0.0 else 0.0) - place
+    last = turned_b[0] - (1.0 if turned_b[1][0] < 0.0 else 0.0) - place
+    share = 4.0 / period
+    return -period * floor_of_quarters(-share * first) <= last
 
 
-@part
-def reaches(start: float, width: float, point: float) -> bool:
-    """Whether ``[start, start + width]`` reaches a point, or all but."""
-    return (start - TOLERANCE <= point) & (point <= start + width + TOLERANCE)
+@inlined
+def _near(x: float) -> float:
+    """The angle where it is reduced here, else zero."""
+    return x if abs(x) <= LARGEST else 0.0
 
 
-@part
-def is_wild(a: float, b: float) -> bool:
-    """Whether nothing is known but ``[-1, 1]``."""
-    return (sub_up(b, a) >= TURN) | ((max(-a, b) > LARGEST) & (a != b))
+@inlined
+def _range(from_: Turned, to: Turned) -> Pair:
+    """Range of the sine between two angles."""
+    first, last = sine_of(from_), sine_of(to)
+    rises = (first[0] < last[0]) | ((first[0] == last[0]) & (first[1] <= last[1]))
+    lo = two_words.below((first[0] if rises else last[0], first[1] if rises else last[1]))
+    hi = two_words.above((last[0] if rises else first[0], last[1] if rises else first[1]))
+    bottom, top = _reaches(from_, to, -1.0, 4.0), _reaches(from_, to, 1.0, 4.0)
+    return (-1.0 if bottom else greater(lo, -1.0)), (1.0 if top else lesser(hi, 1.0))
 
 
-@part
-def libm_down_from_zero(value: float) -> float:
-    """At most a value whose zero is exact."""
-    return 0.0 if value == 0.0 else libm_down(value)
+@inlined
+def _sine_pair(a: float, b: float) -> Pair:
+    from_, to = reduced(_near(a)), reduced(_near(b))
+    return _range(from_, to)
 
 
-@part
-def libm_up_from_zero(value: float) -> float:
-    """At least a value whose zero is exact."""
-    return 0.0 if value == 0.0 else libm_up(value)
+@inlined
+def _cosine_pair(a: float, b: float) -> Pair:
+    from_, to = reduced(_near(a)), reduced(_near(b))
+    lo, hi = _range((from_[0] + 1.0, from_[1]), (to[0] + 1.0, to[1]))
+    return (1.0 if (a == 0.0) & (b == 0.0) else lo), hi
 
 
-@part
-def sin_pair(a: float, b: float) -> Pair:
-    """``sin x``."""
-    if is_wild(a, b):
-        return -1.0, 1.0
-    first, last = math.sin(a), math.sin(b)
-    lo, hi = libm_down_from_zero(min(first, last)), libm_up_from_zero(max(first, last))
-    if a != b:
-        start, width = within_turn(a), sub_up(b, a)
-        if reaches(start, width, QUARTER) or reaches(start, width, 5.0 * QUARTER):
-            hi = 1.0
-        if reaches(start, width, -QUARTER) or reaches(start, width, 3.0 * QUARTER):
-            lo = -1.0
-    return max(lo, -1.0), min(hi, 1.0)
+@inlined
+def _tangent_pair(a: float, b: float) -> Pair:
+    from_, to = reduced(_near(a)), reduced(_near(b))
+    sine, cosine = sine_and_cosine(from_)
+    sine_b, cosine_b = sine_and_cosine(to)
+    lo = two_words.below_by(two_words.div(sine, cosine), _QUOTIENT_ERROR)
+    hi = two_words.above_by(two_words.div(sine_b, cosine_b), _QUOTIENT_ERROR)
+    pole = _reaches(from_, to, 1.0, 2.0)
+    return (-math.inf if pole else lo), (math.inf if pole else hi)
 
 
 @part
-def cos_pair(a: float, b: float) -> Pair:
-    """``cos x``."""
-    if is_wild(a, b):
-        return -1.0, 1.0
-    if a == 0.0 and b == 0.0:
-        return 1.0, 1.0
-    first, last = math.cos(a), math.cos(b)
-    lo, hi = libm_down(min(first, last)), libm_up(max(first, last))
-    if a != b:
-        start, width = within_turn(a), sub_up(b, a)
-        if reaches(start, width, 0.0) or reaches(start, width, TURN):
-            hi = 1.0
-        if reaches(start, width, HALF_TURN) or reaches(start, width, -HALF_TURN):
-            lo = -1.0
-        if reaches(start, width, 3.0 * HALF_TURN):
-            lo = -1.0
-    return max(lo, -1.0), min(hi, 1.0)
-
-
-@part
-def passes_pole(start: float, width: float, first: float, last: float) -> bool:
-    """Whether an odd quarter turn lies inside; beside one, the tangent's sign tells the side."""
-    pole = -QUARTER
-    for _ in range(4):
-        from_start, to_end = pole - start, start + width - pole
-        left = from_start > NEAR or (from_start > -NEAR and first > 0.0)
-        right = to_end > NEAR or (to_end > -NEAR and last < 0.0)
-        if left and right:
-            return True
-        pole += HALF_TURN
-    return False
-
-
-@part
-def tan_pair(a: float, b: float) -> Pair:
-    """``tan x``: grows from pole to pole."""
-    first, last = math.tan(a), math.tan(b)
-    if a != b:
-        width = sub_up(b, a)
-        if width > HALF_TURN or max(-a, b) > LARGEST:
-            return -math.inf, math.inf
-        if passes_pole(within_turn(a), width, first, last):
-            return -math.inf, math.inf
-    return libm_down_from_zero(first), libm_up_from_zero(last)
+def _is_far(a: float, b: float) -> bool:
+    return (a <= b) & (greater(-a, b) > LARGEST)
 
 
 @kernel
 def sin(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
     """Sines."""
     for k in range(lo.size):
-        lo[k], hi[k] = sin_pair(a[k], b[k]) if a[k] <= b[k] else (math.inf, -math.inf)
+        low, high = _sine_pair(a[k], b[k])
+        lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
+    for k in range(lo.size):
+        if _is_far(a[k], b[k]):
+            single, value = a[k] == b[k], math.sin(a[k])
+            lo[k] = max(libm_down(value), -1.0) if single else -1.0
+            hi[k] = min(libm_up(value), 1.0) if single else 1.0
 
 
 @kernel
 def cos(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
     """Cosines."""
     for k in range(lo.size):
-        lo[k], hi[k] = cos_pair(a[k], b[k]) if a[k] <= b[k] else (math.inf, -math.inf)
+        low, high = _cosine_pair(a[k], b[k])
+        lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
+    for k in range(lo.size):
+        if _is_far(a[k], b[k]):
+            single, value = a[k] == b[k], math.cos(a[k])
+            lo[k] = max(libm_down(value), -1.0) if single else -1.0
+            hi[k] = min(libm_up(value), 1.0) if single else 1.0
 
 
 @kernel
 def tan(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
-    """Tangents."""
+    """Tangents: they grow from pole to pole."""
     for k in range(lo.size):
-        lo[k], hi[k] = tan_pair(a[k], b[k]) if a[k] <= b[k] else (math.inf, -math.inf)
+        low, high = _tangent_pair(a[k], b[k])
+        lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
+    for k in range(lo.size):
+        if _is_far(a[k], b[k]):
+            single, value = a[k] == b[k], math.tan(a[k])
+            lo[k] = libm_down(value) if single else -math.inf
+            hi[k] = libm_up(value) if single else math.inf

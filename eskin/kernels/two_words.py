@@ -56,6 +56,13 @@ def add(x: Two, y: Two) -> Two:
 
 
 @inlined
+def leading(x: Two, y: Two) -> Two:
+    """``x + y`` for ``|x| >= 2|y|``, where nothing cancels; or where ``y`` is zero."""
+    high, low = ordered(x[0], y[0])
+    return ordered(high, low + (x[1] + y[1]))
+
+
+@inlined
 def sub(x: Two, y: Two) -> Two:
     """``x - y``, also where they cancel."""
     return add(x, (-y[0], -y[1]))

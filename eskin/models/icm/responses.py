@@ -12,6 +12,7 @@ from eskin.models.icm.ecfes import voltage_rows
 from eskin.models.icm.layout import lay_out
 from eskin.models.icm.magfes import current_rows
 from eskin.models.icm.source import source_rows
+from eskin.models.icm.thin import thin_current_rows, thin_voltage_rows
 from eskin.models.parameters import finite, not_negative, positive
 
 if TYPE_CHECKING:
@@ -65,7 +66,7 @@ def magfes_current(
         positive("coil_resistance", coil_resistance),
         positive("inductance", inductance),
     ]
-    return _evaluate(time, parameters, current_rows, current_boxes)
+    return _evaluate(time, parameters, (thin_current_rows, current_rows, current_boxes))
 
 
 def ecfes_voltage(
@@ -106,7 +107,7 @@ def ecfes_voltage(
         positive("capacitor_resistance", capacitor_resistance),
         positive("capacitance", capacitance),
     ]
-    return _evaluate(time, parameters, voltage_rows, voltage_boxes)
+    return _evaluate(time, parameters, (thin_voltage_rows, voltage_rows, voltage_boxes))
 
 
 def source_voltage(
@@ -136,12 +137,14 @@ def source_voltage(
 
 
 def _evaluate(
-    time: ArrayLike, parameters: list[Parameter], fast: Kernel, general: Kernel
+    time: ArrayLike, parameters: list[Parameter], kernels: tuple[Kernel, Kernel, Kernel]
 ) -> Interval:
-    """Rows of thin frequency and phase by the fast kernel, the others by the general one."""
+    """Each row by the kernel for what is thin: all but the amplitude; the source; neither."""
     work = lay_out(time, parameters)
-    thin = (work.rows[:, 2] == work.rows[:, 3]) & (work.rows[:, 4] == work.rows[:, 5])
-    return _run(work, [(fast, thin), (general, ~thin)])
+    _, f, phase, r, other = (work.rows[:, k] == work.rows[:, k + 1] for k in range(0, 10, 2))
+    source = f & phase
+    thin = source & r & other
+    return _run(work, list(zip(kernels, (thin, source & ~thin, ~source), strict=True)))
 
 
 def _run(work: Layout, share: list[tuple[Kernel, NDArray[np.bool_]]]) -> Interval:

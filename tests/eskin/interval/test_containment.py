@@ -134,6 +134,28 @@ def test_function_of_two_is_isotonic(
     assert ours(Interval(middle, hi), Interval(other[1])).subset(whole)
 
 
+@pytest.mark.parametrize("name", ["sin", "cos", "tan"])
+@settings(max_examples=300)
+@given(
+    x=st.one_of(
+        st.floats(-(2.0**48), 2.0**48),
+        st.floats(-10.0, 10.0),
+        st.integers(-(2**48), 2**48).map(lambda quarters: quarters * 0.5 * np.pi),
+    )
+)
+def test_angle_is_at_most_a_float_from_the_tightest_bounds(name: str, x: float) -> None:
+    assume(abs(x) <= 2.0**48)
+    ours, exact = UNARY[name]
+    result = ours(Interval(x))
+    with mpmath.workprec(300):
+        truth = exact(mpmath.mpf(x))
+        near = float(truth)
+        above = near if mpmath.mpf(near) >= truth else float(np.nextafter(near, np.inf))
+        below = near if mpmath.mpf(near) <= truth else float(np.nextafter(near, -np.inf))
+    assert 0 <= ulps_between(above, float(result.sup)) <= 1
+    assert 0 <= ulps_between(float(result.inf), below) <= 1
+
+
 @pytest.mark.parametrize("name", ["sin", "cos"])
 def test_turning_points_are_found_at_every_magnitude(name: str) -> None:
     ours, exact = UNARY[name]

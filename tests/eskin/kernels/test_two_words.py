@@ -8,7 +8,7 @@ import flint
 import numpy as np
 import pytest
 
-from eskin.kernels import arctangent, exponential, logarithm, two_words
+from eskin.kernels import arctangent, circular, exponential, logarithm, two_words
 from eskin.kernels.compiled import part
 
 if TYPE_CHECKING:
@@ -25,6 +25,8 @@ SMALL = 10.0 ** RANDOM.uniform(-20.0, 2.0, N)
 BESIDE_ONE = 1.0 + RANDOM.uniform(-0.5, 1.0, N) * 10.0 ** RANDOM.uniform(-15.0, 0.0, N)
 POSITIVE = np.concatenate([WIDE, SMALL, BESIDE_ONE, RANDOM.uniform(0.0, 2.0, N)])
 UNIT = POSITIVE[POSITIVE < 1.0]
+TURNS = RANDOM.integers(-(2**47), 2**47, N) * (0.5 * np.pi)  # beside a zero of sine or cosine
+ANGLES = np.concatenate([POSITIVE[POSITIVE < 2.0**48], TURNS, np.arange(1.0, 99.0) * np.pi / 4.0])
 EXPONENTS = np.concatenate([RANDOM.uniform(-600.0, 700.0, N), RANDOM.uniform(-1.0, 1.0, N), -SMALL])
 
 
@@ -58,6 +60,26 @@ def acos(x: float) -> two_words.Two:
     return arctangent.angle_of(arctangent.cosine_of(x), (x, 0.0))
 
 
+@part
+def sin(x: float) -> two_words.Two:
+    return circular.sine_of(circular.reduced(x))
+
+
+@part
+def cos(x: float) -> two_words.Two:
+    return circular.sine_and_cosine(circular.reduced(x))[1]
+
+
+@part
+def sinpi(x: float) -> two_words.Two:
+    return circular.sine_and_cosine(circular.reduced_of_half_turns(x, 0.0))[0]
+
+
+@part
+def cospi(x: float) -> two_words.Two:
+    return circular.sine_and_cosine(circular.reduced_of_half_turns(x, 0.0))[1]
+
+
 @pytest.fixture(autouse=True)
 def _many_bits() -> Iterable[None]:
     before = flint.ctx.prec
@@ -82,6 +104,10 @@ def _many_bits() -> Iterable[None]:
         (exponential.exp10_of, lambda x: (x * flint.arb(10).log()).exp(), EXPONENTS / 3.0),
         (atan, flint.arb.atan, POSITIVE),
         (acos, flint.arb.acos, UNIT),
+        (sin, flint.arb.sin, ANGLES),
+        (cos, flint.arb.cos, ANGLES),
+        (sinpi, flint.arb.sin_pi, POSITIVE[POSITIVE % 1.0 != 0.0]),
+        (cospi, flint.arb.cos_pi, POSITIVE[POSITIVE % 1.0 != 0.5]),
     ],
 )
 def test_function_is_within_half_of_its_error(

@@ -129,8 +129,12 @@ def test_thin_parameters_hold_the_plain_formula_within_a_few_ulp(
     plain -= (np.sin(phase) - x * np.cos(phase)) * np.exp(-t / tau)
     plain *= 5.0 / resistance / (1.0 + x * x)
     peak = np.max(np.abs(plain))
-    assert np.all(got.sup - got.inf <= 128 * np.spacing(peak))
-    assert np.all(np.abs(plain - got.inf) <= 64 * np.spacing(peak))
+    assert np.all(
+        np.abs(plain - got.inf) <= 64 * np.spacing(peak)
+    )  # what the formula may be off by
+    width = (got.sup - got.inf) / np.spacing(np.abs(plain))
+    assert np.median(width) <= 2.0
+    assert np.all(got.sup - got.inf <= 4 * np.spacing(peak))
 
 
 @pytest.mark.parametrize("t", [5e-324, 1e-310, 1e-200, 1e-30, 1e-12])
