@@ -16,6 +16,7 @@ from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.machine.sheet import data_sheet
 from sensor_node.physics import build_world
+from sensor_node.physics.touch import TouchWorld
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
@@ -108,12 +109,20 @@ class EmulatedTaxel:
             if record.kind == BLOCK
         ]
         self.next = self.control_unit.schedule.frame(frame.number + 1)
+        self._adjust()
         return records, true_blocks
 
     def amplify(self, gain: float) -> list[Record]:
         """Set the amplifier before the converter; gives undecided peaks."""
-        self._frontend.amplify(gain)
-        return self.control_unit.amplify(gain)
+        records = self.control_unit.amplify(gain)
+        self._adjust()
+        return records
+
+    def adapt(self, *, on: bool) -> list[Record]:
+        """Let the node set gain, trimmer and plates, or go back to the designed ones."""
+        records = self.control_unit.adapt(int(on))
+        self._adjust()
+        return records
 
     def sample_every(self, dt: int) -> list[Record]:
         """Sample with another period, ns, from the next frame on; gives undecided peaks."""
@@ -123,8 +132,8 @@ class EmulatedTaxel:
 
     def reset(self) -> list[Record]:
         """Go back to the design; gives undecided peaks."""
-        self._frontend.amplify(1.0)
         records = self.control_unit.reset(self.next.start)
+        self._adjust()
         self.next = self.control_unit.schedule.frame(0)
         return records
 
@@ -143,6 +152,13 @@ class EmulatedTaxel:
     def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
         return self.control_unit.skip(0)
+
+    def _adjust(self) -> None:
+        """Set the hardware as the control unit has chosen, for the next frame."""
+        chosen = self.control_unit.adaptation
+        self._frontend.adjust(chosen.gain, chosen.trim)
+        if isinstance(self._world, TouchWorld):
+            self._world.move(chosen.plate)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the start, or since the burst's trigger."""
