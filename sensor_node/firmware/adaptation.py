@@ -85,7 +85,7 @@ class Adaptation:
         if self._saturates(least, most):
             self._damp_most(1 if least <= 0 else -1)
         elif not self._fits(self.gain, lo, hi, _NEAR):
-            self._damp(lo, hi)
+            self._damp(lo, hi, least, most)
         elif self._relaxes(lo, hi):
             self._quiet += 1
             if self._quiet >= QUIET:
@@ -127,7 +127,7 @@ class Adaptation:
         below = least <= 0 and not self._ends_in_nothing(offset)
         return below or most >= self._codes - 1
 
-    def _damp(self, lo: float, hi: float) -> None:
+    def _damp(self, lo: float, hi: float, least: int, most: int) -> None:
         """The greatest gain that fits; plates apart or together where none does."""
         gain = self.gain
         while gain > self._gains[0] and not self._fits(gain, lo, hi, _NEAR):
@@ -135,7 +135,7 @@ class Adaptation:
         if self._fits(gain, lo, hi, _NEAR):
             self._set_gain(gain)
         else:
-            self._damp_most(1 if 0.5 * (lo + hi) < self._centre else -1)
+            self._damp_most(1 if least + most < self._codes else -1)
 
     def _damp_most(self, apart: int) -> None:
         """The least gain; where it stands already, other plates."""

@@ -140,10 +140,7 @@ class ControlUnit:
 
     def _rests(self) -> bool:
         """Whether nothing touches, as far as is known."""
-        for unit in self.units:
-            if unit.away:
-                return False
-        return True
+        return not any(unit.away for unit in self.units)
 
     def _adjust(self, plate: int) -> "list[Record]":
         """Calculate with the chosen settings; peaks end where plates move from another step."""

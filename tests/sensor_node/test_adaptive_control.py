@@ -45,13 +45,12 @@ PLATES: dict[str, Any] = {"actuator_steps": 8, "actuator_step_m": 2.5e-4}
 
 
 def made(folder: Path, **changes: Any) -> Bench:
-    bench = Bench(
+    return Bench(
         folder,
         "palm",
         taxel=(table("touch", **(TOO_LARGE | changes)),),
         sampling={"block_samples": 50, "encoding": "f64"},
     )
-    return bench
 
 
 def blocks(bench: Bench, channel: str = "t01.area") -> list[Block]:
@@ -103,7 +102,7 @@ def assert_damped(bench: Bench) -> None:
     true = np.array([values.mean() for values in truths(bench, blocks(bench))])[: len(middles)]
     order = np.argsort(true)
     steps = np.diff(middles[order])
-    assert steps.min() > -2e-8  # m²: noise of 50 samples' mean
+    assert steps.min() > -2e-7  # m²: trimmer and plates leave that open, of a swing of 9e-5
     assert np.ptp(middles) > 0.9 * np.ptp(true)
     assert_truth_is_inside(bench)
 
@@ -121,7 +120,7 @@ def test_plates_that_move_apart_keep_it_unsaturated_and_monotone(tmp_path: Path)
     while bench.ticks < 20e9:
         bench.run_to(bench.ticks / 1e9 + 0.2)
         seen.add(chosen.plate)
-    assert seen == {0, 1, 2}
+    assert len(seen) > 3
     assert_damped(bench)
     bench.close()
 

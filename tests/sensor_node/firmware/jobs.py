@@ -66,7 +66,7 @@ class Recorder:
 
         monkeypatch.setattr(ControlUnit, "process", processed)
         monkeypatch.setattr(ControlUnit, "skip", skipped)
-        for name in ("calibrate", "amplify", "smooth", "set_threshold", "sample_every"):
+        for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
             self._watch_setting(monkeypatch, name)
         gap, status = Scribe.gap, Scribe.status
 
