@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -25,9 +25,15 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.firmware.record import Channel, Record, Scribe
     from sensor_node.firmware.schedule import Frame
+    from sensor_node.frontend import Digitised
     from sensor_node.machine.clock import Clock
+    from sensor_node.physics import Signals
     from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
+
+
+UNRECORDED: Final = "nothing recorded"
+"""Reason of a gap where a replayed recording has one."""
 
 
 class EmulatedTaxel:
@@ -62,6 +68,7 @@ class EmulatedTaxel:
         self._noise_seed = noise_seed
         self._clock = clock
         self._boot = boot
+        self._scribe = scribe
         self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), functions)
         self.control_unit = ControlUnit(
             taxel.id,
@@ -92,12 +99,29 @@ class EmulatedTaxel:
         frame = self.next
         random = np.random.default_rng((*self._noise_seed, frame.start))
         signals = self._world.signals(self._seconds(frame), random)
+        records: list[Record] = []
+        true_blocks: list[TrueBlock] = []
+        for begin, end, present in signals.runs(frame.n):
+            part = frame.part(begin, end)
+            if present:
+                said, truth = self._measure(part, signals.part(begin, end), random)
+                records += said
+                true_blocks += truth
+            else:
+                records += self._miss(part)
+        self.next = self.control_unit.schedule.frame(frame.number + 1)
+        return records, true_blocks
+
+    def _measure(
+        self, frame: Frame, signals: Signals, random: np.random.Generator
+    ) -> tuple[list[Record], list[TrueBlock]]:
         digitised = self._frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        codes = [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
-        records = self.control_unit.process(frame, codes)
+        ends = [self._codes(self._frontend.digitise(end, random)) for end in signals.ends]
+        records = self.control_unit.process(frame, *(ends or [self._codes(digitised)]))
+        self._adjust()
         time = self._clock.true_time(frame.start)
-        true_blocks = [
+        return records, [
             TrueBlock(
                 Position(self._boot, record.sequence),
                 record.channel,
@@ -108,9 +132,16 @@ class EmulatedTaxel:
             for record in records
             if record.kind == BLOCK
         ]
-        self.next = self.control_unit.schedule.frame(frame.number + 1)
-        self._adjust()
-        return records, true_blocks
+
+    def _codes(self, digitised: Digitised) -> list[array[int]]:
+        return [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
+
+    def _miss(self, frame: Frame) -> list[Record]:
+        """Say that there was nothing to sample."""
+        known = self._clock.known
+        time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
+        records = self.control_unit.skip(frame.n)
+        return [*records, self._scribe.gap(UNRECORDED, time, frame.n * len(self.channels))]
 
     def amplify(self, gain: float) -> list[Record]:
         """Set the amplifier before the converter; gives undecided peaks."""

@@ -1,5 +1,7 @@
 """The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
 
+from array import array
+
 from sensor_node.firmware.adaptation import Adaptation
 from sensor_node.firmware.channel import SAMPLES, ChannelUnit
 from sensor_node.firmware.record import Channel
@@ -71,9 +73,18 @@ class ControlUnit:
         """What it measures."""
         return [unit.channel for unit in self.units]
 
-    def process(self, frame: "Frame", codes: "Sequence[Codes]") -> "list[Record]":
-        """Measure one frame: each channel's block, and the peaks that are decided now."""
+    def process(
+        self, frame: "Frame", codes: "Sequence[Codes]", other: "Sequence[Codes]" = ()
+    ) -> "list[Record]":
+        """Measure one frame: each channel's block, and the peaks that are decided now.
+
+        Where the input was an interval, there are codes of its one end and of its other one; what
+        is told encloses both.
+        """
         self._taxel.measure(codes, frame.n, self._bounds)
+        if other:
+            self._enclose(other, frame.n)
+            codes = list(codes) + list(other)
         records: list[Record] = []
         for unit in self.units:
             records += unit.tell(frame, self.mode, self._encoding)
@@ -137,6 +148,16 @@ class ControlUnit:
             unit.baseline.forget()
             unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)
         return records
+
+    def _enclose(self, codes: "Sequence[Codes]", n: int) -> None:
+        """Widen what is measured, so that it encloses what other codes tell."""
+        found = [array("d", bytes(8 * n)) for _ in self._bounds]
+        self._taxel.measure(codes, n, found)
+        for j in range(0, len(found), 2):
+            lows, highs = self._bounds[j], self._bounds[j + 1]
+            for k in range(n):
+                lows[k] = min(lows[k], found[j][k])
+                highs[k] = max(highs[k], found[j + 1][k])
 
     def _rests(self) -> bool:
         """Whether nothing touches, as far as is known."""
