@@ -11,7 +11,7 @@ from eskin import design, models, noise
 from eskin.errors import EskinError
 from eskin.interval import Answer, Interval
 from eskin.messages import Block, Encoding, decode_message
-from eskin.peaks import PeakDetector, PeakEvent, Peaks, PeakStream, Verdict, find_peaks
+from eskin.peaks import PeakEvent, Peaks, PeakStream, Verdict, find_peaks
 from eskin.tube import Tube
 
 __all__ = [
@@ -20,7 +20,6 @@ __all__ = [
     "Encoding",
     "EskinError",
     "Interval",
-    "PeakDetector",
     "PeakEvent",
     "PeakStream",
     "Peaks",

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Record
     from sensor_node.node import Node
 
-_OF_TAXEL: Final = ("gain", "smoothing", "rate", "mode")
+_OF_TAXEL: Final = ("adaptive", "gain", "smoothing", "rate", "mode")
 
 
 class NodeControls:
@@ -88,7 +88,8 @@ class NodeControls:
         for name, taxel in self._taxels.items():
             unit = taxel.control_unit
             state[name] = {
-                "gain": unit.gain,
+                "adaptive": "on" if unit.adaptive else "off",
+                "gain": unit.adaptation.gain,
                 "smoothing": unit.smoothing,
                 "rate": BILLION / unit.schedule.dt,
                 "mode": unit.mode,
@@ -106,6 +107,8 @@ def _set(taxel: EmulatedTaxel, arguments: Arguments) -> list[Record]:
         names = [each.channel.name for each in unit.units]
         k = names.index(str(arguments["channel"]))
         said += unit.set_threshold(k, float(arguments["threshold"]))
+    if "adaptive" in arguments:
+        said += taxel.adapt(on=arguments["adaptive"] == "on")
     if "gain" in arguments:
         said += taxel.amplify(float(arguments["gain"]))
     if "smoothing" in arguments:
@@ -126,6 +129,8 @@ def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> li
         del arguments["rate"]
     if place in [each.channel.name for each in unit.units] and "threshold" in settings:
         arguments = {"channel": place, "threshold": settings["threshold"]}
+    if arguments.get("adaptive") == ("on" if unit.adaptive else "off"):
+        del arguments["adaptive"]
     # What is as designed needs no change, and costs no peaks.
     if arguments.get("rate") == BILLION / unit.schedule.dt:
         del arguments["rate"]

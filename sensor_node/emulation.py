@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from array import array
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.machine.sheet import coverage, data_sheet
 from sensor_node.physics import build_world
+from sensor_node.physics.touch import TouchWorld
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
@@ -26,10 +27,16 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.firmware.record import Channel, Record, Scribe
     from sensor_node.firmware.schedule import Frame
+    from sensor_node.frontend import Digitised
     from sensor_node.machine.clock import Clock
+    from sensor_node.physics import Signals
     from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
     from sensor_node.taxels.companion import Companion
+
+
+UNRECORDED: Final = "nothing recorded"
+"""Reason of a gap where a replayed recording has one."""
 
 
 class EmulatedTaxel:
@@ -74,7 +81,7 @@ class EmulatedTaxel:
         """
         taxel = self._taxel
         self._boot = number
-        self._frontend.amplify(1.0)
+        self._scribe = scribe
         self._calibrated = CHAINS[taxel.chain](data_sheet(taxel, self._companions), self._functions)
         self.control_unit = ControlUnit(
             taxel.id,
@@ -114,15 +121,32 @@ class EmulatedTaxel:
         frame = self.next
         random = np.random.default_rng((*self._seed, self._boot, frame.start))
         signals = self._world.signals(self._seconds(frame), random)
+        records: list[Record] = []
+        true_blocks: list[TrueBlock] = []
+        for begin, end, present in signals.runs(frame.n):
+            part = frame.part(begin, end)
+            if present:
+                said, truth = self._measure(part, signals.part(begin, end), random)
+                records += said
+                true_blocks += truth
+            else:
+                records += self._miss(part)
+        self.next = self.control_unit.schedule.frame(frame.number + 1)
+        return records, true_blocks
+
+    def _measure(
+        self, frame: Frame, signals: Signals, random: np.random.Generator
+    ) -> tuple[list[Record], list[TrueBlock]]:
         digitised = self._frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        codes = [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
+        ends = [self._codes(self._frontend.digitise(end, random)) for end in signals.ends]
         try:
-            records = self.control_unit.process(frame, codes)
+            records = self.control_unit.process(frame, *(ends or [self._codes(digitised)]))
         except Exception as error:
             raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
+        self._adjust()
         time = self._clock.true_time(frame.start)
-        true_blocks = [
+        return records, [
             TrueBlock(
                 Position(self._boot, record.sequence),
                 record.channel,
@@ -133,13 +157,28 @@ class EmulatedTaxel:
             for record in records
             if record.kind == BLOCK
         ]
-        self.next = self.control_unit.schedule.frame(frame.number + 1)
-        return records, true_blocks
+
+    def _codes(self, digitised: Digitised) -> list[array[int]]:
+        return [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
+
+    def _miss(self, frame: Frame) -> list[Record]:
+        """Say that there was nothing to sample."""
+        known = self._clock.known
+        time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
+        records = self.control_unit.skip(frame.n)
+        return [*records, self._scribe.gap(UNRECORDED, time, frame.n * len(self.channels))]
 
     def amplify(self, gain: float) -> list[Record]:
         """Set the amplifier before the converter; gives undecided peaks."""
-        self._frontend.amplify(gain)
-        return self.control_unit.amplify(gain)
+        records = self.control_unit.amplify(gain)
+        self._adjust()
+        return records
+
+    def adapt(self, *, on: bool) -> list[Record]:
+        """Let the node set gain, trimmer and plates, or go back to the designed ones."""
+        records = self.control_unit.adapt(int(on))
+        self._adjust()
+        return records
 
     def sample_every(self, dt: int) -> list[Record]:
         """Sample with another period, ns, from the next frame on; gives undecided peaks."""
@@ -149,8 +188,8 @@ class EmulatedTaxel:
 
     def reset(self) -> list[Record]:
         """Go back to the design; gives undecided peaks."""
-        self._frontend.amplify(1.0)
         records = self.control_unit.reset(self.next.start)
+        self._adjust()
         self.next = self.control_unit.schedule.frame(0)
         return records
 
@@ -174,6 +213,13 @@ class EmulatedTaxel:
     def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
         return self.control_unit.skip(0)
+
+    def _adjust(self) -> None:
+        """Set the hardware as the control unit has chosen, for the next frame."""
+        chosen = self.control_unit.adaptation
+        self._frontend.adjust(chosen.gain, chosen.trim)
+        if isinstance(self._world, TouchWorld):
+            self._world.move(chosen.plate)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the emulation began, or since the burst's trigger."""

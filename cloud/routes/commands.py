@@ -55,6 +55,9 @@ class ArgumentsBody(BaseModel):
     mode: Literal["samples", "peaks", "adaptive"] | None = Field(
         default=None, description="what the node sends"
     )
+    adaptive: Literal["on", "off"] | None = Field(
+        default=None, description="whether the node sets gain, trimmer and plates by itself"
+    )
     taxel: str | None = Field(default=None, description="of this taxel; none means all")
     channel: str | None = Field(default=None, description="of this channel, with threshold")
 

@@ -109,8 +109,31 @@ physics, and measures it through its chain:
 Others are passed over. A file whose name ends in `.parquet` is Parquet, all others are CSV with a
 header. NaN, times that stand twice or run backwards, and a file that ends in mid-line end the
 replay there, with a line in the log that says file, place and reason; what stood before is
-replayed. A gap (more than 1.5 periods without a sample) is logged and stays one: where nothing
-was recorded, the converter saturates. Of a recorded interval a value from inside is replayed.
+replayed. A gap (more than 1.5 periods without a sample) is logged and travels as one: where
+nothing was recorded there is no sample, but a gap message, and no peak is joined across. A recorded
+interval travels unshrunk: both its ends are measured, and what the node tells encloses both; an
+unbounded side stays unbounded.
+
+## Adaptive control
+
+The paper's G(t) follows stimulus and environment. With `adaptive = true` in a taxel's table, or by
+the command `set` with `adaptive` (`on`, `off`), the control unit chooses after each frame how the
+next one is measured; [settings](settings.md) has the keys.
+
+- **Gain** (`gain_least` to `gain_most`): where codes come near an end of the converter's range, or
+  would if they moved on as far as in this frame, it falls before the next frame; after four frames
+  in which twice of it would fit with room, it doubles.
+- **Trimmer** (`trimmer_steps`, `trimmer_step`): an offset taken away before the converter. It
+  follows the drifting rest, and stays where something touches.
+- **Plates** (`actuator_steps`, `actuator_step_m`; `kind = "touch"` only): they move apart where the
+  gain is at its least and a touch still covers too much, and back when it has gone.
+
+Each setting has its tolerance, belongs to a frame, and is part of the calculation: intervals
+enclose the truth through every change, and a contact that stays is never trimmed away. Frames
+(`sampling.block_samples`) are what it reacts in: within one, a sudden touch may still saturate,
+and then says so. A trimmer makes up for a converter whose range does not begin at 0. The profile
+hand leaves it off: there the tolerances of parts, not the converter's steps, make the intervals of
+capacitance wide.
 """
 
 

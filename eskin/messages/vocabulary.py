@@ -75,8 +75,9 @@ RANGES: Final = {
     "smoothing": Range(0.0, 0.99, "weight of the past in each sample, 0 for none"),
     "rate": Range(1e-3, 1e6, "samples in a second"),
 }
-"""Settings that are numbers; ``mode`` is the one that is not."""
-SETTINGS: Final = (*RANGES, "mode")
+"""Settings that are numbers; ``mode`` and ``adaptive`` are not."""
+SWITCH: Final = ("on", "off")
+SETTINGS: Final = (*RANGES, "mode", "adaptive")
 
 _ALLOWED: Final = {
     CommandName.CALIBRATE: ("taxel",),
@@ -89,8 +90,8 @@ def check_arguments(name: CommandName, arguments: Mapping[str, object]) -> Argum
     """Check a command's arguments.
 
     - ``calibrate``: a ``taxel``; none means all.
-    - ``set``: a ``threshold`` with its ``channel``; or any of ``gain``, ``smoothing``, ``rate`` and
-      ``mode``, of one ``taxel`` or of all.
+    - ``set``: a ``threshold`` with its ``channel``; or any of ``gain``, ``smoothing``, ``rate``,
+      ``mode`` and ``adaptive``, of one ``taxel`` or of all.
     - ``reset``: nothing.
 
     Returns:
@@ -120,6 +121,10 @@ def _check(field: str, value: object) -> Value:
     if field == "mode":
         if value not in Mode.__members__.values():
             raise CommandError(field, value, ", ".join(Mode))
+        return str(value)
+    if field == "adaptive":
+        if value not in SWITCH:
+            raise CommandError(field, value, ", ".join(SWITCH))
         return str(value)
     pattern = CHANNEL if field == "channel" else TAXEL
     if not isinstance(value, str) or pattern.fullmatch(value) is None:

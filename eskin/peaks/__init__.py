@@ -12,15 +12,14 @@ For a prominence p and samples ``[lo_k, hi_k]``:
 For any signal x inside the tube: N_certain <= len(find_peaks(x, prominence=p)) <= N_certain +
 N_possible. A gap ends a signal, and another begins behind it.
 
-Memory is constant, so the search runs over a stream in pieces: `PeakStream` is compiled,
-`PeakDetector` is pure Python, as on a microcontroller. Both give the same events.
+Memory is constant, so the search runs over a stream in pieces: `PeakStream`. A node's firmware
+searches in plain Python and gives the same events.
 """
 
 from __future__ import annotations
 
-from eskin.peaks.detector import PeakDetector
 from eskin.peaks.event import PeakEvent, Verdict
 from eskin.peaks.stream import PeakStream, find_peaks
 from eskin.peaks.table import Peaks
 
-__all__ = ["PeakDetector", "PeakEvent", "PeakStream", "Peaks", "Verdict", "find_peaks"]
+__all__ = ["PeakEvent", "PeakStream", "Peaks", "Verdict", "find_peaks"]

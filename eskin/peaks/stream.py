@@ -31,12 +31,12 @@ _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
 class PeakStream:
     """Finds the peaks of a tube that arrives in pieces, in constant memory.
 
-    Gives the events of `PeakDetector`, the same search in pure Python.
-
     Args:
         prominence: Least prominence p > 0, in the signal's unit.
-        longest_region: Samples after which undecided regions are reported as possible; see
-            `PeakDetector`.
+        longest_region: Samples after which undecided regions are reported as possible; ``None``
+            waits for the end. The search goes on: a peak reported like this may still prove
+            certain and is reported again then, so that the number of certain ones stays exact and
+            the number of possible ones an upper bound.
 
     Raises:
         ValueError: The prominence is not positive and finite.

@@ -42,6 +42,12 @@ class Baseline:
             self.lo, self.hi = lo, hi
         return self.known
 
+    def scale(self, ratio: "tuple[float, float]") -> None:
+        """Take what is measured from now on as greater by a positive ratio."""
+        lo, hi = self.lo, self.hi
+        self.lo = down(lo * (ratio[0] if lo >= 0.0 else ratio[1]))
+        self.hi = up(hi * (ratio[1] if hi >= 0.0 else ratio[0]))
+
     def stays(
         self, lows: "Sequence[float]", highs: "Sequence[float]", n: int, threshold: float
     ) -> bool:

@@ -67,11 +67,46 @@ def oscillator(sheet: "Sheet") -> "Bounds":
     return quotient(part(sheet, "transconductance"), below)
 
 
-def plate(sheet: "Sheet") -> "Bounds":
+def trimmer(sheet: "Sheet", steps: int) -> "Bounds":
+    """What the trimmer takes away at one of its steps, in the converter's unit."""
+    size = abs(steps) * sheet["trimmer_step"] * (sheet["adc_max"] - sheet["adc_min"])
+    slack = up(sheet["trimmer_tolerance"] + _EMULATION)
+    lo, hi = down(size * down(1.0 - slack)), up(size * up(1.0 + slack))
+    if steps == 0:
+        return 0.0, 0.0
+    return (lo, hi) if steps > 0 else (-hi, -lo)
+
+
+def adjusted(
+    adc: "tuple[float, float, float, float, float]", gain: "Bounds", trim: "Bounds"
+) -> "tuple[float, float, float, float, float]":
+    """A converter's calibration in terms of what is before amplifier and trimmer."""
+    lo, hi = adc[2], adc[3]
+    if trim != (0.0, 0.0):
+        lo, hi = down(lo + trim[0]), up(hi + trim[1])
+    return (
+        down(adc[0] / gain[1]),
+        up(adc[1] / gain[0]),
+        down(lo / (gain[1] if lo >= 0.0 else gain[0])),
+        up(hi / (gain[0] if hi >= 0.0 else gain[1])),
+        adc[4],
+    )
+
+
+def distance(sheet: "Sheet", steps: int) -> "Bounds":
+    """Distance of the plates in m, with their actuator at one of its steps."""
+    lo, hi = part(sheet, "plate_distance")
+    if steps > 0:
+        step = part(sheet, "actuator_step")
+        lo, hi = down(lo + down(steps * step[0])), up(hi + up(steps * step[1]))
+    return lo, hi
+
+
+def plate(sheet: "Sheet", steps: int) -> "Bounds":
     """``ε/d``: a plate's capacitance for each area (eq. 2)."""
     permittivity = EPSILON_0 * sheet["relative_permittivity"]
     bounds = down(permittivity), up(permittivity)
-    return quotient(bounds, part(sheet, "plate_distance"))
+    return quotient(bounds, distance(sheet, steps))
 
 
 def half_square(sheet: "Sheet") -> "Bounds":

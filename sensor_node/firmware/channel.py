@@ -25,6 +25,9 @@ _HEARTBEAT = 40
 class ChannelUnit:
     """Measures one channel.
 
+    Attributes:
+        away: Whether its last frame was possibly farther from its rest than a touch.
+
     Args:
         channel: Its name, unit, period and coverage.
         schedule: When it samples.
@@ -54,6 +57,7 @@ class ChannelUnit:
         self._scribe = scribe
         self._silent = 0
         self._calibrating = False
+        self.away = False
         self.restart(schedule, threshold, 0.0)
 
     def restart(self, schedule: "Schedule", threshold: float, smoothing: float) -> None:
@@ -74,6 +78,7 @@ class ChannelUnit:
         if self._calibrating:
             self._calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
         at_rest = self.baseline.stays(self.lows, self.highs, frame.n, self.threshold)
+        self.away = self.baseline.known and self.threshold > 0.0 and not at_rest
         records = []
         if mode == SAMPLES or (mode == ADAPTIVE and self._speaks(at_rest=at_rest)):
             time = self._clock.enclosure(frame.start, frame.n * frame.dt)

@@ -1,5 +1,8 @@
 """The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
 
+from array import array
+
+from sensor_node.firmware.adaptation import Adaptation
 from sensor_node.firmware.channel import SAMPLES, ChannelUnit
 from sensor_node.firmware.record import Channel
 
@@ -44,7 +47,8 @@ class ControlUnit:
     ) -> None:
         self.name = name
         self.mode = SAMPLES
-        self.gain = 1.0
+        self.adaptation = Adaptation(taxel.sheet)
+        self.adaptive = self._designed_adaptive = taxel.sheet["adaptive"] != 0.0
         self.smoothing = 0.0
         self.schedule = self.designed = schedule
         self._taxel = taxel
@@ -69,12 +73,26 @@ class ControlUnit:
         """What it measures."""
         return [unit.channel for unit in self.units]
 
-    def process(self, frame: "Frame", codes: "Sequence[Codes]") -> "list[Record]":
-        """Measure one frame: each channel's block, and the peaks that are decided now."""
+    def process(
+        self, frame: "Frame", codes: "Sequence[Codes]", other: "Sequence[Codes]" = ()
+    ) -> "list[Record]":
+        """Measure one frame: each channel's block, and the peaks that are decided now.
+
+        Where the input was an interval, there are codes of its one end and of its other one; what
+        is told encloses both.
+        """
         self._taxel.measure(codes, frame.n, self._bounds)
+        adjustable = list(codes[: self._taxel.amplified])
+        if other:
+            self._enclose(other, frame.n)
+            adjustable += other[: self._taxel.amplified]
         records: list[Record] = []
         for unit in self.units:
             records += unit.tell(frame, self.mode, self._encoding)
+        if self.adaptive:
+            plate = self.adaptation.plate
+            self.adaptation.adapt(adjustable, frame.n, rests=self._rests())
+            records += self._adjust(plate)
         return records
 
     def skip(self, samples: int) -> "list[Record]":
@@ -91,9 +109,19 @@ class ControlUnit:
 
     def amplify(self, gain: float) -> "list[Record]":
         """Calculate with another gain of the amplifier; gives the peaks that stay undecided."""
-        self.gain = gain
-        self._taxel.amplify(gain)
+        self.adaptation.amplify(gain)
+        self._adjust(self.adaptation.plate)
         return self._restart(self.smoothing)
+
+    def adapt(self, on: int) -> "list[Record]":
+        """Let gain, trimmer and plates be set here, or go back to the designed ones.
+
+        Gives the peaks that stay undecided.
+        """
+        self.adaptive = on != 0
+        plate = self.adaptation.plate
+        self.adaptation.reset()
+        return self._adjust(plate)
 
     def smooth(self, weight: float) -> "list[Record]":
         """Seek peaks in smoothed samples; gives those that stay undecided."""
@@ -114,13 +142,38 @@ class ControlUnit:
         """Go back to the design, from a moment on; gives undecided peaks."""
         records = self.skip(0)
         self.mode = SAMPLES
-        self.gain = 1.0
         self.smoothing = 0.0
-        self._taxel.amplify(1.0)
+        records += self.adapt(self._designed_adaptive)
         self.schedule = self.designed.at_period(self.designed.dt, origin)
         for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
             unit.baseline.forget()
             unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)
+        return records
+
+    def _enclose(self, codes: "Sequence[Codes]", n: int) -> None:
+        """Widen what is measured, so that it encloses what other codes tell."""
+        found = [array("d", bytes(8 * n)) for _ in self._bounds]
+        self._taxel.measure(codes, n, found)
+        for j in range(0, len(found), 2):
+            lows, highs = self._bounds[j], self._bounds[j + 1]
+            for k in range(n):
+                lows[k] = min(lows[k], found[j][k])
+                highs[k] = max(highs[k], found[j + 1][k])
+
+    def _rests(self) -> bool:
+        """Whether nothing touches, as far as is known."""
+        return not any(unit.away for unit in self.units)
+
+    def _adjust(self, plate: int) -> "list[Record]":
+        """Calculate with the chosen settings; peaks end where plates move from another step."""
+        settings, records = self.adaptation, []
+        self._taxel.adjust(settings.gain, settings.trim)
+        if settings.plate != plate:
+            ratio = self._taxel.move(plate, settings.plate)
+            for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
+                if quantity in self._taxel.plated:
+                    records += unit.skip(0)
+                    unit.baseline.scale(ratio)
         return records
 
     def _restart(self, smoothing: float) -> "list[Record]":

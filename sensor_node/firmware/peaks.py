@@ -5,7 +5,7 @@ For a prominence p and samples ``[lo_k, hi_k]`` a certain peak is a < b < c with
 between a and c. The same search on the optimistic side (``hi_b - lo_a``, ``hi_b - lo_c``) counts
 the peaks that some signal has; what it finds beyond the certain ones is possible.
 
-The same events as those of `eskin.peaks`, which works on whole arrays.
+The same events as those of `eskin.peaks`, which is compiled: tests hold it to this.
 """
 
 from sensor_node.firmware.rounding import INFINITY, down, up
@@ -138,10 +138,16 @@ class PeakDetector:
         self._undecided: list[Span] = []
 
     def feed(self, lows: "Sequence[float]", highs: "Sequence[float]", n: int) -> "list[PeakEvent]":
-        """Take the next samples; give what is decided now, in order of its end."""
+        """Take the next samples; give what is decided now, in order of its end.
+
+        A sample of which a bound is no number is missing: a gap.
+        """
         events: list[PeakEvent] = []
         for k in range(n):
-            self._take(lows[k], highs[k], events)
+            if lows[k] == lows[k] and highs[k] == highs[k]:
+                self._take(lows[k], highs[k], events)
+            else:
+                events += self.gap(0)
             self._index += 1
         return events
 

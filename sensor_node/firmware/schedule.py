@@ -27,6 +27,18 @@ class Frame:
         self.dt = dt
         self.closes = closes
 
+    def part(self, begin: int, end: int) -> "Frame":
+        """Some of its samples; it closes with the last."""
+        return Frame(
+            self.number,
+            self.first + begin,
+            self.start + begin * self.dt,
+            self.trigger,
+            end - begin,
+            self.dt,
+            closes=self.closes and end == self.n,
+        )
+
     @property
     def end(self) -> int:
         """Ticks at which the frame is complete."""

@@ -33,8 +33,8 @@ class Frontend(Protocol):
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Run the chain on what the sensor gives."""
 
-    def amplify(self, gain: float) -> None:
-        """Set the amplifier before the converter."""
+    def adjust(self, gain: float, trim: int) -> None:
+        """Set the amplifier before the converter, and the trimmer to one of its steps."""
 
 
 class Amplified:
@@ -42,6 +42,6 @@ class Amplified:
 
     _converter: Converter
 
-    def amplify(self, gain: float) -> None:
-        """Set the amplifier before the converter."""
-        self._converter.gain = gain
+    def adjust(self, gain: float, trim: int) -> None:
+        """Set the amplifier before the converter, and the trimmer to one of its steps."""
+        self._converter.adjust(gain, trim)

@@ -21,7 +21,7 @@ class BioelectricFrontend(Amplified):
     """Voltage of the skin → amplifier with an offset → bipolar ADC."""
 
     def __init__(self, taxel: BioelectricSection, random: np.random.Generator) -> None:
-        self._gain = draw_part(random, taxel.gain, taxel.gain_tolerance)
+        self._gain = draw_part(random, taxel.electrode_gain, taxel.electrode_gain_tolerance)
         self._offset = taxel.input_offset * random.uniform(-1.0, 1.0)
         self._converter = Converter(taxel, random)
         self._noise = taxel.noise

@@ -27,7 +27,15 @@ class CoilFrontend(LcFrontend):
         self._drive = drive * draw_part(
             random, taxel.demodulator_gain, taxel.demodulator_gain_tolerance
         )
-        own = taxel.model_copy(update={"adc_min": 0.0, "adc_max": taxel.demodulator_max})
+        # No amplifier and no trimmer before them.
+        own = taxel.model_copy(
+            update={
+                "adc_min": 0.0,
+                "adc_max": taxel.demodulator_max,
+                "gain_tolerance": 0.0,
+                "trimmer_steps": 0,
+            }
+        )
         self._demodulators = {
             "in_phase": ("conductance", Converter(own, random)),
             "quadrature": ("susceptance", Converter(own, random)),

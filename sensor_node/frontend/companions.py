@@ -19,7 +19,7 @@ class CompaniedFrontend:
     """A chain, and others with one input each that are sampled at the same instants.
 
     Args:
-        own: The taxel's chain; it alone is amplified.
+        own: The taxel's chain; it alone is adjusted.
         companions: Name of the input to the chain.
     """
 
@@ -35,6 +35,6 @@ class CompaniedFrontend:
             (codes[name],) = companion.digitise(sensed, random).codes.values()
         return Digitised(own.truth, codes)
 
-    def amplify(self, gain: float) -> None:
-        """Set the amplifier before the taxel's own converter."""
-        self._own.amplify(gain)
+    def adjust(self, gain: float, trim: int) -> None:
+        """Set the amplifier before the taxel's own converter, and its trimmer."""
+        self._own.adjust(gain, trim)

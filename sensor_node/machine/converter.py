@@ -22,6 +22,10 @@ class ConverterSheet(Protocol):
     adc_gain_error: float
     adc_offset_error: float
     adc_nonlinearity: float
+    gain_tolerance: float
+    trimmer_step: float
+    trimmer_steps: int
+    trimmer_tolerance: float
 
     @property
     def adc_min(self) -> float:
@@ -30,6 +34,8 @@ class ConverterSheet(Protocol):
 
 class Converter:
     """Code c stands for inputs of ``lo + offset + (c + [0, 1] - inl)·step·(1 + gain error)``.
+
+    Before it are an amplifier, and a trimmer that takes an offset away: ``gain·x - trim``.
 
     The end codes saturate. The integral nonlinearity bows over the range and back, as that of a
     capacitor array does, within the data sheet's bound.
@@ -46,12 +52,20 @@ class Converter:
         self._codes = codes
         self._step = step * (1.0 + taxel.adc_gain_error * random.uniform(-1.0, 1.0))
         self._zero = taxel.adc_min + taxel.adc_offset_error * step * random.uniform(-1.0, 1.0)
-        self.gain = 1.0
-        """Of the amplifier before it, which is ideal."""
         self._bow = taxel.adc_nonlinearity * random.uniform(-1.0, 1.0)
+        self._amplifier = 1.0 + taxel.gain_tolerance * random.uniform(-1.0, 1.0)
+        errors = taxel.trimmer_tolerance * random.uniform(-1.0, 1.0, 2 * taxel.trimmer_steps + 1)
+        levels = np.arange(-taxel.trimmer_steps, taxel.trimmer_steps + 1)
+        self._trims = levels * taxel.trimmer_step * (taxel.adc_max - taxel.adc_min) * (1.0 + errors)
+        self.adjust(1.0, 0)
+
+    def adjust(self, gain: float, trim: int) -> None:
+        """Set the amplifier, and the trimmer to one of its steps."""
+        self._gain = gain * self._amplifier
+        self._trim = float(self._trims[trim + len(self._trims) // 2])
 
     def convert(self, values: Floats) -> Codes:
         """Quantise; what lies outside of the range takes the end codes."""
-        steps = (self.gain * values - self._zero) / self._step
+        steps = (self._gain * values - self._trim - self._zero) / self._step
         bowed = steps + self._bow * np.sin(2.0 * np.pi * steps / self._codes)
         return np.clip(np.floor(bowed), 0, self.last).astype(np.int64)

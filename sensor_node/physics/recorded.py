@@ -9,8 +9,10 @@ import numpy as np
 
 from eskin.interval import Interval
 from sensor_node.machine.crystal import BILLION
+from sensor_node.physics.parameters import draw_part
 from sensor_node.physics.signals import Signals
 from sensor_node.replay import read_recording
+from sensor_node.taxels import InductiveSection
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,15 +22,31 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_OPEN_LINE: Final = {"capacitance": 1e-18, "inductance": 1e6}
-"""What the oscillator has, in F or H, where nothing was recorded: its converter saturates."""
+_LEAST: Final = 1e-18
+_MOST: Final = 1e6
+"""In F or H: what the oscillator has for an unbounded side, so that its converter saturates."""
+
+
+class _Coil:
+    """The true coil that a recorded inductance is taken for (eq. 11)."""
+
+    def __init__(self, taxel: InductiveSection, random: np.random.Generator) -> None:
+        self._base = draw_part(random, taxel.inductance, taxel.inductance_tolerance)
+        self._change = draw_part(random, taxel.inductance_change, taxel.inductance_change_tolerance)
+        self._damping = draw_part(random, taxel.damping_per_m, taxel.damping_tolerance)
+
+    def distance(self, inductance: Floats) -> Floats:
+        """Distance in m of the metal before it; as near or far as can be where none fits."""
+        share = np.clip((self._base - inductance) / self._change, _LEAST, 1.0)
+        return np.asarray(-np.log(share) / self._damping)
 
 
 class RecordedWorld:
     """One channel of a recording, from the node's start on.
 
-    A sample is taken from the recorded one that is nearest, within half of the recording's period.
-    Of a recorded interval the world is drawn that it had: a value from inside.
+    A sample is taken from the recorded one that is nearest, within half of the recording's period;
+    elsewhere it is missing. Of a recorded interval the world is drawn that it had, a value from
+    inside, and both ends are sensed: what is measured encloses the whole of it.
 
     Args:
         taxel: Where the recording is.
@@ -45,25 +63,38 @@ class RecordedWorld:
         for complaint in recording.complaints:
             log.warning("recording is not whole: %s", complaint)
         self._quantity = quantity
-        values = self._series.values * Interval(taxel.scale)
+        recorded = self._series.values
+        self._thin = bool(np.all(recorded.inf == recorded.sup))
+        values = recorded * Interval(taxel.scale)
         share = random.random(len(self._series.times))
         lo, hi = values.inf, values.sup
-        self._unbounded = ~values.is_common_interval
+        self._unknown = np.isinf(lo) & np.isinf(hi)
+        self._ends = np.clip(lo, _LEAST, _MOST), np.clip(hi, _LEAST, _MOST)
         with np.errstate(invalid="ignore"):
-            self._values = np.clip(lo + share * (hi - lo), lo, hi)
+            inside = np.clip(lo + share * (hi - lo), lo, hi)
+        self._coil = _Coil(taxel, random) if isinstance(taxel, InductiveSection) else None
+        self._values = np.where(np.isinf(lo), hi, np.where(np.isinf(hi), lo, inside))
 
     def missing(self, seconds: Floats) -> NDArray[np.bool_]:
-        """At which times nothing was recorded, or something unbounded."""
+        """At which times nothing was recorded, or something unbounded on both sides."""
         chosen, missing = self._series.nearest(_ticks(seconds))
-        return np.asarray(missing | self._unbounded[chosen])
+        return np.asarray(missing | self._unknown[chosen])
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
-        """The recorded quantity; an open line where nothing was recorded."""
+        """The recorded quantity, the ends of its intervals, and where it is missing."""
         del random
         chosen, _ = self._series.nearest(_ticks(seconds))
-        value = np.where(self.missing(seconds), _OPEN_LINE[self._quantity], self._values[chosen])
+        ends = () if self._thin else tuple({self._quantity: end[chosen]} for end in self._ends)
+        value = self._values[chosen]
         truth = {self._quantity: value}
-        return Signals(truth, truth)
+        if self._coil is not None:
+            truth["distance"] = self._coil.distance(value)
+        return Signals(
+            truth,
+            {self._quantity: np.clip(value, _LEAST, _MOST)},
+            ends,
+            self.missing(seconds),
+        )
 
 
 def _ticks(seconds: Floats) -> NDArray[np.int64]:

@@ -29,6 +29,13 @@ class TouchWorld:
         self._permittivity = EPSILON_0 * taxel.relative_permittivity
         self._stimulus = taxel.stimulus
         self._noise = taxel.noise
+        errors = taxel.actuator_step_tolerance * random.uniform(-1, 1, taxel.actuator_steps + 1)
+        self._apart = taxel.actuator_step_m * np.arange(taxel.actuator_steps + 1) * (1.0 + errors)
+        self._steps = 0
+
+    def move(self, steps: int) -> None:
+        """Move the plates to one of their actuator's steps."""
+        self._steps = steps
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
         """True area in m², capacitance in F, energy in J; the chain senses a noisy capacitance."""
@@ -43,4 +50,4 @@ class TouchWorld:
         )
 
     def _capacitance(self, area: Floats) -> Floats:
-        return np.asarray(self._permittivity * area / self._distance)
+        return np.asarray(self._permittivity * area / (self._distance + self._apart[self._steps]))

@@ -19,8 +19,8 @@ class BioelectricSection(Played, TaxelSection):
 
     kind: Literal["bioelectric"]
     sampling: Rate = unit("sampling_Hz", 250.0)
-    gain: Positive = unit("gain_V_per_V", 500.0)
-    gain_tolerance: Tolerance = 1e-3
+    electrode_gain: Positive = unit("electrode_gain_V_per_V", 500.0)
+    electrode_gain_tolerance: Tolerance = 1e-3
     input_offset: float = unit("input_offset_V", 1e-5, ge=0, description="greatest offset")
     adc_max: Positive = unit("adc_max_V", 1.25)
     bioelectric_prominence: Positive | None = unit("bioelectric_prominence_V", None)

@@ -141,6 +141,11 @@ class TouchSection(RcSection):
     area_tolerance: Tolerance = 0.02
     plate_distance_m: Positive = 1e-3
     plate_distance_tolerance: Tolerance = 2e-3
+    actuator_steps: int = Field(
+        default=0, ge=0, le=100, description="steps by which the plates can be moved apart"
+    )
+    actuator_step_m: Positive = Field(default=2.5e-4, description="size of one")
+    actuator_step_tolerance: Tolerance = Field(default=2e-3, description="of what a step adds")
     relative_permittivity: float = Field(default=1.0, ge=1)
     supply: Positive = unit("supply_V", 5.0)
     supply_tolerance: Tolerance = 1e-3

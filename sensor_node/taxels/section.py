@@ -63,6 +63,19 @@ class TaxelSection(Section):
     adc_gain_error: Tolerance = 0.0
     adc_offset_error: float = Field(default=0.0, ge=0, le=1000, description="in steps")
     adc_nonlinearity: float = Field(default=0.0, ge=0, le=1000, description="INL, in steps")
+    gain_tolerance: Tolerance = Field(default=0.0, description="of the amplifier before it")
+    trimmer_steps: int = Field(
+        default=0, ge=0, le=10_000, description="steps, either way, of an offset before it; 0: none"
+    )
+    trimmer_step: float = Field(
+        default=0.0625, gt=0, le=1, description="size of one, as a share of the converter's range"
+    )
+    trimmer_tolerance: Tolerance = Field(default=1e-4, description="of the offset")
+    adaptive: bool = Field(
+        default=False, description="whether the node sets gain, trimmer and plates by itself"
+    )
+    gain_least: float = Field(default=1.0, ge=1e-3, le=1, description="least gain that it sets")
+    gain_most: float = Field(default=8.0, ge=1, le=1e3, description="greatest gain that it sets")
     longest_region_s: float = Field(
         default=5.0, gt=0, description="after this time an undecided stretch is reported"
     )

@@ -91,9 +91,8 @@ def work(step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe) -> "list
         return getattr(unit, step["call"])(*values) or []
     if "skip" in step:
         return unit.skip(step["skip"])
-    return unit.process(
-        unit.schedule.frame(step["frame"]), [array("i", each) for each in step["codes"]]
-    )
+    codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
+    return unit.process(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
 
 
 def times(step: "Table") -> "tuple[int, int]":

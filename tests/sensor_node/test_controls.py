@@ -40,7 +40,13 @@ def periods(bench: Bench) -> dict[str, set[int]]:
 
 def test_setting_one_taxel_leaves_the_others(bench: Bench, controls: NodeControls) -> None:
     state = controls.apply("set", {"rate": 100.0, "mode": "samples", "taxel": "t02"})
-    assert state["t02"] == {"gain": 1.0, "smoothing": 0.0, "rate": 100.0, "mode": "samples"}
+    assert state["t02"] == {
+        "adaptive": "off",
+        "gain": 1.0,
+        "smoothing": 0.0,
+        "rate": 100.0,
+        "mode": "samples",
+    }
     assert state["t01"]["rate"] == 1000.0
     bench.run_to(2.0)
     assert periods(bench) == {"t01": {SECOND // 1000}, "t02": {SECOND // 100}, "t03": {10**6}}

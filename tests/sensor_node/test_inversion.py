@@ -49,7 +49,7 @@ TOLERANCES = {
     ),
     "thermometer": ("series_resistance",),
     "hygrometer": ("resistance", "reference", "transconductance", "capacitance", "sensitivity"),
-    "bioelectric": ("gain",),
+    "bioelectric": ("electrode_gain",),
 }
 ERRORS = {
     "pad": ("permittivity_per_K", "permittivity_per_percent"),

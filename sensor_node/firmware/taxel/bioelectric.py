@@ -19,7 +19,7 @@ class BioelectricTaxel(Taxel):
     inputs = ("voltage",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
-        self._gain = part(sheet, "gain")
+        self._gain = part(sheet, "electrode_gain")
         self._reach = up(self._reach + up(self._gain[1] * sheet["input_offset"]))
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:

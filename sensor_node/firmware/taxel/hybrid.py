@@ -16,6 +16,7 @@ class HybridTaxel(Taxel):
 
     quantities = (("current", "A"), ("voltage", "V"))
     inputs = ("current", "voltage")
+    amplified = 2
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._gains = part(sheet, "current_gain"), part(sheet, "voltage_gain")

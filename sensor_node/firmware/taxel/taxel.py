@@ -1,7 +1,7 @@
 """What all kinds of taxel have: a converter behind an amplifier, and a calibration."""
 
 from sensor_node.firmware import inversion
-from sensor_node.firmware.calibration import converter
+from sensor_node.firmware.calibration import adjusted, converter, trimmer
 from sensor_node.firmware.rounding import down, up
 
 TYPE_CHECKING = False
@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.calibration import Bounds, Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
 
 
@@ -25,24 +25,33 @@ class Taxel:
     """Quantity and UCUM unit, in the order of the channels."""
     inputs: "tuple[str, ...]" = ()
     """Inputs of the converter, in the order of their codes."""
+    amplified = 1
+    """How many of them, the first ones, are behind the amplifier and the trimmer."""
+    plated: "tuple[str, ...]" = ()
+    """Quantities that are inverse to the distance of the plates."""
 
     def __init__(self, sheet: "Sheet", functions: "ModuleType" = inversion) -> None:
+        self.sheet = sheet
         self._functions = functions
-        self._converter = self._adc = converter(sheet)
+        self._converter = converter(sheet)
+        self.adjust(1.0, 0)
         self._last = (1 << int(sheet["adc_bits"])) - 1
         self._reach = sheet["reach"]
         self._calibrate(sheet)
 
-    def amplify(self, gain: float) -> None:
-        """Calculate with another gain of the amplifier before the converter."""
-        step_lo, step_hi, offset_lo, offset_hi, nonlinearity = self._converter
-        self._adc = (
-            down(step_lo / gain),
-            up(step_hi / gain),
-            down(offset_lo / gain),
-            up(offset_hi / gain),
-            nonlinearity,
-        )
+    def adjust(self, gain: float, trim: int) -> None:
+        """Calculate with another gain of the amplifier and step of the trimmer."""
+        tolerance = self.sheet["gain_tolerance"]
+        gains = gain, gain
+        if tolerance > 0.0:
+            gains = down(gain * down(1.0 - tolerance)), up(gain * up(1.0 + tolerance))
+        self._adc = self._converter
+        if gains != (1.0, 1.0) or trim != 0:
+            self._adc = adjusted(self._converter, gains, trimmer(self.sheet, trim))
+
+    def move(self, before: int, steps: int) -> "Bounds":
+        """Calculate with the plates at another step; gives the ratio of distances before to now."""
+        raise NotImplementedError
 
     def _calibrate(self, sheet: "Sheet") -> None:
         raise NotImplementedError

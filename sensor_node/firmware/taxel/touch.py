@@ -1,6 +1,6 @@
 """A touch that covers a plate."""
 
-from sensor_node.firmware.calibration import half_square, oscillator, plate, quotient
+from sensor_node.firmware.calibration import distance, half_square, oscillator, plate, quotient
 from sensor_node.firmware.rounding import up
 from sensor_node.firmware.taxel.taxel import Taxel
 
@@ -8,7 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.calibration import Bounds, Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
 
 
@@ -17,13 +17,22 @@ class TouchTaxel(Taxel):
 
     quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
     inputs = ("current",)
+    plated = ("capacitance", "energy")
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)
-        per_area = plate(sheet)
-        self._area_factor = quotient((1.0, 1.0), per_area)
         self._energy_factor = half_square(sheet)
+        self._stand(0)
+
+    def _stand(self, steps: int) -> None:
+        per_area = plate(self.sheet, steps)
+        self._area_factor = quotient((1.0, 1.0), per_area)
         self._reaches = self._reach, up(per_area[1] * self._reach)
+
+    def move(self, before: int, steps: int) -> "Bounds":
+        """Calculate with the plates at another step; gives the ratio of distances before to now."""
+        self._stand(steps)
+        return quotient(distance(self.sheet, before), distance(self.sheet, steps))
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Area in m², capacitance in F, energy in J."""

@@ -10,7 +10,8 @@ import pytest
 
 from eskin import models
 from eskin.kernels.rounding_mode import rounding_to_nearest, rounds_to_nearest
-from eskin.peaks import PeakDetector, find_peaks
+from eskin.peaks import find_peaks
+from tests.eskin.peaks.firmware import Detector
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -70,5 +71,5 @@ def test_model_gives_the_same_bounds_in_every_mode(odd_mode: int) -> None:
 def test_peaks_are_found_as_if_it_rounded_to_nearest(odd_mode: int) -> None:
     assert C.fegetround() == odd_mode
     lows, highs = [0.1, 7.7, 0.2] * 20, [0.3, 7.9, 0.7] * 20
-    expected = rounding_to_nearest(PeakDetector(1.0).feed)(lows, highs)
+    expected = list(rounding_to_nearest(Detector(1.0).feed)(lows, highs))
     assert list(find_peaks(lows, highs, prominence=1.0)) == expected

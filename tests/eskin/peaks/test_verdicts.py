@@ -10,7 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.signal import find_peaks as scipy_find_peaks
 
-from eskin.peaks import PeakDetector, PeakEvent, Verdict, find_peaks
+from eskin.peaks import PeakEvent, PeakStream, Verdict, find_peaks
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -115,9 +115,9 @@ def test_streaming_in_pieces_equals_the_whole(
 ) -> None:
     lo = [x - r for x, r in zip(signal, radii, strict=False)]
     hi = [x + r for x, r in zip(signal, radii, strict=False)]
-    detector = PeakDetector(p)
-    pieces = [*detector.feed(lo[:cut], hi[:cut]), *detector.feed(lo[cut:], hi[cut:])]
-    assert [*pieces, *detector.finish()] == list(find_peaks(lo, hi, prominence=p))
+    stream = PeakStream(p)
+    pieces = [*stream.feed(lo[:cut], hi[:cut]), *stream.feed(lo[cut:], hi[cut:])]
+    assert [*pieces, *stream.finish()] == list(find_peaks(lo, hi, prominence=p))
 
 
 @given(signal=SIGNAL, radii=RADII, where=st.integers(0, 2**32 - 1), p=st.floats(0.25, 6, width=16))
@@ -146,8 +146,8 @@ def test_tube_wider_than_prominence_is_one_region() -> None:
 
 
 def test_longest_region_reports_an_undecided_stretch_in_time() -> None:
-    detector = PeakDetector(1.0, longest_region=20)
-    events = detector.feed([0.0] * 100, [5.0] * 100)
+    stream = PeakStream(1.0, longest_region=20)
+    events = stream.feed([0.0] * 100, [5.0] * 100)
     assert len(events) == 4
     assert all(e.last - e.first <= 20 for e in events)
 
@@ -167,8 +167,8 @@ def test_longest_region_keeps_certain_ones_exact_and_bounds_all(
     lo, hi = middle - radius, middle + radius
     inside = np.clip(np.random.default_rng(where).uniform(lo, hi), lo, hi)
     assume(without_ties(inside))
-    detector = PeakDetector(p, longest_region=longest)
-    events = [*detector.feed(lo, hi), *detector.finish()]
+    stream = PeakStream(p, longest_region=longest)
+    events = [*stream.feed(lo, hi), *stream.finish()]
     whole = find_peaks(lo, hi, prominence=p)
     certain = [e for e in events if e.verdict is Verdict.CERTAIN]
     assert certain == [e for e in whole if e.verdict is Verdict.CERTAIN]
@@ -177,11 +177,12 @@ def test_longest_region_keeps_certain_ones_exact_and_bounds_all(
 
 
 def test_gap_joins_nothing_across() -> None:
-    detector = PeakDetector(1.0)
-    before = detector.feed([0.0, 5.0], [0.0, 5.0])
-    across = detector.gap(samples=3)
-    after = detector.feed([5.0, 0.0, 5.0, 0.0], [5.0, 0.0, 5.0, 0.0])
-    assert before + across == []
+    stream = PeakStream(1.0)
+    before = stream.feed([0.0, 5.0], [0.0, 5.0])
+    across = stream.gap(samples=3)
+    after = stream.feed([5.0, 0.0, 5.0, 0.0], [5.0, 0.0, 5.0, 0.0])
+    assert not before
+    assert not across
     assert [(e.first, e.last) for e in after] == [(6, 8)]
 
 
@@ -193,9 +194,3 @@ def test_difference_that_only_rounds_to_the_prominence_is_no_certain_peak() -> N
     low = 2.0**-60
     signal = [low, 1.0, low]
     assert counts(find_peaks(signal, signal, prominence=1.0)) == (0, 0)
-
-
-@pytest.mark.parametrize("prominence", [0.0, -1.0, float("inf"), float("nan")])
-def test_prominence_that_is_not_positive_is_refused(prominence: float) -> None:
-    with pytest.raises(ValueError, match="prominence must be positive"):
-        PeakDetector(prominence)

@@ -56,9 +56,14 @@ class Recorder:
     def _watch_working(self, monkeypatch: pytest.MonkeyPatch) -> None:
         process, skip = ControlUnit.process, ControlUnit.skip
 
-        def processed(unit: ControlUnit, frame: Frame, codes: Sequence[Codes]) -> list[Record]:
-            self._note(unit, frame=frame.number, codes=[list(each) for each in codes])
-            return process(unit, frame, codes)
+        def processed(
+            unit: ControlUnit, frame: Frame, codes: Sequence[Codes], other: Sequence[Codes] = ()
+        ) -> list[Record]:
+            first = unit.schedule.frame(frame.number).first
+            part = frame.first - first, frame.first - first + frame.n
+            given = [[list(each) for each in inputs] for inputs in (codes, other)]
+            self._note(unit, frame=frame.number, part=part, codes=given[0], other=given[1])
+            return process(unit, frame, codes, other)
 
         def skipped(unit: ControlUnit, samples: int) -> list[Record]:
             if not self._calling:
@@ -67,7 +72,7 @@ class Recorder:
 
         monkeypatch.setattr(ControlUnit, "process", processed)
         monkeypatch.setattr(ControlUnit, "skip", skipped)
-        for name in ("calibrate", "amplify", "smooth", "set_threshold", "sample_every"):
+        for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
             self._watch_setting(monkeypatch, name)
         gap, status = Scribe.gap, Scribe.status
 

@@ -36,6 +36,19 @@ def under_micropython(job: dict[str, Any], folder: Path) -> list[Any]:
     return said
 
 
+def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorder = Recorder(monkeypatch)
+    changes = {"gain_least": 0.25, "gain_tolerance": 1e-3, "trimmer_steps": 300}
+    moved = table("touch", adaptive=True, adc_min_A=1.2e-4, actuator_steps=4, **changes)
+    bench = Bench(tmp_path, "palm", taxel=(moved,), sampling={"block_samples": 50})
+    bench.run_to(3.0)
+    said = [body.hex() for body in bench.bodies()]
+    settings = bench.node.taxels[0].control_unit.adaptation
+    bench.close()
+    assert (settings.gain, settings.trim) != (1.0, 0)
+    assert under_micropython(recorder.job, tmp_path) == said
+
+
 @pytest.mark.parametrize(
     ("profile", "encoding"), [("fingertip", "f64"), ("palm", "f32"), ("forearm", "q16")]
 )
@@ -53,6 +66,7 @@ def test_same_bytes_as_in_the_emulated_node(
     taxel.control_unit.smooth(0.75)
     taxel.control_unit.set_threshold(0, 1.1e-12)
     taxel.amplify(1.1)
+    taxel.adapt(on=True)
     taxel.sample_every(SECOND // 500)
     bench.run_to(6.0)
     bench.node.finish()

@@ -10,18 +10,19 @@ import pytest
 from pydantic import TypeAdapter
 
 from eskin.errors import RecordingError
-from eskin.messages import Block, decode_message
+from eskin.messages import Block, Gap, Peak, decode_message
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.inversion import Inversion
 from sensor_node.physics import build_world
 from sensor_node.physics.recorded import RecordedWorld
 from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
-from tests.sensor_node.designs import Bench, table
+from tests.sensor_node.designs import START, Bench, table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from eskin.interval import Interval
     from sensor_node.taxels import AnyTaxel
 
 TIMES = np.arange(100) / 100.0
@@ -103,11 +104,7 @@ def test_nothing_is_made_up_in_gaps_after_the_end_and_where_it_is_unbounded(
     assert "line 6: gap of 4 s in a before this" in caplog.text
     assert isinstance(world, RecordedWorld)
     times = np.arange(12.0)
-    assert np.flatnonzero(world.missing(times)).tolist() == [4, 5, 6, 9, 10, 11]
-    random = np.random.default_rng(2)
-    codes = build_frontend(taxel, random).digitise(world.signals(times, random).sensed, random)
-    measured = Inversion(taxel).measure(codes.codes)["capacitance"]
-    assert np.array_equal(~measured.is_common_interval, world.missing(times))
+    assert np.flatnonzero(world.missing(times)).tolist() == [4, 5, 6, 10, 11]
 
 
 def test_sample_between_two_recorded_ones_takes_the_nearest(tmp_path: Path) -> None:
@@ -129,9 +126,89 @@ def test_node_replays_a_recording_and_every_block_holds_its_truth(tmp_path: Path
     messages = [decode_message(body) for body in bench.bodies()]
     blocks = [message for message in messages if isinstance(message, Block)]
     truth = Truth.read(bench.settings.truth.path, [block.position for block in blocks])
-    assert len(blocks) == 8
+    assert len(blocks) == 4  # of the second that was recorded
     for block in blocks:
         assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
     first = next(block for block in blocks if block.channel == "t01.capacitance")
     assert truth[first.position].values == pytest.approx(WAVE[:50] * 1e-12)
     bench.close()
+
+
+def replayed(folder: Path, path: Path, until: float, **changes: Any) -> list[Any]:
+    """What a node says, after the truth was found inside of all its blocks."""
+    bench = Bench(folder, taxel=[design(path, **changes)], sampling={"block_samples": 50})
+    bench.run_to(until)
+    messages = [decode_message(body) for body in bench.bodies()]
+    blocks = [message for message in messages if isinstance(message, Block)]
+    truth = Truth.read(bench.settings.truth.path, [block.position for block in blocks])
+    for block in blocks:
+        assert np.all(block.tube.values.contains(truth[block.position].values)), block.channel
+    bench.close()
+    return messages
+
+
+def sampled(messages: list[Any]) -> dict[int, Interval]:
+    """Number of the sample to its interval of capacitance."""
+    return {
+        block.ticks // 10_000_000 + k: block.tube.values[k]
+        for block in messages
+        if isinstance(block, Block) and block.channel == "t01.capacitance"
+        for k in range(len(block.tube))
+    }
+
+
+def test_gap_of_a_recording_travels_as_a_gap_and_as_no_sample(tmp_path: Path) -> None:
+    there = [k for k in range(150) if not 20 <= k < 120]
+    path = recording(tmp_path, [f"{k / 100},a,{30 + k / 10}\n" for k in there])
+    messages = replayed(tmp_path, path, 2.0, scale=1e-12)
+    found = sampled(messages)
+    assert sorted(found) == there
+    assert all(bool(each.is_common_interval) for each in found.values())
+    gaps = [message for message in messages if isinstance(message, Gap)]
+    assert {gap.reason for gap in gaps} == {"nothing recorded"}
+    assert sum(gap.samples for gap in gaps) == 2 * (200 - len(there))
+    before, after = gaps[0].time[0] - START, gaps[-1].time[1] - START
+    assert before == pytest.approx(0.2e9, abs=5e6)
+    assert after == pytest.approx(2.0e9, abs=5e6)
+    assert all(gap.time[0] < gap.time[1] for gap in gaps)
+
+
+def test_peak_is_not_joined_across_a_gap_of_the_recording(tmp_path: Path) -> None:
+    height = [10.0] * 20 + [80.0] * 20 + [10.0] * 20
+    whole = [f"{k / 100},a,{c}\n" for k, c in enumerate(height)]
+    found = []
+    for name, rows in (("whole", whole), ("broken", whole[:25] + whole[35:])):
+        folder = tmp_path / name
+        folder.mkdir()
+        changes = {"scale": 1e-12, "capacitance_prominence_F": 20e-12}
+        messages = replayed(folder, recording(folder, rows), 1.0, **changes)
+        peaks = [m for m in messages if isinstance(m, Peak) and m.channel == "t01.capacitance"]
+        found.append([peak.count for peak in peaks])
+    assert found == [[(1, 1)], []]
+
+
+@pytest.mark.parametrize("kind", ["capacitance", "inductance"])
+def test_recorded_intervals_travel_unshrunk(kind: str, tmp_path: Path) -> None:
+    ends = {"capacitance": (2e-11, 7e-11), "inductance": (5.3e-3, 7e-3)}[kind]
+    random = np.random.default_rng(5)
+    pairs = np.sort(random.uniform(*ends, (100, 2)), axis=1)
+    rows = [f"{k / 100},a,{lo!r},{hi!r}\n" for k, (lo, hi) in enumerate(pairs.tolist())]
+    path = recording(tmp_path, rows, "time,channel,lo,hi\n")
+    messages = replayed(tmp_path, path, 1.0, kind=kind)
+    blocks = [m for m in messages if isinstance(m, Block) and m.channel == f"t01.{kind}"]
+    lows = np.concatenate([block.tube.values.inf for block in blocks])
+    highs = np.concatenate([block.tube.values.sup for block in blocks])
+    assert np.all(lows <= pairs[:, 0])
+    assert np.all(highs >= pairs[:, 1])
+    width = ends[1] - ends[0]
+    assert np.median(highs - lows - np.diff(pairs)[:, 0]) < 0.05 * width
+
+
+def test_unbounded_side_of_a_recording_stays_unbounded_alone(tmp_path: Path) -> None:
+    rows = [f"{k / 100},a,{lo},{hi}\n" for k, (lo, hi) in enumerate([("2e-11", "inf")] * 50)]
+    path = recording(tmp_path, rows, "time,channel,lo,hi\n")
+    found = sampled(replayed(tmp_path, path, 0.5))
+    assert len(found) == 50
+    for each in found.values():
+        assert 1.5e-11 < float(each.inf) <= 2e-11
+        assert float(each.sup) == np.inf
