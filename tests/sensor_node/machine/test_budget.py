@@ -66,6 +66,15 @@ def test_packaged_profiles_fit_into_the_default_machine(profile: str, tmp_path: 
     require_fit(settings(tmp_path, profile))
 
 
+def test_page_of_the_node_shows_the_budget_of_each_profile(tmp_path: Path) -> None:
+    budgets = [ram_budget(settings(tmp_path, profile)) for profile in PROFILES]
+    page = (Path(__file__).parents[3] / "docs" / "node.md").read_text()
+    for name in budgets[0].parts():
+        row = " | ".join(str(budget.parts()[name]) for budget in budgets)
+        assert f"| {row} |" in page, name
+    assert f"| **all** | {' | '.join(str(budget.total) for budget in budgets)} |" in page
+
+
 def test_budget_follows_the_layout(tmp_path: Path) -> None:
     budget = ram_budget(settings(tmp_path, "fingertip"))
     assert budget.bounds == 3 * 2 * 2 * 8 * 250

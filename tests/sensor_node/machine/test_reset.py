@@ -74,6 +74,23 @@ def test_reset_keeps_flash_counts_the_boot_and_explains_the_missing_time(
     require_truth(bench)
 
 
+def test_world_goes_on_while_the_machine_starts_again(tmp_path: Path) -> None:
+    lives = []
+    for name in ("reset", "not reset"):
+        bench = Bench(tmp_path / name)
+        if name == "reset":
+            reset_at(bench, 1.1, ResetCause.BROWN_OUT)
+        bench.run_to(3.0)
+        path = bench.settings.truth.path
+        found = Truth.read(path, Truth.positions(path)).values()
+        own = [true for true in found if true.channel == "t01.capacitance"]
+        lives.append({t.time + k * t.dt: value for t in own for k, value in enumerate(t.values)})
+        bench.close()
+    both = lives[0].keys() & lives[1].keys()
+    assert len(both) > 2500
+    assert [lives[0][time] for time in both] == pytest.approx([lives[1][time] for time in both])
+
+
 def test_first_start_is_told_as_power_on(bench: Bench) -> None:
     bench.node.record_status()
     (status,) = messages(bench)
