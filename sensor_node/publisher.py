@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_STREAMS: Final = {
+STREAMS: Final = {
     Kind.BLOCK: Stream.BLOCKS,
     Kind.PEAK: Stream.EVENTS,
     Kind.GAP: Stream.EVENTS,
@@ -296,7 +296,7 @@ class Publisher:
                 self._outbox.left(kept.position, now)
 
     def _air(self, kept: chip.Kept, held: Position) -> _Aired:
-        topic = node_topic(self._node, _STREAMS[Kind(kept.kind)])
+        topic = node_topic(self._node, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
         envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
         newest = status and kept.position == self._outbox.newest_status

@@ -43,7 +43,7 @@ class ThermometerFrontend(Amplified):
         ratio = 1.0 + A * shown + B * shown**2 + C * (below - 100.0) * below**3
         resistance = self._nominal * ratio
         share = resistance / (resistance + self._series)
-        noisy = share + draw_noise(random, self._noise, len(share))
+        noisy = share + draw_noise(random, self._noise, share.shape)
         return Digitised({}, {"share": self._converter.convert(noisy)})
 
 

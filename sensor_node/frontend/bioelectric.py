@@ -29,5 +29,5 @@ class BioelectricFrontend(Amplified):
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Codes of the amplifier's voltage."""
         voltage = self._gain * (sensed["bioelectric"] + self._offset)
-        noisy = voltage + draw_noise(random, self._noise, len(voltage))
+        noisy = voltage + draw_noise(random, self._noise, voltage.shape)
         return Digitised({}, {"voltage": self._converter.convert(noisy)})

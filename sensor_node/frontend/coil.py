@@ -46,7 +46,7 @@ class CoilFrontend(LcFrontend):
         oscillator = super().digitise(sensed, random)
         codes = {
             name: converter.convert(
-                self._drive * sensed[part] + draw_noise(random, self._noise, len(sensed[part]))
+                self._drive * sensed[part] + draw_noise(random, self._noise, sensed[part].shape)
             )
             for name, (part, converter) in self._demodulators.items()
         }

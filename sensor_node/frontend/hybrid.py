@@ -32,7 +32,7 @@ class LinearFrontend(Amplified):
         """Codes of both amplifiers' voltages."""
         codes = {
             quantity: self._converter.convert(
-                gain * sensed[quantity] + draw_noise(random, self._noise, len(sensed[quantity]))
+                gain * sensed[quantity] + draw_noise(random, self._noise, sensed[quantity].shape)
             )
             for quantity, gain in self._gains.items()
         }

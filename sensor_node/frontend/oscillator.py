@@ -45,7 +45,7 @@ class RcFrontend(Amplified):
         current = np.asarray(self._transconductance * (frequency / self._reference))
         noisy = current
         if self._noise is not None:
-            noisy = current + draw_noise(random, self._noise, len(current))
+            noisy = current + draw_noise(random, self._noise, current.shape)
         codes = self._converter.convert(noisy)
         return Digitised({"current": current}, {"current": codes})
 
@@ -63,5 +63,5 @@ class LcFrontend(Amplified):
         """Codes of the detector's voltage."""
         frequency = 1.0 / (2.0 * np.pi * np.sqrt(sensed["inductance"] * self._capacitance))
         voltage = frequency / self._reference
-        noisy = voltage + draw_noise(random, self._noise, len(voltage))
+        noisy = voltage + draw_noise(random, self._noise, voltage.shape)
         return Digitised({"frequency": frequency}, {"voltage": self._converter.convert(noisy)})
