@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import itertools
 import logging
 import queue
 import threading
 import time
-from collections import deque
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
@@ -17,47 +15,24 @@ from eskin.envelope import Opener, Sealer
 from eskin.errors import EnvelopeError, FlashError, MessageError
 from eskin.identity import Identity, client_context, load_certificates, thumbprint
 from eskin.identity.identity import ROOT_FILE
-from eskin.messages import Acknowledgement, Kind, Position
+from eskin.messages import Acknowledgement
 from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
 from sensor_node.machine.crystal import BILLION
+from sensor_node.uplink import Uplink
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from sensor_node.firmware import chip
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.machine.radio import Radio
     from sensor_node.settings import BrokerSection, IdentitySection
 
 log = logging.getLogger(__name__)
 
-STREAMS: Final = {
-    Kind.BLOCK: Stream.BLOCKS,
-    Kind.PEAK: Stream.EVENTS,
-    Kind.GAP: Stream.EVENTS,
-    Kind.STATUS: Stream.STATUS,
-    Kind.RESULT: Stream.EVENTS,
-}
 _MOST_ACKNOWLEDGEMENTS: Final = 1000
 _MOST_COMMANDS: Final = 16
 _TURN_S: Final = 0.1
-_AT_ONCE: Final = 16
-"""Messages that are taken from the outbox at once."""
-_PUBACK: Final = 4
-"""Bytes (MQTT 3.1.1, section 3.4)."""
-
-
-class _Aired(NamedTuple):
-    """A sealed message on the air."""
-
-    position: chip.Position
-    topic: str
-    envelope: bytes
-    retained: bool
-    end: int
-    """Emulated ns."""
-    arrives: bool
 
 
 class Publisher:
@@ -98,11 +73,8 @@ class Publisher:
         self._record_status = record_status
         self._take_command = take_command
         self._is_running = is_running
-        self._radio = radio
-        self._ahead = round(2 * _TURN_S * speed * BILLION)
         self._broker = broker
         self._node = own.name
-        self._sealer = Sealer(own, site)
         self._opener = Opener(
             [own], sender=lambda print_: site if print_ == thumbprint(site) else None
         )
@@ -113,11 +85,16 @@ class Publisher:
         }
         if take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
-        self._aired: deque[_Aired] = deque()
-        # What paho still has: its window, and what waits behind.
-        self._deliveries: dict[chip.Position, mqtt.MQTTMessageInfo] = {}
         self._fresh, self._wake, self._stopping = (threading.Event() for _ in range(3))
         self._client = self._make_client(own)
+        self._uplink = Uplink(
+            outbox,
+            self._client,
+            node=own.name,
+            sealer=Sealer(own, site),
+            radio=radio,
+            ahead=round(2 * _TURN_S * speed * BILLION),
+        )
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
 
     def start(self) -> None:
@@ -216,17 +193,11 @@ class Publisher:
         now = time.monotonic_ns()
         if self._fresh.is_set():
             self._fresh.clear()
-            self._aired.clear()
-            self._deliveries.clear()
+            self._uplink.clear()
             self._outbox.connect(now)
-        self._report(now)
+        self._uplink.report(now)
         self._tell_status(now)
-        # Once a turn is enough: a lower position than the true one is safe.
-        held = Position(*self._outbox.held())
-        # The air stays busy until the next turn.
-        while self._radio.is_free(self._ahead) and (due := self._outbox.due(now, _AT_ONCE)):
-            self._send(deque(due), held, now)
-        self._pass_on(now)
+        self._uplink.send_due(now)
 
     def _opened(self, topic: str, what: str) -> Iterator[bytes]:
         """What came on a topic, as far as the site has sealed it to this node."""
@@ -236,8 +207,7 @@ class Publisher:
                 payload = inbox.get_nowait()
             except queue.Empty:
                 return
-            self._radio.receive(_publish_size(topic, payload))
-            self._radio.send(_PUBACK)
+            self._uplink.count_received(topic, payload)
             try:
                 yield self._opener.open(payload, topic=topic).plaintext
             except EnvelopeError as error:
@@ -270,52 +240,3 @@ class Publisher:
         except FlashError as error:
             # What waits must still go out: it makes the room that is missing.
             log.warning("status postponed: error=%s", error)
-
-    def _report(self, now: int) -> None:
-        """Tell the outbox what has left: it misses from here on what is not acknowledged."""
-        # A broker acknowledges in order.
-        for position in list(itertools.takewhile(self._left, self._deliveries)):
-            del self._deliveries[position]
-            self._radio.receive(_PUBACK)
-            self._outbox.left(position, now)
-
-    def _left(self, position: chip.Position) -> bool:
-        """Whether paho is done with it: the broker has it, or there was no room in the queue."""
-        delivery = self._deliveries[position]
-        if delivery.rc == mqtt.MQTT_ERR_QUEUE_SIZE:
-            return True
-        return delivery.rc == mqtt.MQTT_ERR_SUCCESS and delivery.is_published()
-
-    def _send(self, due: deque[chip.Kept], held: Position, now: int) -> None:
-        try:
-            while due:
-                self._aired.append(self._air(due[0], held))
-                due.popleft()
-        finally:
-            for kept in due:
-                self._outbox.left(kept.position, now)
-
-    def _air(self, kept: chip.Kept, held: Position) -> _Aired:
-        topic = node_topic(self._node, STREAMS[Kind(kept.kind)])
-        status = kept.kind == Kind.STATUS
-        envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
-        newest = status and kept.position == self._outbox.newest_status
-        end, arrives = self._radio.send(_publish_size(topic, envelope))
-        return _Aired(kept.position, topic, envelope, newest, end, arrives)
-
-    def _pass_on(self, now: int) -> None:
-        """Give the broker what has crossed the air by now."""
-        while self._aired and self._radio.has_reached(self._aired[0].end):
-            aired = self._aired.popleft()
-            if aired.arrives:
-                self._deliveries[aired.position] = self._client.publish(
-                    aired.topic, aired.envelope, qos=1, retain=aired.retained
-                )
-            else:
-                self._outbox.left(aired.position, now)
-
-
-def _publish_size(topic: str, payload: bytes) -> int:
-    """Bytes of MQTT's PUBLISH with QoS 1 (MQTT 3.1.1, section 3.3)."""
-    remaining = 2 + len(topic) + 2 + len(payload)
-    return 1 + max(1, -(-remaining.bit_length() // 7)) + remaining

@@ -15,7 +15,7 @@ from eskin.identity import client_context, thumbprint
 from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement, Kind, Position
 from eskin.topics import Stream, node_topic
-from sensor_node.publisher import STREAMS
+from sensor_node.uplink import STREAMS
 
 if TYPE_CHECKING:
     from cryptography import x509

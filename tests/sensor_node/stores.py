@@ -1,0 +1,81 @@
+"""An outbox on a real flash, for tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from eskin.messages import Gap, decode_message
+from sensor_node.firmware.encoding import F64
+from sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
+from sensor_node.firmware.record import Channel
+from sensor_node.flash import Flash
+from sensor_node.service import build_outbox
+from sensor_node.settings import BrokerSection
+from tests.sensor_node.designs import waiting
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sensor_node.firmware.batch import Batch
+    from sensor_node.firmware.chip import Position
+    from sensor_node.firmware.record import Record
+
+ROOM = 1 << 20
+CHANNEL = Channel("t01.capacitance", "F", 10, 1.0)
+EVENT = PeakEvent(CERTAIN, Span(0, 0.0, 1.0))
+
+
+class Store:
+    """An outbox on a flash."""
+
+    def __init__(self, path: Path, capacity: int = ROOM) -> None:
+        self.flash = Flash(path, epoch=1)
+        broker = BrokerSection(window=10_000)
+        self.outbox = build_outbox(self.flash, capacity=capacity, broker=broker)
+
+    def add_block(self, batch: Batch, n: int = 250) -> Record:
+        values = [1.0] * n
+        time = self.outbox._sequence, self.outbox._sequence + 5
+        block = self.outbox.scribe.block(CHANNEL, 0, time, F64, values, values, n)
+        batch.take([block])
+        return block
+
+    def add_peak(self, batch: Batch) -> Record:
+        peak = self.outbox.scribe.peak(CHANNEL, EVENT, (0, 9), 1.0)
+        batch.take([peak])
+        return peak
+
+    def fill(self, blocks: int, *, peak_every: int = 0) -> list[Position]:
+        records = []
+        for number in range(blocks):
+            with self.outbox.batch() as batch:
+                records.append(self.add_block(batch))
+                if peak_every and number % peak_every == 0:
+                    records.append(self.add_peak(batch))
+        return [(self.flash.boot, record.sequence) for record in records]
+
+    def positions(self) -> list[Position]:
+        return [kept.position for kept in waiting(self.flash)]
+
+    def messages(self) -> list[Any]:
+        return [decode_message(kept.body) for kept in waiting(self.flash)]
+
+    def gaps(self) -> list[Gap]:
+        return [message for message in self.messages() if isinstance(message, Gap)]
+
+    def read_all(self) -> None:
+        """As a radio does that has just connected."""
+        self.outbox.connect(0)
+        self.outbox.due(0, 10_000)
+
+    def fail_writes(self) -> None:
+        """As a full disk does: no page can be added."""
+        pages = self.flash._db.execute("PRAGMA page_count").fetchone()[0]
+        self.flash._db.execute(f"PRAGMA max_page_count = {pages}")
+
+    def make_room(self) -> None:
+        self.flash._db.execute("PRAGMA max_page_count = 1000000")
+
+
+def plain(message: Any) -> Position:
+    return message.position.boot, message.position.sequence
