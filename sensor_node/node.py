@@ -13,7 +13,9 @@ from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
 from sensor_node.firmware import inversion
 from sensor_node.firmware.record import Record, Scribe
+from sensor_node.firmware.selftest import CERTAIN, SelfTest
 from sensor_node.machine.crystal import BILLION
+from sensor_node.neighbours import neighbours
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -28,6 +30,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 OVERRUN: Final = "sampling overrun"
+SELF_TEST: Final = 20 * BILLION
+"""Ticks of a window in which stuck and dead taxels are looked for."""
 _MOST_FRAMES: Final = 64
 """Frames of one commit."""
 
@@ -74,6 +78,9 @@ class Node:
             )
             for number, taxel in enumerate(settings.taxel)
         ]
+        self._self_test = SelfTest(neighbours(settings.taxel))
+        self._tested = 0
+        self._broken: set[str] = set()
         self._working = threading.RLock()
         self._line_up()
 
@@ -137,9 +144,25 @@ class Node:
             records, truth = taxel.sample()
             batch.take(records)
             true_blocks += truth
+            taxel.show(number, self._self_test)
+            if end - self._tested >= SELF_TEST:
+                batch.take(self._examine(end))
             heapq.heapreplace(self._due, (taxel.next.end, number))
         # Before the flash's commit: every stored block has its truth.
         self._truth.store(true_blocks)
+
+    def _examine(self, ticks: int) -> list[Record]:
+        """Tell of taxels that are certainly broken, each once, at the end of a window."""
+        known = self._clock.known
+        time = known.enclosure(self._tested)[0], known.enclosure(ticks)[1]
+        self._tested = ticks
+        said = []
+        for taxel, (dead, stuck) in zip(self.taxels, self._self_test.examine(), strict=True):
+            if CERTAIN in (dead, stuck) and taxel.name not in self._broken:
+                self._broken.add(taxel.name)
+                kind = "dead" if dead == CERTAIN else "stuck"
+                said.append(self._scribe.gap(f"{taxel.name} certainly {kind}", time, 0))
+        return said
 
     def _pass_over(self, ticks: int) -> None:
         begin = min(taxel.next.start for taxel in self.taxels)
