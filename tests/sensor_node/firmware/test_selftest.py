@@ -153,5 +153,5 @@ def test_injected_faults_are_found_within_two_windows(tmp_path: Path) -> None:
     assert all(end <= 7.0 + 2 * SELF_TEST / SECOND for end in found.values())
 
 
-def test_healthy_hand_is_not_accused_in_ten_rounds(tmp_path: Path) -> None:
-    assert complaints(tmp_path, "", 200.0) == {}
+def test_healthy_hand_is_not_accused_in_six_rounds(tmp_path: Path) -> None:
+    assert complaints(tmp_path, "", 120.0) == {}
