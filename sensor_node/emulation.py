@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.firmware.record import Channel, Record, Scribe
     from sensor_node.firmware.schedule import Frame
+    from sensor_node.firmware.selftest import SelfTest
     from sensor_node.frontend import Digitised
     from sensor_node.machine.clock import Clock
     from sensor_node.physics import Signals
@@ -167,6 +168,11 @@ class EmulatedTaxel:
         time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
         records = self.control_unit.skip(frame.n)
         return [*records, self._scribe.gap(UNRECORDED, time, frame.n * len(self.channels))]
+
+    def show(self, number: int, test: SelfTest) -> None:
+        """Let the node's self-test see the last frame of the first quantity."""
+        unit = self.control_unit.units[0]
+        test.take(number, unit.lows, unit.highs, unit.filled)
 
     def amplify(self, gain: float) -> list[Record]:
         """Set the amplifier before the converter; gives undecided peaks."""

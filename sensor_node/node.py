@@ -13,6 +13,7 @@ import numpy as np
 from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
+from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
 from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
@@ -189,6 +190,7 @@ class Node:
         for number, taxel in enumerate(self.taxels):
             taxel.boot(self._outbox.boot, self._outbox.scribe)
             self._interrupts.append(self.machine.interrupt(partial(self._sample, number)))
+        self._examiner = Examiner(self._settings.taxel, self._clock.known, self._outbox.scribe)
         self._line_up()
         self.states.take(states.STARTED, 0)
 
@@ -228,6 +230,7 @@ class Node:
         )
         self.states.take(states.IDLE, ticks)
         self._batch.take(records)
+        self._batch.take(self._examiner.watch(number, taxel, frame.end))
         self._true_blocks += truth
         machine.arm(self._interrupts[number], machine.booted + taxel.next.end)
 

@@ -114,6 +114,14 @@ nothing was recorded there is no sample, but a gap message, and no peak is joine
 interval travels unshrunk: both its ends are measured, and what the node tells encloses both; an
 unbounded side stays unbounded.
 
+## Stuck and dead taxels
+
+A node looks for broken taxels in windows of 20 s: *dead* is certain where no sample of a window was
+bounded, *stuck* where a taxel stayed still while the four nearest of its kind moved by more than
+their uncertainty. It tells of each once, as a gap event with the reason `t05 certainly stuck`. The
+faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
+others move.
+
 ## Adaptive control
 
 The paper's G(t) follows stimulus and environment. With `adaptive = true` in a taxel's table, or by

@@ -26,6 +26,7 @@ class ChannelUnit:
     """Measures one channel.
 
     Attributes:
+        filled: Samples of its last frame, which stand in its buffers.
         away: Whether its last frame was possibly farther from its rest than a touch.
 
     Args:
@@ -58,6 +59,7 @@ class ChannelUnit:
         self._silent = 0
         self._calibrating = False
         self.away = False
+        self.filled = 0
         self.restart(schedule, threshold, 0.0)
 
     def restart(self, schedule: "Schedule", threshold: float, smoothing: float) -> None:
@@ -77,6 +79,7 @@ class ChannelUnit:
         """What is to be said of the frame in the buffers: its block, then its peaks."""
         if self._calibrating:
             self._calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
+        self.filled = frame.n
         at_rest = self.baseline.stays(self.lows, self.highs, frame.n, self.threshold)
         self.away = self.baseline.known and self.threshold > 0.0 and not at_rest
         records = []
@@ -98,6 +101,7 @@ class ChannelUnit:
     def skip(self, samples: int) -> "list[Record]":
         """Say that samples are missing here; gives the peaks that stay undecided."""
         records: list[Record] = []
+        self.filled = 0 if samples else self.filled
         if self._detector is not None:
             self._tell_peaks(records, self._detector.gap(samples))
         self._smoothing.reset()

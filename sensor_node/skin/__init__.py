@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from sensor_node.skin.crosstalk import Crosstalk, unmix
-from sensor_node.skin.detection import Health, examine
 from sensor_node.skin.fault import FaultSection, break_off
 from sensor_node.skin.shapes import CylinderShape, FlatShape, HandShape, Shape
 from sensor_node.skin.skin import Skin
@@ -14,10 +13,8 @@ __all__ = [
     "FaultSection",
     "FlatShape",
     "HandShape",
-    "Health",
     "Shape",
     "Skin",
     "break_off",
-    "examine",
     "unmix",
 ]

@@ -254,3 +254,17 @@ def test_command_switches_it_and_state_tells_the_gain(tmp_path: Path) -> None:
     assert controls.apply("reset", {})["t01"]["gain"] == 1.0
     assert_truth_is_inside(bench)
     bench.close()
+
+
+def test_rest_follows_plates_that_move(tmp_path: Path) -> None:
+    bench = made(tmp_path, stimulus_Hz=1e-4, **PLATES)
+    unit = bench.node.taxels[0].control_unit
+    unit.calibrate()
+    bench.run_to(1.0)
+    area, capacitance = (unit.units[k].baseline for k in (0, 1))
+    before = area.lo, capacitance.lo
+    unit.adaptation.plate = 4  # from 1 to 2 mm
+    unit._adjust(0)
+    assert area.lo == before[0]
+    assert 0.49 < capacitance.lo / before[1] < 0.5
+    bench.close()

@@ -12,12 +12,13 @@ from pydantic import ValidationError
 
 from eskin.interval import Interval
 from eskin.models import capacitance, proximity_at
+from sensor_node.firmware.selftest import CERTAIN, SelfTest
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.inversion import Inversion
 from sensor_node.physics import build_world
 from sensor_node.physics.pad import Pads
 from sensor_node.scenario import Stage, read_scenario
-from sensor_node.skin import examine, unmix
+from sensor_node.skin import unmix
 from sensor_node.skin.pressing import PadInversion
 from sensor_node.taxels import PadSection
 from tests.sensor_node.designs import taxel
@@ -256,6 +257,9 @@ def test_faults_of_a_skin_are_found_from_its_intervals(tmp_path: Path) -> None:
         world, frontend = build_world(each, random), build_frontend(each, random)
         sensed = world.signals(TIMES[:400], random).sensed
         rows.append(Inversion(each).measure(frontend.digitise(sensed, random).codes)["capacitance"])
-    health = examine(Interval.stack(rows), skin.neighbours, still=3e-14, moves=6e-14)
-    assert np.flatnonzero(health.stuck.certain).tolist() == [5]
-    assert np.flatnonzero(health.dead.certain).tolist() == [11]
+    test = SelfTest([[int(k) for k in row if k >= 0] for row in skin.neighbours])
+    for number, row in enumerate(rows):
+        test.take(number, row.inf.tolist(), row.sup.tolist(), len(row.inf))
+    dead, stuck = zip(*test.examine(), strict=True)
+    assert [number for number, answer in enumerate(stuck) if answer == CERTAIN] == [5]
+    assert [number for number, answer in enumerate(dead) if answer == CERTAIN] == [11]

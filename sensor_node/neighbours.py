@@ -1,0 +1,37 @@
+"""Which taxels of a node sit around each other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from sensor_node.scenario import read_scenario
+from sensor_node.taxels import CoilSection, PadSection
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sensor_node.taxels import AnyTaxel
+
+_AROUND: Final = 4
+"""So many surround a taxel: no contact moves all of them and leaves it out."""
+
+
+def neighbours(taxels: Sequence[AnyTaxel]) -> list[list[int]]:
+    """Of each taxel, the numbers of the nearest four of its kind in its skin; or none."""
+    found: list[list[int]] = [[] for _ in taxels]
+    skins: dict[tuple[str, str], list[tuple[int, str]]] = {}
+    for number, taxel in enumerate(taxels):
+        if isinstance(taxel, PadSection | CoilSection):
+            skins.setdefault((taxel.kind, taxel.scenario), []).append((number, taxel.place))
+    for (_, scenario), members in skins.items():
+        if len(members) <= _AROUND:
+            continue
+        skin = read_scenario(scenario).skin.build()
+        positions = skin.positions[[skin.numbers[place] for _, place in members]]
+        for (number, _), position in zip(members, positions, strict=True):
+            nearest = np.argsort(np.linalg.norm(positions - position, axis=1), kind="stable")
+            around = [members[k][0] for k in nearest if members[k][0] != number]
+            found[number] = around[:_AROUND]
+    return found
