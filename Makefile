@@ -50,7 +50,7 @@ bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure 
 	$(BIN)/python -m benchmarks $(ARGS)
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
-	$(BIN)/pdoc --docformat google --output-directory build/docs \
+	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
 		eskin '!eskin.command' '!eskin.kernels' $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
