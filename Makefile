@@ -54,7 +54,7 @@ chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults 
 	$(BIN)/python -m tests.chaos $(ARGS)
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
-	$(BIN)/pdoc --docformat google --output-directory build/docs \
+	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
 		eskin '!eskin.command' '!eskin.kernels' $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard

@@ -7,12 +7,19 @@ contract, with no server. The sensor models stand in `eskin.models`, noise and d
 
 from __future__ import annotations
 
-from eskin import design, models, noise
+import importlib
+from typing import TYPE_CHECKING, Final
+
 from eskin.errors import EskinError
 from eskin.interval import Answer, Interval
 from eskin.messages import Block, Encoding, decode_message
 from eskin.peaks import PeakEvent, Peaks, PeakStream, Verdict, find_peaks
 from eskin.tube import Tube
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from eskin import design, models, noise
 
 __all__ = [
     "Answer",
@@ -31,3 +38,16 @@ __all__ = [
     "models",
     "noise",
 ]
+
+_LATER: Final = frozenset({"design", "models", "noise"})
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Import a room at its first use (PEP 562): intervals alone are there in half the time."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return importlib.import_module(f"{__name__}.{name}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -55,6 +55,21 @@ class Tube:
 
     def __len__(self) -> int:
         return self.values.shape[0]
+
+    def __getitem__(self, part: slice) -> Tube:
+        """The tube of some of the samples: ``tube[10:20]``, ``tube[::2]``; single ones in `values`.
+
+        Raises:
+            IntervalError: It is no slice, or one that runs backwards.
+        """
+        if not isinstance(part, slice):
+            raise IntervalError(f"a tube is cut by slices, not {part!r}; see values for one sample")
+        start, _, step = part.indices(len(self))
+        if step < 0:
+            raise IntervalError(f"a tube runs forwards; its step must be positive, not {step}")
+        earliest, latest = self.time
+        moved = earliest + start * self.dt, latest + start * self.dt
+        return replace(self, time=moved, dt=self.dt * step, values=self.values[part])
 
     @property
     def moments(self) -> NDArray[np.int64]:

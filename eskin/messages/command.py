@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import CommandError, IdentityError, MessageError
-from eskin.identity.kinds import IdentityKind
 from eskin.messages.fields import MOST_COUNT, MOST_MOMENT, dump, load
 from eskin.messages.head import Kind
 from eskin.messages.texts import read_texts, sort_texts
@@ -53,6 +52,9 @@ class Command:
         Raises:
             MessageError: It is none.
         """
+        # Cryptography comes with identities: not for who reads no command.
+        from eskin.identity.kinds import IdentityKind  # noqa: PLC0415
+
         fields = load(data)
         fields.only(_FIELDS)
         kind = fields.integer(1, 0, 255)

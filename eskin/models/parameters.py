@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from eskin.errors import IntervalError
 from eskin.interval import Interval
 
-if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
-
-Floats: TypeAlias = "NDArray[np.float64]"
-Bounds: TypeAlias = "Interval | ArrayLike"
+Floats: TypeAlias = NDArray[np.float64]
+Bounds: TypeAlias = Interval | ArrayLike
 """What a model takes for a parameter: an interval, or a number or array for a thin one."""
 
 VACUUM_PERMITTIVITY: Final = 8.854e-12

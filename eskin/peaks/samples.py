@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeGuard
+
+import numpy as np
 
 from eskin.errors import IntervalError
 from eskin.interval import Interval
@@ -23,6 +25,8 @@ def samples_of(
     Raises:
         IntervalError: They are none, or differ in number.
     """
+    if _is_plain(samples) and _is_plain(highs) and samples.shape == highs.shape:
+        return samples, highs
     if isinstance(samples, Tube):
         samples = samples.values
     if isinstance(samples, Interval):
@@ -42,6 +46,16 @@ def samples_of(
             f"lows and highs need one axis and the same length, not {lo.shape} and {hi.shape}"
         )
     return _plain(lo), _plain(hi)
+
+
+def _is_plain(bounds: object) -> TypeGuard[Floats]:
+    """Whether these are bounds as they should be: short blocks cannot wait for all other checks."""
+    return (
+        type(bounds) is np.ndarray
+        and bounds.dtype == np.float64
+        and bounds.ndim == 1
+        and bounds.flags.carray
+    )
 
 
 def _plain(array: Floats) -> Floats:

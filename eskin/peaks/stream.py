@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _FOREVER: Final = 2**62
 _MOST_ROOM: Final = 2**20
+_KEPT_ROOM: Final = 2**10
 _NO_EVENTS: Final = np.empty(0, EVENT)
 _MISSING: Final = np.array([nan])
 _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
@@ -51,6 +52,7 @@ class PeakStream:
             np.array([_NOWHERE, _NOWHERE], PASS),
             np.zeros(MOST_REGIONS + 1, REGION),
         )
+        self._room = np.empty(_KEPT_ROOM, EVENT)  # for short blocks: making it costs as they do
 
     @overload
     def feed(self, samples: Tube | Interval) -> Peaks: ...
@@ -86,7 +88,8 @@ class PeakStream:
 
     @rounding_to_nearest
     def _search(self, lows: Floats, highs: Floats) -> Peaks:
-        events = np.empty(min(lows.size // 2, _MOST_ROOM) + 2 * MOST_AT_ONCE, EVENT)
+        need = min(lows.size // 2, _MOST_ROOM) + 2 * MOST_AT_ONCE
+        events = self._room if need <= _KEPT_ROOM else np.empty(need, EVENT)
         taken, count = search(lows, highs, self._prominence, *self._state, events)
         while taken < lows.size:
             if count + MOST_AT_ONCE <= events.size:
@@ -99,7 +102,8 @@ class PeakStream:
             taken, count = taken + more, count + found
         if count == 0:
             return Peaks(_NO_EVENTS)
-        return Peaks(events[:count] if 2 * count > events.size else events[:count].copy())
+        shared = events is self._room or 2 * count <= events.size
+        return Peaks(events[:count].copy() if shared else events[:count])
 
 
 @overload

@@ -91,14 +91,18 @@ def test_imports_go_one_way() -> None:
     assert done.returncode == 0, done.stdout
 
 
-def test_import_of_eskin_starts_no_tier_and_no_server() -> None:
-    code = "import eskin, sys; print(sorted({m.split('.')[0] for m in sys.modules}))"
+def test_import_of_eskin_starts_no_tier_and_no_server_and_brings_models_with_their_use() -> None:
+    code = (
+        "import eskin, sys; print(sorted({m.split('.')[0] for m in sys.modules}));"
+        "assert 'eskin.models' not in sys.modules; assert eskin.models.icm; assert eskin.noise"
+    )
     done = subprocess.run(
         [ROOT / ".venv" / "bin" / "python", "-c", code],
         capture_output=True, text=True, timeout=60, check=True,
     )  # fmt: skip
     loaded = set(ast.literal_eval(done.stdout))
     assert not loaded & {"cloud", "gateway", "sensor_node", "fastapi", "sqlalchemy", "paho"}
+    assert not loaded & {"cryptography", "rich", "matplotlib"}  # what takes long, and waits
 
 
 def test_decisions_are_listed() -> None:

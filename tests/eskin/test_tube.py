@@ -26,6 +26,25 @@ def test_samples_are_drawn_in_the_middle_of_their_time() -> None:
 
 
 @pytest.mark.parametrize(
+    "part", [slice(2, 5), slice(-3, None), slice(None, None, 3), slice(7, 7), slice(1, 99, 4)]
+)
+def test_slice_keeps_the_moments_of_its_samples(part: slice) -> None:
+    tube = Tube(**{**GIVEN, "values": Interval(np.arange(8.0), np.arange(8.0) + 1.0)})
+    cut = tube[part]
+    assert cut.moments.tolist() == tube.moments[part].tolist()
+    assert cut.values.inf.tolist() == tube.values.inf[part].tolist()
+    assert cut.values.sup.tolist() == tube.values.sup[part].tolist()
+    assert (cut.unit, cut.coverage, cut.time_error) == (tube.unit, tube.coverage, tube.time_error)
+
+
+def test_what_is_no_forward_slice_is_refused() -> None:
+    tube: Any = Tube(**GIVEN)
+    for part in (0, slice(None, None, -1)):
+        with pytest.raises(IntervalError, match="tube"):
+            tube[part]
+
+
+@pytest.mark.parametrize(
     ("changed", "said"),
     [
         ({"values": np.array([1.0, 2.0])}, "values must be an Interval, not ndarray"),

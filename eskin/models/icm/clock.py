@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import part
+from eskin.kernels.compiled import inlined, part
 from eskin.kernels.instructions import fma
 from eskin.kernels.sine import sincospi_of_product, sincospi_of_two
 
@@ -92,14 +92,14 @@ def fill_clock(frequency: float, times: Floats, table: Floats) -> None:
         table[3, i], table[4, i], table[5, i] = now[3], now[4], 1.0 if now[5] else 0.0
 
 
-@part
+@inlined
 def sample_of(table: Floats, i: int) -> Sample:
     """One column of the table; the last as a truth value."""
     early = table[EARLY, i] != 0.0
     return table[0, i], table[1, i], table[2, i], table[3, i], table[4, i], early
 
 
-@part
+@inlined
 def late_sample_of(table: Floats, i: int) -> Sample:
     """One column of the table where ``a > 1``: the compiler drops what is for small times."""
     sine = table[SINE, i]

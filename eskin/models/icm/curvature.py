@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.compiled import inlined, part
 
 if TYPE_CHECKING:
     from typing import TypeAlias
@@ -61,7 +61,7 @@ def limits_of(a: Branch, b: Branch, power: int, phase: Phase) -> Limits:
     return settled, (sine + cosine * (4.0 * c1)) * settled, sine * settled + cosine * (ratio * b[3])
 
 
-@part
+@inlined
 def waning(s_last: float, left: float) -> Wane:
     """Bounds of what multiplies ``m'`` and ``m`` in the transient's third derivative, from s on.
 
@@ -110,7 +110,7 @@ def edge_of(a: Branch, b: Branch, tau_a: float, tau_b: float, power: int, phase:
     return width, *third, tau_b / tau_a * half, tau_a / tau_b, (level * half, faded * half, half)
 
 
-@part
+@inlined
 def test_edge(
     edge: Edge, power: int, first: float, last: float, s: float, wane: Wane,
     reach: float,

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.compiled import inlined
 from eskin.kernels.exponential import exp_tail
 from eskin.kernels.instructions import fma, from_bits, to_bits
 
@@ -21,7 +21,7 @@ _INTEGER_BITS: Final = 0x4338000000000000
 _ONE_BITS: Final = 0x3FF0000000000000
 
 
-@part
+@inlined
 def decay(s: float) -> tuple[float, float, float]:
     """``e**-s``, ``1 - e**-s`` and ``e**-s - 1 + s`` for ``s >= 0``.
 

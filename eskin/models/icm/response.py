@@ -30,7 +30,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.compiled import inlined, part
 from eskin.kernels.instructions import fma
 from eskin.models.icm.clock import PI, PI_LOW, phase_of
 from eskin.models.icm.decay import decay
@@ -88,7 +88,7 @@ def phase_parts(phase: float) -> Phase:
     return sine, cosine, abs(sine) + slack, abs(cosine) + slack
 
 
-@part
+@inlined
 def respond(of: Branch, phase: Phase, sample: Sample) -> tuple[float, float, float, float, float]:
     """``h``, its slope ``d``, the sum of sizes ``T``, ``s`` and ``e**-s`` at one sample."""
     inverse, inverse_low, c0, c1, q, _ = of
