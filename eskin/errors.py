@@ -13,6 +13,7 @@
     ├── IdentityError            keys or certificates that cannot be used
     │   └── UntrustedCertificateError
     ├── LockedError              a file that another process owns
+    ├── FirmwareError            a node's firmware that failed while it ran
     ├── FlashError               a node's flash that cannot hold or give back
     ├── SpoolError               a gateway's spool that cannot hold or give back
     ├── CloudError               a cloud that did not answer a gateway as agreed
@@ -145,6 +146,10 @@ class LockedError(EskinError):
     def __init__(self, path: Path) -> None:
         super().__init__(f"{path}: another process uses it; stop that one first")
         self.path = path
+
+
+class FirmwareError(EskinError):
+    """A node's firmware that failed while it ran; only its machine stops, until a reset."""
 
 
 class FlashError(EskinError):

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eskin.errors import FirmwareError
 from eskin.messages import Encoding, Position
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.record import BLOCK
@@ -35,11 +36,8 @@ class EmulatedTaxel:
     Args:
         taxel: Its settings.
         seed: Draws the true parts, the same at each boot.
-        noise_seed: Draws the noise: each frame's depends on its start alone.
         clock: The node's clock.
         sampling: How samples become blocks.
-        scribe: Writes the node's messages.
-        boot: Number of this start.
         functions: The firmware's arithmetic, or its compiled copy.
     """
 
@@ -48,29 +46,39 @@ class EmulatedTaxel:
         taxel: AnyTaxel,
         *,
         seed: tuple[int, ...],
-        noise_seed: tuple[int, ...],
         clock: Clock,
         sampling: SamplingSection,
-        scribe: Scribe,
-        boot: int,
         functions: ModuleType,
     ) -> None:
+        self._taxel = taxel
+        self._seed = seed
+        self._sampling = sampling
+        self._functions = functions
         parts = np.random.default_rng(seed)
         self._world = build_world(taxel, parts)
         self._frontend = build_frontend(taxel, parts)
-        self._noise_seed = noise_seed
         self._clock = clock
-        self._boot = boot
-        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), functions)
+
+    def boot(self, number: int, scribe: Scribe) -> None:
+        """Start its control unit, with nothing in its RAM.
+
+        Args:
+            number: The boot's. It draws the noise: each frame's depends on its start alone.
+            scribe: Writes the node's messages.
+        """
+        taxel = self._taxel
+        self._boot = number
+        self._frontend.amplify(1.0)
+        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), self._functions)
         self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,
-            schedule=build_schedule(taxel, sampling.block_samples),
+            schedule=build_schedule(taxel, self._sampling.block_samples),
             coverage=taxel.noise.coverage,
             prominences=_prominences(taxel),
             longest=round(taxel.longest_region_s * BILLION),
-            encoding=int(Encoding[sampling.encoding.upper()]),
-            clock=clock.known,
+            encoding=int(Encoding[self._sampling.encoding.upper()]),
+            clock=self._clock.known,
             scribe=scribe,
         )
         self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
@@ -87,14 +95,21 @@ class EmulatedTaxel:
         return self.control_unit.channels
 
     def sample(self) -> tuple[list[Record], list[TrueBlock]]:
-        """Take the next frame: what the node says of it, and the truth behind its blocks."""
+        """Take the next frame: what the node says of it, and the truth behind its blocks.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
         frame = self.next
-        random = np.random.default_rng((*self._noise_seed, frame.start))
+        random = np.random.default_rng((*self._seed, self._boot, frame.start))
         signals = self._world.signals(self._seconds(frame), random)
         digitised = self._frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
         codes = [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
-        records = self.control_unit.process(frame, codes)
+        try:
+            records = self.control_unit.process(frame, codes)
+        except Exception as error:
+            raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
         time = self._clock.true_time(frame.start)
         true_blocks = [
             TrueBlock(
@@ -140,14 +155,23 @@ class EmulatedTaxel:
             self.next = self.control_unit.schedule.frame(self.next.number + 1)
         return self.control_unit.skip(lost), lost * len(self.channels)
 
+    def missed(self, ticks: int) -> int:
+        """Samples that were due before a moment and not taken, over all channels."""
+        due = self.control_unit.schedule.before(ticks)
+        return max(0, due - self.next.first) * len(self.channels)
+
     def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
         return self.control_unit.skip(0)
 
     def _seconds(self, frame: Frame) -> Floats:
-        """True seconds since the start, or since the burst's trigger."""
+        """True seconds since the emulation began, or since the burst's trigger."""
         ticks = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
-        since = self._clock.elapsed(ticks) - self._clock.elapsed(np.asarray(frame.trigger))
+        since = self._clock.elapsed(ticks)
+        if self.control_unit.schedule.burst:
+            since = since - self._clock.elapsed(np.asarray(frame.trigger))
+        else:
+            since = since + self._clock.lived
         return np.asarray(since / BILLION)
 
 

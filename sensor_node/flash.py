@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Record
 
 _INSERT: Final = "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?)"
+_COUNT: Final = "UPDATE counter SET value = iif(value, value + 1, ?) WHERE name = 'boot'"
 _GAP_RESERVE: Final = 2048
 """Room that is kept for the gap message which tells of an eviction."""
 
@@ -57,13 +58,7 @@ class Flash:
         FlashError: It cannot be opened.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        *,
-        capacity: int,
-        epoch: int | None = None,
-    ) -> None:
+    def __init__(self, path: Path, *, capacity: int, epoch: int | None = None) -> None:
         self._path = path
         self._capacity = capacity
         self._lock = threading.RLock()
@@ -73,11 +68,7 @@ class Flash:
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
             self._db.executescript(SCHEMA)
-            self._db.execute(
-                "UPDATE counter SET value = CASE value WHEN 0 THEN ? ELSE value + 1 END "
-                "WHERE name = 'boot'",
-                (int(time.time()) if epoch is None else epoch,),
-            )
+            self._db.execute(_COUNT, (int(time.time()) if epoch is None else epoch,))
             counters = dict(self._db.execute("SELECT name, value FROM counter").fetchall())
             self._messages, self._used = self._db.execute(
                 "SELECT count(*), coalesce(sum(length(body)), 0) FROM message"
@@ -90,12 +81,26 @@ class Flash:
             ) from error
         self.boot: int = counters["boot"]
         self._gaps: int = counters["gaps"]
-        self._sequence = 0
-        self._settled = 0
+        self._sequence = self._settled = 0
         # What no gap message could say yet, because nothing could be written.
         self._unsaid = Loss(FAILED)
         # The last gap of an eviction, still open to more as long as nobody has read it.
         self._open: tuple[Position, Loss] | None = None
+
+    def restart(self) -> None:
+        """Count a boot of the machine, durably; everything that waits stays.
+
+        Raises:
+            FlashError: It could not be written; the number stays as it was.
+        """
+        with self._lock:
+            try:
+                self._db.execute(_COUNT, (self.boot + 1,))
+            except sqlite3.Error as error:
+                raise FlashError(f"{self._path}: flash cannot be written: {error}") from error
+            self.boot += 1
+            self._sequence = self._settled = 0
+            self._open = None
 
     def next_position(self) -> Position:
         """Give out the next position; only for use inside of a batch."""
@@ -209,8 +214,7 @@ class Flash:
                     self._roll_back()
             except sqlite3.Error as error:
                 raise FlashError(f"{self._path}: flash cannot be written: {error}") from error
-            self._messages -= count
-            self._used -= freed
+            self._messages, self._used = self._messages - count, self._used - freed
 
     def usage(self) -> Usage:
         """How full it is."""

@@ -1,35 +1,40 @@
-"""The node without its network: taxels, clock, flash and truth."""
+"""The node without its network: machine, taxels, clock, flash and truth."""
 
 from __future__ import annotations
 
-import heapq
 import logging
 import threading
 from contextlib import contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import FlashError
+import numpy as np
+
+from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
 from sensor_node.firmware import inversion
 from sensor_node.firmware.record import Record, Scribe
 from sensor_node.machine.crystal import BILLION
+from sensor_node.machine.events import NEVER
+from sensor_node.machine.machine import Machine
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from types import ModuleType
 
     from sensor_node.batch import Batch
     from sensor_node.flash import Flash
     from sensor_node.machine.clock import Clock
+    from sensor_node.machine.events import Timer
     from sensor_node.settings import NodeSettings
-    from sensor_node.truth import Truth
+    from sensor_node.truth import TrueBlock, Truth
 
 log = logging.getLogger(__name__)
 
 OVERRUN: Final = "sampling overrun"
 _MOST_FRAMES: Final = 64
-"""Frames of one commit."""
+"""Events of one commit, at most."""
 
 
 class Node:
@@ -42,6 +47,11 @@ class Node:
         truth: What the emulator keeps for the audit.
         seed: Draws true parts and noise.
         functions: The firmware's arithmetic, or its compiled copy.
+
+    Attributes:
+        machine: What the firmware runs on.
+        taxels: The sensing elements, in the order of the settings.
+        at_start: Called after each start of the firmware but the first.
     """
 
     def __init__(
@@ -58,38 +68,57 @@ class Node:
         self._clock = clock
         self._flash = flash
         self._truth = truth
+        self._seed = seed
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         self._failures = 0
-        self._scribe = Scribe(flash.boot, flash)
+        self._batch: Batch
+        self._true_blocks: list[TrueBlock] = []
+        self._working = threading.RLock()
+        self.machine = Machine(timeout=round(settings.machine.watchdog_s * BILLION))
+        self.at_start: Callable[[], None] | None = None
         self.taxels = [
             EmulatedTaxel(
                 taxel,
                 seed=(seed, number),
-                noise_seed=(seed, number, flash.boot),
                 clock=clock,
                 sampling=settings.sampling,
-                scribe=self._scribe,
-                boot=flash.boot,
                 functions=functions,
             )
             for number, taxel in enumerate(settings.taxel)
         ]
-        self._working = threading.RLock()
-        self._line_up()
+        self._boot()
 
     @property
     def next_due(self) -> int:
-        """Ticks at which the next frame is complete."""
-        return self._due[0][0]
+        """Machine time in ns at which something happens next."""
+        return self.machine.events.next_due
 
-    def advance(self, ticks: int) -> None:
-        """Take all frames that are complete by now; say so where some were missed."""
+    def advance(self, time: int) -> None:
+        """Catch up with a machine time in ns; say so where samples were missed for being late."""
         with self._working:
-            if ticks - self.next_due > self._overrun:
-                self._pass_over(ticks)
-            while self.next_due <= ticks:
+            if time - self.next_due > self._overrun:
+                self._pass_over(time)
+            self.run_until(time)
+
+    def run_until(self, time: int) -> None:
+        """Do all that happens up to a machine time in ns, as fast as it can."""
+        with self._working:
+            while self.machine.starting or self.next_due <= time:
+                if self.machine.starting:
+                    self._start_again()
                 with self._tolerant(), self._flash.batch() as batch:
-                    self._take(batch, ticks)
+                    self._batch, self._true_blocks = batch, []
+                    self.machine.run(time, _MOST_FRAMES)
+                    # Before the flash's commit: every stored block has its truth.
+                    if self._true_blocks:
+                        self._truth.store(self._true_blocks)
+            self.machine.events.pass_to(time)
+
+    @contextmanager
+    def still(self) -> Iterator[None]:
+        """Hold the machine: nothing happens meanwhile, no sample and no reset."""
+        with self._working:
+            yield
 
     @contextmanager
     def between_frames(self) -> Iterator[list[Record]]:
@@ -107,6 +136,16 @@ class Node:
         Raises:
             FlashError: It could not be written.
         """
+        with self._working:
+            return self._record_status()
+
+    def finish(self) -> None:
+        """Say what stays undecided at the end."""
+        with self._tolerant(), self._flash.batch() as batch:
+            for taxel in self.taxels:
+                batch.take(taxel.finish())
+
+    def _record_status(self) -> Position:
         ticks = self._clock.ticks()
         own, usage = self._settings.node, self._flash.usage()
         with self._flash.batch() as batch:
@@ -117,53 +156,81 @@ class Node:
                 ticks,
                 (usage.messages, usage.used, usage.capacity, usage.gaps),
                 [channel for taxel in self.taxels for channel in taxel.channels],
+                int(self.machine.cause),
             )
             batch.take([status])
         return Position(self._flash.boot, status.sequence)
 
-    def finish(self) -> None:
-        """Say what stays undecided at the end."""
-        with self._tolerant(), self._flash.batch() as batch:
-            for taxel in self.taxels:
-                batch.take(taxel.finish())
+    def _boot(self) -> None:
+        """Start the firmware: nothing is left of what its RAM held."""
+        self.machine.boot()
+        self._scribe = Scribe(self._flash.boot, self._flash)
+        self._interrupts: list[Timer] = []
+        for number, taxel in enumerate(self.taxels):
+            taxel.boot(self._flash.boot, self._scribe)
+            self._interrupts.append(self.machine.interrupt(partial(self._sample, number)))
+        self._line_up()
 
-    def _take(self, batch: Batch, ticks: int) -> None:
-        true_blocks = []
-        for _ in range(_MOST_FRAMES):
-            end, number = self._due[0]
-            if end > ticks:
-                break
-            taxel = self.taxels[number]
+    def _start_again(self) -> None:
+        """Start after a reset, and tell what was missed."""
+        machine, clock = self.machine, self._clock
+        stopped, again = (time - machine.booted for time in (machine.stopped, machine.now))
+        begin = min(stopped, *(taxel.next.start for taxel in self.taxels))
+        earliest = clock.known.enclosure(begin)[0]
+        lost = sum(taxel.missed(again) for taxel in self.taxels)
+        with self._tolerant():
+            self._flash.restart()
+        clock.restart(machine.now, np.random.default_rng((self._seed, self._flash.boot)))
+        self._boot()
+        self._tell_gap(f"{machine.cause.label} reset", earliest, 0, lost)
+        log.warning("machine starts: boot=%d samples_lost=%d", self._flash.boot, lost)
+        if self.at_start is not None:
+            self.at_start()
+
+    def _sample(self, number: int) -> None:
+        """A frame of a taxel is complete: its interrupt."""
+        machine, taxel = self.machine, self.taxels[number]
+        try:
             records, truth = taxel.sample()
-            batch.take(records)
-            true_blocks += truth
-            heapq.heapreplace(self._due, (taxel.next.end, number))
-        # Before the flash's commit: every stored block has its truth.
-        self._truth.store(true_blocks)
+        except FirmwareError as error:
+            log.error("firmware hangs, the watchdog will reset it: %s", error)  # noqa: TRY400 - says all
+            machine.halt()
+            return
+        machine.kick()
+        self._batch.take(records)
+        self._true_blocks += truth
+        machine.arm(self._interrupts[number], machine.booted + taxel.next.end)
 
-    def _pass_over(self, ticks: int) -> None:
+    def _pass_over(self, time: int) -> None:
+        due = min((timer.time for timer in self._interrupts if timer.running), default=NEVER)
+        if time - due <= self._overrun:
+            return
+        ticks = time - self.machine.booted
         begin = min(taxel.next.start for taxel in self.taxels)
+        lost = 0
         with self._tolerant(), self._flash.batch() as batch:
-            lost = 0
             for taxel in self.taxels:
                 peaks, samples = taxel.skip(ticks)
                 batch.take(peaks)
                 lost += samples
-            self._line_up()
-            again = max(taxel.next.start for taxel in self.taxels)
-            known = self._clock.known
-            time = known.enclosure(begin)[0], known.enclosure(again)[1]
-            batch.take([self._scribe.gap(OVERRUN, time, lost)])
-            log.warning(
-                "samples lost: reason=%s samples=%d behind_s=%.3f",
-                OVERRUN,
-                lost,
-                (ticks - begin) / BILLION,
-            )
+        self._line_up()
+        again = max(taxel.next.start for taxel in self.taxels)
+        self._tell_gap(OVERRUN, self._clock.known.enclosure(begin)[0], again, lost)
+        log.warning(
+            "samples lost: reason=%s samples=%d behind_s=%.3f",
+            OVERRUN,
+            lost,
+            (ticks - begin) / BILLION,
+        )
+
+    def _tell_gap(self, reason: str, earliest: int, until: int, samples: int) -> None:
+        latest = self._clock.known.enclosure(until)[1]
+        with self._tolerant(), self._flash.batch() as batch:
+            batch.take([self._scribe.gap(reason, (earliest, latest), samples)])
 
     def _line_up(self) -> None:
-        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
-        heapq.heapify(self._due)
+        for timer, taxel in zip(self._interrupts, self.taxels, strict=True):
+            self.machine.arm(timer, self.machine.booted + taxel.next.end)
 
     @contextmanager
     def _tolerant(self) -> Iterator[None]:

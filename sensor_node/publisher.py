@@ -60,6 +60,7 @@ class Publisher:
         flash: The outbox.
         record_status: Puts a fresh status into flash and gives its position.
         take_command: Takes a command that was sealed to this node; ``None``: it obeys none.
+        is_running: Whether the firmware runs; while it does not, nothing is sent or taken.
         broker: Where to publish.
         identity: Who the node is, and its site.
 
@@ -73,6 +74,7 @@ class Publisher:
         *,
         record_status: Callable[[], Position],
         take_command: Callable[[bytes], None] | None = None,
+        is_running: Callable[[], bool] = lambda: True,
         broker: BrokerSection,
         identity: IdentitySection,
     ) -> None:
@@ -81,6 +83,7 @@ class Publisher:
         self._flash = flash
         self._record_status = record_status
         self._take_command = take_command
+        self._is_running = is_running
         self._broker = broker
         self._node = own.name
         self._sealer = Sealer(own, site)
@@ -99,9 +102,7 @@ class Publisher:
         self._newest_status: Position | None = None
         self._held: Position | None = None
         self._status_due = 0.0
-        self._fresh = threading.Event()
-        self._wake = threading.Event()
-        self._stopping = threading.Event()
+        self._fresh, self._wake, self._stopping = (threading.Event() for _ in range(3))
         self._client = self._make_client(own)
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
 
@@ -136,10 +137,8 @@ class Publisher:
         client.max_inflight_messages_set(self._broker.window)
         client.max_queued_messages_set(4 * self._broker.window)
         client.reconnect_delay_set(min_delay=1, max_delay=8)
-        client.on_connect = self._on_connect
-        client.on_connect_fail = self._on_connect_fail
-        client.on_disconnect = self._on_disconnect
-        client.on_message = self._on_message
+        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
         return client
 
     def _on_connect(
@@ -194,6 +193,8 @@ class Publisher:
                 self._stopping.wait(1.0)
 
     def _turn(self) -> None:
+        if not self._is_running():
+            return
         self._take_acknowledgements()
         self._take_commands()
         if not self._client.is_connected():

@@ -106,10 +106,17 @@ def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.E
         enclosure=lambda: clock.known.enclosure(clock.ticks()),
     )
     commander.start()
+    node.at_start = commander.start
+
+    def take_command(signed: bytes) -> None:
+        with node.still():
+            commander.take(signed)
+
     publisher = Publisher(
         flash,
         record_status=node.record_status,
-        take_command=commander.take,
+        take_command=take_command,
+        is_running=lambda: node.machine.running,
         broker=settings.broker,
         identity=settings.identity,
     )
@@ -120,7 +127,7 @@ def _serve(settings: NodeSettings, flash: Flash, truth: Truth, stop: threading.E
         wait = max(clock.seconds_until(node.next_due), _SHORTEST_TICK_S)
         if stop.wait(wait):
             break
-        node.advance(clock.ticks())
+        node.advance(clock.now())
         publisher.notify()
     node.finish()
     publisher.notify()

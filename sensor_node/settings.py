@@ -116,6 +116,17 @@ class ClockSection(Section):
     )
 
 
+class MachineSection(Section):
+    """The emulated microcontroller."""
+
+    watchdog_s: float = Field(
+        default=8.0,
+        ge=0.01,
+        le=3600,
+        description="emulated seconds without a sign of life after which the watchdog resets it",
+    )
+
+
 class LogSection(Section):
     """What is logged."""
 
@@ -132,6 +143,7 @@ class NodeSettings(Settings):
     flash: FlashSection
     truth: TruthSection
     clock: ClockSection = ClockSection()
+    machine: MachineSection = MachineSection()
     log: LogSection = LogSection()
     taxel: tuple[Taxel, ...] = Field(
         min_length=1, max_length=100, description="the sensing elements; see the profiles"

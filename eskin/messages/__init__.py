@@ -14,7 +14,7 @@ from eskin.messages.gap import Gap
 from eskin.messages.head import Kind, Position
 from eskin.messages.peak import Peak
 from eskin.messages.result import Outcome, Result
-from eskin.messages.status import ChannelInfo, Status
+from eskin.messages.status import ChannelInfo, ResetCause, Status
 from eskin.messages.vocabulary import CommandName, Mode
 
 __all__ = [
@@ -31,6 +31,7 @@ __all__ = [
     "Outcome",
     "Peak",
     "Position",
+    "ResetCause",
     "Result",
     "Status",
     "decode_message",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import MessageError
@@ -18,8 +19,22 @@ from eskin.messages.head import (
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset(range(1, 13))
+_FIELDS: Final = frozenset(range(1, 14))
 _MOST_CHANNELS: Final = 1000
+
+
+class ResetCause(IntEnum):
+    """Why a node started."""
+
+    POWER_ON = 0
+    BROWN_OUT = 1
+    WATCHDOG = 2
+    SOFTWARE = 3
+
+    @property
+    def label(self) -> str:
+        """For people: ``power on``, ``brown-out``, ``watchdog`` or ``software``."""
+        return "brown-out" if self is ResetCause.BROWN_OUT else self.name.lower().replace("_", " ")
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +69,7 @@ class Status:
         capacity: Bytes that flash may hold.
         gaps: Gaps recorded since the node was made.
         channels: What it measures.
+        cause: Why it started; ``None`` where it does not say.
     """
 
     position: Position
@@ -66,14 +82,17 @@ class Status:
     capacity: int
     gaps: int
     channels: tuple[ChannelInfo, ...]
+    cause: ResetCause | None = None
 
     def encode(self) -> bytes:
         """Write as CBOR."""
         channels = [[c.channel, c.unit, c.dt, c.coverage] for c in self.channels]
+        cause = {} if self.cause is None else {13: int(self.cause)}
         return dump(
             position_fields(Kind.STATUS, self.position)
             | {4: list(self.time), 5: self.profile, 6: self.description, 7: self.uptime}
             | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
+            | cause
         )
 
     @classmethod
@@ -100,7 +119,12 @@ class Status:
             capacity=fields.integer(10, 0, MOST_COUNT),
             gaps=fields.integer(11, 0, MOST_COUNT),
             channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
+            cause=_cause(fields),
         )
+
+
+def _cause(fields: Fields) -> ResetCause | None:
+    return ResetCause(fields.integer(13, 0, max(ResetCause))) if fields.has(13) else None
 
 
 def _channel(value: object) -> ChannelInfo:

@@ -165,9 +165,13 @@ class Scribe:
         uptime: int,
         storage: "tuple[int, int, int, int]",
         channels: "Sequence[Channel]",
+        cause: int,
     ) -> Record:
-        """How the node fares; ``storage``: messages, bytes, capacity in bytes, gaps ever."""
-        out, sequence = self._begin(STATUS, 12)
+        """How the node fares, and why it started.
+
+        ``storage``: messages, bytes, capacity in bytes, gaps ever.
+        """
+        out, sequence = self._begin(STATUS, 13)
         _integers(out, 4, time)
         _text(out, 5, profile)
         _text(out, 6, description)
@@ -182,6 +186,7 @@ class Scribe:
             out.text(channel.unit)
             out.integer(channel.dt)
             out.real(channel.coverage)
+        _integer(out, 13, cause)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int) -> "tuple[Writer, int]":

@@ -72,6 +72,14 @@ class Schedule:
         first, start = burst * self.burst + before, trigger + before * self.dt
         return Frame(number, first, start, trigger, n, self.dt, closes=part == a_burst - 1)
 
+    def before(self, ticks: int) -> int:
+        """How many samples are due before a moment."""
+        since = max(0, ticks - self.origin)
+        if self.burst == 0:
+            return -(-since // self.dt)
+        bursts, inside = divmod(since, self.pause)
+        return bursts * self.burst + min(self.burst, -(-inside // self.dt))
+
     def ticks(self, sample: int) -> int:
         """When a sample is taken."""
         if self.burst == 0:

@@ -22,6 +22,8 @@ class Clock:
     The real-time clock that was read at the start was wrong by a true offset inside its bound,
     which the node does not know; nor does it know how wrong its crystal is.
 
+    A reset of the machine starts the count of ticks anew, with a new reading.
+
     Args:
         start: True UTC at the start, ns since 1970.
         monotonic: Real time in ns from any origin.
@@ -48,22 +50,43 @@ class Clock:
         self._origin = monotonic()
         self._speed = speed
         self._crystal = crystal
-        reading = start + int(random.integers(-rtc_error, rtc_error, endpoint=True))
-        self.known = FirmwareClock(reading, rtc_error, drift)
-        """What the firmware knows."""
+        self._rtc_error = rtc_error
+        self._drift = drift
+        self._booted = 0
+        self.lived = 0
+        """True ns of the emulated world before the machine's latest start."""
+        self._read(random)
 
-    def ticks(self) -> int:
-        """Emulated ns since the start, as the crystal counts them."""
+    def restart(self, time: int, random: np.random.Generator) -> None:
+        """Count from 0 again at a machine time; ``random`` draws the new reading's true error."""
+        true = int(self._crystal.elapsed(time - self._booted))
+        self._start += true
+        self.lived += true
+        self._booted = time
+        self._read(random)
+
+    def now(self) -> int:
+        """Machine time: emulated ns since the emulation began, as the crystal counts them."""
         return int((self._monotonic() - self._origin) * self._speed)
 
+    def ticks(self) -> int:
+        """The same since the machine's latest start."""
+        return self.now() - self._booted
+
     def elapsed(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
-        """True ns since the start."""
+        """True ns since the machine's latest start."""
         return self._crystal.elapsed(ticks)
 
     def true_time(self, ticks: int) -> int:
         """True UTC in ns; for the audit, not for the firmware."""
         return self._start + int(self._crystal.elapsed(ticks))
 
-    def seconds_until(self, ticks: int) -> float:
-        """Real seconds until a moment; negative when it is over."""
-        return (ticks - self.ticks()) / self._speed / BILLION
+    def seconds_until(self, time: int) -> float:
+        """Real seconds until a machine time; negative when it is over."""
+        return (time - self.now()) / self._speed / BILLION
+
+    def _read(self, random: np.random.Generator) -> None:
+        error = self._rtc_error
+        reading = self._start + int(random.integers(-error, error, endpoint=True))
+        self.known = FirmwareClock(reading, error, self._drift)
+        """What the firmware knows."""

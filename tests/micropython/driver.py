@@ -76,7 +76,7 @@ def work(step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe) -> "list
     if "status" in step:
         channels = [channel for unit in units for channel in unit.channels]
         uptime, storage = int(step["uptime"]), step["storage"]
-        told = (step["status"], step["description"], uptime, storage, channels)
+        told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
         return [scribe.status(times(step), *told)]
     unit = units[step["taxel"]]
     if "call" in step:

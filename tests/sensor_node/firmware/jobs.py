@@ -83,11 +83,13 @@ class Recorder:
             uptime: int,
             storage: tuple[int, int, int, int],
             channels: Sequence[Channel],
+            cause: int,
         ) -> Record:
-            given = {"status": profile, "description": description, "storage": storage}
+            given: dict[str, Any] = {"status": profile, "description": description}
+            given |= {"storage": storage, "cause": cause}
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
-            return status(scribe, time, profile, description, uptime, storage, channels)
+            return status(scribe, time, profile, description, uptime, storage, channels, cause)
 
         monkeypatch.setattr(Scribe, "gap", told_gap)
         monkeypatch.setattr(Scribe, "status", told_status)

@@ -61,6 +61,7 @@ def test_every_interval_encloses_the_true_supply(
     seed: int,
     start: float,
     capacitance: float,
+    *,
     tolerance: float,
     series: float,
     bits: int,
