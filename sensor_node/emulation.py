@@ -51,6 +51,7 @@ class EmulatedTaxel:
         functions: ModuleType,
     ) -> None:
         self._taxel = taxel
+        self.chain = taxel.chain
         self._seed = seed
         self._sampling = sampling
         self._functions = functions
@@ -88,6 +89,11 @@ class EmulatedTaxel:
     def name(self) -> str:
         """The taxel's."""
         return self.control_unit.name
+
+    @property
+    def inputs(self) -> int:
+        """Of the converter, each of them read at each sample."""
+        return len(self._calibrated.inputs)
 
     @property
     def channels(self) -> list[Channel]:

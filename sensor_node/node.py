@@ -13,8 +13,9 @@ import numpy as np
 from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
-from sensor_node.firmware import inversion
+from sensor_node.firmware import inversion, states
 from sensor_node.firmware.record import Record, Scribe
+from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.events import NEVER
 from sensor_node.machine.machine import Machine
@@ -51,6 +52,7 @@ class Node:
     Attributes:
         machine: What the firmware runs on.
         taxels: The sensing elements, in the order of the settings.
+        states: What the firmware is about.
         at_start: Called after each start of the firmware but the first.
     """
 
@@ -120,6 +122,23 @@ class Node:
         with self._working:
             yield
 
+    def shed(self, cause: str) -> None:
+        """Give up sampling and stay in deep sleep until `resume`.
+
+        Args:
+            cause: Why: ``states.SCARCE`` or ``states.ORDERED``.
+        """
+        with self._working:
+            if self.machine.running and self.states.state == states.SLEEP:
+                self.states.take(cause, self.machine.now - self.machine.booted)
+                for timer in self._interrupts:
+                    timer.stop()
+
+    def resume(self) -> None:
+        """Sample again, from the next event on; a gap tells of the time between."""
+        with self._working:
+            self.machine.arm(self.machine.interrupt(self._resume), self.machine.now)
+
     @contextmanager
     def between_frames(self) -> Iterator[list[Record]]:
         """Hold sampling while taxels are set; takes what they say of it."""
@@ -164,12 +183,14 @@ class Node:
     def _boot(self) -> None:
         """Start the firmware: nothing is left of what its RAM held."""
         self.machine.boot()
+        self.states = StateMachine()
         self._scribe = Scribe(self._flash.boot, self._flash)
         self._interrupts: list[Timer] = []
         for number, taxel in enumerate(self.taxels):
             taxel.boot(self._flash.boot, self._scribe)
             self._interrupts.append(self.machine.interrupt(partial(self._sample, number)))
         self._line_up()
+        self.states.take(states.STARTED, 0)
 
     def _start_again(self) -> None:
         """Start after a reset, and tell what was missed."""
@@ -182,7 +203,9 @@ class Node:
             self._flash.restart()
         clock.restart(machine.now, np.random.default_rng((self._seed, self._flash.boot)))
         self._boot()
-        self._tell_gap(f"{machine.cause.label} reset", earliest, 0, lost)
+        with self._tolerant(), self._flash.batch() as batch:
+            time = earliest, clock.known.enclosure(0)[1]
+            batch.take([self._scribe.gap(f"{machine.cause.label} reset", time, lost)])
         log.warning("machine starts: boot=%d samples_lost=%d", self._flash.boot, lost)
         if self.at_start is not None:
             self.at_start()
@@ -190,45 +213,57 @@ class Node:
     def _sample(self, number: int) -> None:
         """A frame of a taxel is complete: its interrupt."""
         machine, taxel = self.machine, self.taxels[number]
+        frame, ticks = taxel.next, machine.now - machine.booted
+        self.states.take(states.DUE, ticks)
         try:
             records, truth = taxel.sample()
         except FirmwareError as error:
             log.error("firmware hangs, the watchdog will reset it: %s", error)  # noqa: TRY400 - says all
+            self.states.take(states.FAILED, ticks)
             machine.halt()
             return
         machine.kick()
+        machine.ledger.charge_frame(
+            frame, chain=taxel.chain, inputs=taxel.inputs, channels=len(taxel.channels)
+        )
+        self.states.take(states.IDLE, ticks)
         self._batch.take(records)
         self._true_blocks += truth
         machine.arm(self._interrupts[number], machine.booted + taxel.next.end)
+
+    def _resume(self) -> None:
+        if self.states.state == states.SHED:
+            reason = f"deep sleep: {self.states.cause}"
+            ticks = self.machine.now - self.machine.booted
+            self.states.take(states.RESUMED, ticks)
+            self._leave_out(self._batch, ticks, reason)
 
     def _pass_over(self, time: int) -> None:
         due = min((timer.time for timer in self._interrupts if timer.running), default=NEVER)
         if time - due <= self._overrun:
             return
-        ticks = time - self.machine.booted
+        with self._tolerant(), self._flash.batch() as batch:
+            self._leave_out(batch, time - self.machine.booted, OVERRUN)
+
+    def _leave_out(self, batch: Batch, ticks: int, reason: str) -> None:
+        """Take no frame that begins before a moment, and say so."""
+        known = self._clock.known
         begin = min(taxel.next.start for taxel in self.taxels)
         lost = 0
-        with self._tolerant(), self._flash.batch() as batch:
-            for taxel in self.taxels:
-                peaks, samples = taxel.skip(ticks)
-                batch.take(peaks)
-                lost += samples
+        for taxel in self.taxels:
+            peaks, samples = taxel.skip(ticks)
+            batch.take(peaks)
+            lost += samples
         self._line_up()
         again = max(taxel.next.start for taxel in self.taxels)
-        self._tell_gap(OVERRUN, self._clock.known.enclosure(begin)[0], again, lost)
-        log.warning(
-            "samples lost: reason=%s samples=%d behind_s=%.3f",
-            OVERRUN,
-            lost,
-            (ticks - begin) / BILLION,
-        )
-
-    def _tell_gap(self, reason: str, earliest: int, until: int, samples: int) -> None:
-        latest = self._clock.known.enclosure(until)[1]
-        with self._tolerant(), self._flash.batch() as batch:
-            batch.take([self._scribe.gap(reason, (earliest, latest), samples)])
+        time = known.enclosure(begin)[0], known.enclosure(again)[1]
+        batch.take([self._scribe.gap(reason, time, lost)])
+        behind = (ticks - begin) / BILLION
+        log.warning("samples lost: reason=%s samples=%d span_s=%.3f", reason, lost, behind)
 
     def _line_up(self) -> None:
+        if self.states.state == states.SHED:
+            return
         for timer, taxel in zip(self._interrupts, self.taxels, strict=True):
             self.machine.arm(timer, self.machine.booted + taxel.next.end)
 

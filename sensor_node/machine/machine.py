@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.messages import ResetCause
 from sensor_node.machine.events import EventQueue, Timer
+from sensor_node.machine.ledger import Ledger
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -34,11 +35,13 @@ class Machine:
         booted: Machine time of that start.
         stopped: Machine time at which it stopped before.
         resets: How often it was reset.
+        ledger: What it has done.
         starting: Whether the firmware is to start before the next event.
     """
 
     def __init__(self, *, timeout: int) -> None:
         self.events = EventQueue()
+        self.ledger = Ledger()
         self.on = False
         self.cause = ResetCause.POWER_ON
         self.booted = self.stopped = 0
@@ -46,6 +49,7 @@ class Machine:
         self.starting = False
         self._timeout = timeout
         self._kicked = 0
+        self._hung: int | None = None
         self._interrupts: set[Timer] = set()
         self._watchdog = Timer(self._bite, 0)
         self._start_up = Timer(self.power_on, 0)
@@ -72,7 +76,9 @@ class Machine:
         self.cause = cause
         if not self.on:
             return
-        self.halt()
+        if self._hung is not None:
+            self.ledger.charge_hang(self.now - self._hung)
+        self._clear()
         self._watchdog.stop()
         self.on = False
         self.stopped = self.now
@@ -87,7 +93,8 @@ class Machine:
 
     def boot(self) -> None:
         """Begin the firmware's life; whoever runs the machine calls it between two events."""
-        self.on, self.starting = True, False
+        self.ledger.charge_off(self.now - self.stopped)
+        self.on, self.starting, self._hung = True, False, None
         self.booted = self._kicked = self.now
         self.events.arm(self._watchdog, self.now + self._timeout)
         # Where nothing else wakes the firmware in time, this does.
@@ -116,9 +123,8 @@ class Machine:
 
     def halt(self) -> None:
         """Take no interrupt any more, as a processor that hangs; the watchdog goes on."""
-        for timer in self._interrupts:
-            timer.stop()
-        self._interrupts.clear()
+        self._hung = self.now
+        self._clear()
 
     def run(self, time: int, most: int) -> None:
         """Run at most so many events up to a machine time, and stop where the firmware starts."""
@@ -134,3 +140,8 @@ class Machine:
             self.events.arm(self._watchdog, due)
         else:
             self.reset(ResetCause.WATCHDOG)
+
+    def _clear(self) -> None:
+        for timer in self._interrupts:
+            timer.stop()
+        self._interrupts.clear()

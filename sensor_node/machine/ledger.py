@@ -1,0 +1,73 @@
+"""What the machine has done, span by span: the sums that its energy follows from."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sensor_node.machine.work import Work
+
+if TYPE_CHECKING:
+    from sensor_node.firmware.schedule import Frame
+
+CLOCK_HZ: Final = 160_000_000
+"""Of the processor: a Cortex-M33 as in an STM32U575 (ST, DS13737)."""
+_CONVERSION_NS: Final = 1_000
+"""Awake for one conversion: sampling, and 14 bits at 2.5 million a second."""
+_WAKE_NS: Final = 20_000
+"""Awake for one wake-up from deep sleep: regulator, clock, entry and exit of the interrupt."""
+OPERATION: Final = 60
+"""Instructions of one operation on binary64 in software: loads, call, arithmetic, stores."""
+OPERATIONS: Final = {"capacitive": 69, "touch": 121, "inductive": 271, "hybrid": 134}
+"""Chain to the operations and comparisons of its inversion with one sample, at most; counted."""
+OF_CHANNEL: Final = 40
+"""The same for each channel: rest, two passes for peaks, encoding."""
+OF_FRAME: Final = 40_000
+"""Instructions of a frame besides: interrupts, messages, flash driver."""
+
+
+class Ledger:
+    """Sums, from which spans are taken one after the other.
+
+    It charges a frame when it is complete. Time awake that a span cannot hold goes into the next.
+
+    Attributes:
+        sent: Bytes given to the radio, with repeats; whoever sends adds to it.
+        received: Bytes; whoever receives adds to it.
+    """
+
+    def __init__(self) -> None:
+        self.sent = self.received = 0
+        self._instructions = self._conversions = 0
+        self._awake = self._off = self._begin = 0
+
+    def charge_frame(self, frame: Frame, *, chain: str, inputs: int, channels: int) -> None:
+        """Count a frame that was sampled and worked off."""
+        a_sample = OPERATIONS[chain] + OF_CHANNEL * channels
+        instructions = OF_FRAME + frame.n * a_sample * OPERATION
+        self._instructions += instructions
+        self._conversions += frame.n * inputs
+        sampling = frame.n * min(frame.dt, _WAKE_NS + inputs * _CONVERSION_NS)
+        self._awake += sampling + instructions * 1_000_000_000 // CLOCK_HZ
+
+    def charge_hang(self, span: int) -> None:
+        """Count ns in which the processor went round in circles."""
+        self._awake += span
+        self._instructions += span * CLOCK_HZ // 1_000_000_000
+
+    def charge_off(self, span: int) -> None:
+        """Count ns without power or before the firmware starts."""
+        self._off += span
+
+    def take(self, now: int) -> Work:
+        """What was done since the last time, up to a machine time in ns."""
+        span = now - self._begin
+        free = max(0, span - self._off)
+        awake = min(free, self._awake)
+        work = Work(
+            self._instructions, self._conversions, self.sent, self.received, free - awake, span
+        )
+        self._instructions = self._conversions = self.sent = self.received = 0
+        self._awake -= awake
+        self._off -= min(self._off, span)
+        self._begin = now
+        return work
