@@ -13,6 +13,7 @@ import numpy as np
 from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
+from sensor_node.energy_keeper import EnergyKeeper
 from sensor_node.firmware import inversion, states
 from sensor_node.firmware.record import Record, Scribe
 from sensor_node.firmware.states import StateMachine
@@ -53,6 +54,7 @@ class Node:
         machine: What the firmware runs on.
         taxels: The sensing elements, in the order of the settings.
         states: What the firmware is about.
+        energy: What it lives on; ``None``: a supply that never ends.
         at_start: Called after each start of the firmware but the first.
     """
 
@@ -88,6 +90,9 @@ class Node:
             )
             for number, taxel in enumerate(settings.taxel)
         ]
+        self.energy: EnergyKeeper | None = None
+        if settings.energy.on:
+            self.energy = EnergyKeeper(self, settings, seed=seed)
         self._boot()
 
     @property
@@ -176,6 +181,7 @@ class Node:
                 (usage.messages, usage.used, usage.capacity, usage.gaps),
                 [channel for taxel in self.taxels for channel in taxel.channels],
                 int(self.machine.cause),
+                energy=None if self.energy is None else self.energy.manager.told,
             )
             batch.take([status])
         return Position(self._flash.boot, status.sequence)
@@ -183,6 +189,8 @@ class Node:
     def _boot(self) -> None:
         """Start the firmware: nothing is left of what its RAM held."""
         self.machine.boot()
+        if self.energy is not None:
+            self.energy.boot()
         self.states = StateMachine()
         self._scribe = Scribe(self._flash.boot, self._flash)
         self._interrupts: list[Timer] = []

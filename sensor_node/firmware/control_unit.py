@@ -1,6 +1,6 @@
 """The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
 
-from sensor_node.firmware.channel import SAMPLES, ChannelUnit
+from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES, ChannelUnit
 from sensor_node.firmware.record import Channel
 
 TYPE_CHECKING = False
@@ -12,6 +12,10 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Record, Scribe
     from sensor_node.firmware.schedule import Frame, Schedule
     from sensor_node.firmware.taxel import Taxel
+
+
+_FRUGAL = (SAMPLES, ADAPTIVE, PEAKS)
+"""Modes, each of which sends less than the one before."""
 
 
 class ControlUnit:
@@ -44,6 +48,7 @@ class ControlUnit:
     ) -> None:
         self.name = name
         self.mode = SAMPLES
+        self.shed = 0
         self.gain = 1.0
         self.smoothing = 0.0
         self.schedule = self.designed = schedule
@@ -69,12 +74,17 @@ class ControlUnit:
         """What it measures."""
         return [unit.channel for unit in self.units]
 
+    @property
+    def mode_now(self) -> str:
+        """The mode that is set, or a more frugal one while load is shed."""
+        return _FRUGAL[max(_FRUGAL.index(self.mode), min(self.shed, 2))]
+
     def process(self, frame: "Frame", codes: "Sequence[Codes]") -> "list[Record]":
         """Measure one frame: each channel's block, and the peaks that are decided now."""
         self._taxel.measure(codes, frame.n, self._bounds)
         records: list[Record] = []
         for unit in self.units:
-            records += unit.tell(frame, self.mode, self._encoding)
+            records += unit.tell(frame, self.mode_now, self._encoding)
         return records
 
     def skip(self, samples: int) -> "list[Record]":

@@ -12,6 +12,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from sensor_node.firmware.calibration import Bounds, Sheet
 
+    Energy = tuple[Bounds, Bounds, int, int]
+
 CERTAIN = 0
 POSSIBLE = 1
 IMPOSSIBLE = 2
@@ -73,8 +75,14 @@ class EnergyManager:
         self._decided = False
         self.stage = FULL
         self.verdict = POSSIBLE
-        self.stored = self.charge = (0.0, INFINITY)
+        self.stored = (0.0, INFINITY)
+        self.charge = (0.0, 1.0)
         self._begin_horizon()
+
+    @property
+    def told(self) -> "Energy":
+        """What a status tells of it."""
+        return self.stored, self.charge, self.verdict, self.stage
 
     def watch(self, code: int, work: "tuple[int, int, int, int, int, int]") -> None:
         """Take a code of the supply's converter, and what the machine did since the last.

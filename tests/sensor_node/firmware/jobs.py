@@ -84,12 +84,14 @@ class Recorder:
             storage: tuple[int, int, int, int],
             channels: Sequence[Channel],
             cause: int,
+            **energy: Any,
         ) -> Record:
             given: dict[str, Any] = {"status": profile, "description": description}
             given |= {"storage": storage, "cause": cause}
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
-            return status(scribe, time, profile, description, uptime, storage, channels, cause)
+            told = time, profile, description, uptime, storage, channels, cause
+            return status(scribe, *told, **energy)
 
         monkeypatch.setattr(Scribe, "gap", told_gap)
         monkeypatch.setattr(Scribe, "status", told_status)
