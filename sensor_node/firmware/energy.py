@@ -10,6 +10,8 @@ from sensor_node.firmware.rounding import INFINITY, down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sensor_node.firmware.calibration import Bounds, Sheet
 
     Energy = tuple[Bounds, Bounds, int, int]
@@ -84,7 +86,7 @@ class EnergyManager:
         """What a status tells of it."""
         return self.stored, self.charge, self.verdict, self.stage
 
-    def watch(self, code: int, work: "tuple[int, int, int, int, int, int]") -> None:
+    def watch(self, code: int, work: "Sequence[int]") -> None:
         """Take a code of the supply's converter, and what the machine did since the last.
 
         Args:
@@ -136,7 +138,7 @@ class EnergyManager:
         high = up(up(up(volts[1] - empty) * up(volts[1] + empty)) / down(span[0]))
         return max(0.0, min(low, 1.0)), max(0.0, min(high, 1.0))
 
-    def _count(self, work: "tuple[int, int, int, int, int, int]", volts: "Bounds") -> None:
+    def _count(self, work: "Sequence[int]", volts: "Bounds") -> None:
         low, high = 0.0, 0.0
         for k in range(4):
             low = down(low + down(work[k] * self._costs[k][0]))

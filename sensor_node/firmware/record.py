@@ -195,7 +195,7 @@ class Scribe:
             stored, charge, verdict, stage = energy
             out.integer(16)
             out.array(6)
-            for bound in (*stored, *charge):
+            for bound in stored + charge:
                 out.real(bound)
             out.integer(verdict)
             out.integer(stage)

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import sensor_node
-from eskin.messages import Block, Gap, Peak, Status, decode_message
+from eskin.messages import Block, Gap, Peak, Shedding, Status, decode_message
 from tests.sensor_node.designs import SECOND, Bench
 from tests.sensor_node.firmware.jobs import Recorder
 
@@ -54,3 +54,21 @@ def test_same_bytes_as_in_the_emulated_node(
     assert under_micropython(recorder.job, tmp_path) == said
     kinds = {type(decode_message(bytes.fromhex(body))) for body in said}
     assert kinds == {Block, Gap, Peak, Status}
+
+
+def test_same_energy_as_in_the_emulated_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(monkeypatch)
+    energy = {"on": True, "start_voltage": 3.0, "horizon_s": 1.0, "coil_inductance": 0.01}
+    bench = Bench(tmp_path, "palm", energy=energy)
+    for second in range(1, 5):
+        bench.run_to(float(second))
+        bench.node.record_status()
+    said = [body.hex() for body in bench.bodies()]
+    bench.close()
+    assert under_micropython(recorder.job, tmp_path) == said
+    messages = [decode_message(bytes.fromhex(body)) for body in said]
+    told = [message.energy for message in messages if isinstance(message, Status)]
+    assert len(told) == 4
+    assert {each.shedding for each in told if each is not None} == {Shedding.ADAPTIVE}
