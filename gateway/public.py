@@ -83,6 +83,7 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
             "capacity_bytes": message.capacity,
         },
         "gaps": message.gaps,
+        "cause": None if message.cause is None else message.cause.label,
         "channels": [
             {"id": c.channel, "unit": c.unit, "dt": c.dt, "coverage": c.coverage}
             for c in message.channels

@@ -14,6 +14,7 @@ from eskin.identity import Identity
 from sensor_node.commands import Commander
 from sensor_node.controls import NodeControls
 from sensor_node.flash import Flash
+from sensor_node.machine.budget import require_fit
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.node import Node
@@ -69,7 +70,11 @@ def build_node(
         start: True UTC in ns at which emulated time begins; ``None``: now. A node that ran faster
             than real time, or whose machine's clock was set back, starts after its latest sample,
             so that no moment is lived twice.
+
+    Raises:
+        SettingsError: The machine has too little RAM for it.
     """
+    require_fit(settings)
     seed = truth.seed(settings.node.seed)
     random = np.random.default_rng((seed, flash.boot))
     drift = round(settings.clock.drift_ppm * 1e3)

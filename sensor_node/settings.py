@@ -118,8 +118,13 @@ class ClockSection(Section):
 
 
 class MachineSection(Section):
-    """The emulated microcontroller."""
+    """The emulated microcontroller; by default as an STM32U575 (ST, DS13737)."""
 
+    ram_bytes: int = Field(
+        default=784 * 1024,
+        ge=2**10,
+        description="bytes of its RAM; a node that needs more is refused",
+    )
     watchdog_s: float = Field(
         default=8.0,
         ge=0.01,

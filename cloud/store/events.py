@@ -100,7 +100,8 @@ def status_row(
     ledger.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:
         return None
-    detail = f"started: boot {place.boot}, {status.profile}"
+    cause = "" if status.cause is None else f", {status.cause.label}"
+    detail = f"started: boot {place.boot}, {status.profile}{cause}"
     return event_row(node, "status", place, status.time, detail=detail, data=data)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ from cloud.store.schema import (
     nodes,
     sequences,
 )
+from eskin.messages import ResetCause
 from eskin.sequences import SequenceRanges
 from tests.cloud.clouds import Clock, put, put_items
 from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
@@ -144,6 +146,13 @@ def test_new_boot_is_an_event_and_a_late_status_changes_nothing(store: Store) ->
     (node,) = rows(store, nodes)
     assert (node["status_boot"], node["status_sequence"]) == (2, 1)
     assert (node["boot"], node["sequence"]) == (2, 1)
+
+
+def test_new_boot_tells_its_cause(store: Store) -> None:
+    put(store, replace(status(0, boot=2), cause=ResetCause.BROWN_OUT))
+    assert [row["detail"] for row in rows(store, events)] == [
+        "started: boot 2, fingertip, brown-out"
+    ]
 
 
 def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:

@@ -23,6 +23,7 @@ from eskin.messages import (
     Message,
     Peak,
     Position,
+    ResetCause,
     Status,
     decode_message,
 )
@@ -107,6 +108,7 @@ EXAMPLES: list[Message] = [
         Position(3, 6), (1, 2), "fingertip", "three taxels", 10**9, 1, 2, 3, 4,
         (ChannelInfo("t01.current", "A", 1_000_000, 1.0),),
     ),
+    Status(Position(3, 7), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), ResetCause.WATCHDOG),
 ]  # fmt: skip
 
 

@@ -8,19 +8,16 @@ import numpy as np
 import pytest
 
 from eskin.messages import Block, Gap, ResetCause, Status, decode_message
-from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.machine.machine import START_UP
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, Bench
+from tests.sensor_node.machine.hanging import hang
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from pathlib import Path
 
     from eskin.messages import Message
-    from sensor_node.firmware.inversion import Codes
-    from sensor_node.firmware.record import Record
-    from sensor_node.firmware.schedule import Frame
 
 
 @pytest.fixture
@@ -37,20 +34,6 @@ def messages(bench: Bench) -> list[Message]:
 def reset_at(bench: Bench, seconds: float, cause: ResetCause) -> None:
     machine = bench.node.machine
     machine.events.at(round(seconds * SECOND), lambda: machine.reset(cause))
-
-
-def hang(monkeypatch: pytest.MonkeyPatch, taxel: str, number: int) -> None:
-    """Let the firmware fail at one frame of its first boot."""
-    process = ControlUnit.process
-    left = [1]
-
-    def failing(unit: ControlUnit, frame: Frame, codes: Sequence[Codes]) -> list[Record]:
-        if unit.name == taxel and frame.number == number and left:
-            left.pop()
-            raise IndexError("index out of range")
-        return process(unit, frame, codes)
-
-    monkeypatch.setattr(ControlUnit, "process", failing)
 
 
 def require_truth(bench: Bench) -> None:
@@ -89,6 +72,23 @@ def test_reset_keeps_flash_counts_the_boot_and_explains_the_missing_time(
     assert status.cause is cause
     assert status.uptime == 3 * SECOND - (round(1.1 * SECOND) + START_UP)
     require_truth(bench)
+
+
+def test_world_goes_on_while_the_machine_starts_again(tmp_path: Path) -> None:
+    lives = []
+    for name in ("reset", "not reset"):
+        bench = Bench(tmp_path / name)
+        if name == "reset":
+            reset_at(bench, 1.1, ResetCause.BROWN_OUT)
+        bench.run_to(3.0)
+        path = bench.settings.truth.path
+        found = Truth.read(path, Truth.positions(path)).values()
+        own = [true for true in found if true.channel == "t01.capacitance"]
+        lives.append({t.time + k * t.dt: value for t in own for k, value in enumerate(t.values)})
+        bench.close()
+    both = lives[0].keys() & lives[1].keys()
+    assert len(both) > 2500
+    assert [lives[0][time] for time in both] == pytest.approx([lives[1][time] for time in both])
 
 
 def test_first_start_is_told_as_power_on(bench: Bench) -> None:

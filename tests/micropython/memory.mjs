@@ -1,0 +1,56 @@
+// Measures what a node's control units keep in MicroPython's heap, a 32-bit port as microcontrollers have:
+// node memory.mjs FOLDER_OF_SENSOR_NODE JOB_FILE ANSWER_FILE
+// This port collects garbage only between two calls from outside, hence one call a step.
+import { loadMicroPython } from '@micropython/micropython-webassembly-pyscript/micropython.mjs';
+import { readdirSync, readFileSync, writeFileSync } from 'node:fs';
+import { fileURLToPath } from 'node:url';
+
+const [room, job, answer] = process.argv.slice(2);
+const port = await loadMicroPython({ stdout: console.error, linebuffer: true, heapsize: 1 << 24 });
+port.FS.mkdir('/sensor_node');
+port.FS.mkdir('/sensor_node/firmware');
+port.FS.writeFile('/sensor_node/__init__.py', '');
+for (const name of readdirSync(`${room}/firmware`).filter((name) => name.endsWith('.py'))) {
+  port.FS.writeFile(`/sensor_node/firmware/${name}`, readFileSync(`${room}/firmware/${name}`));
+}
+port.FS.writeFile('/driver.py', readFileSync(fileURLToPath(new URL('driver.py', import.meta.url))));
+port.FS.writeFile('/job.json', readFileSync(job));
+
+function used() {
+  port.runPython('gc.collect()');
+  port.runPython('used = gc.mem_alloc()');
+  return port.globals.get('used');
+}
+
+port.runPython('import gc, json, sys; sys.path.append("/")');
+const empty = used();
+port.runPython('import driver');
+const loaded = used();
+port.runPython(`
+with open('/job.json') as file:
+    job = json.load(file)
+clock = driver.Clock(int(job['reading']), job['error'], job['drift'])
+scribe = driver.Scribe(job['boot'], driver.Counter())
+units = []
+given = iter(job['taxels'])
+taxels = len(job['taxels'])
+steps = [step for step in job['steps'] if 'codes' in step]
+frames = len(steps)
+`);
+const taxels = [];
+let last = used();
+for (let k = 0; k < port.globals.get('taxels'); k++) {
+  port.runPython('units.append(driver.control_unit(next(given), clock, scribe))');
+  const now = used();
+  taxels.push(now - last);
+  last = now;
+}
+let records = 0;
+for (let k = 0; k < port.globals.get('frames'); k++) {
+  port.runPython(`said = driver.work(steps[${k}], units, scribe)`);
+  const kept = used();
+  port.runPython('said = None');
+  records = Math.max(records, kept - used());
+}
+const growth = used() - last;
+writeFileSync(answer, JSON.stringify({ program: loaded - empty, taxels, growth, records }));

@@ -1,0 +1,30 @@
+"""Firmware that hangs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sensor_node.firmware.control_unit import ControlUnit
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import pytest
+
+    from sensor_node.firmware.inversion import Codes
+    from sensor_node.firmware.record import Record
+    from sensor_node.firmware.schedule import Frame
+
+
+def hang(monkeypatch: pytest.MonkeyPatch, taxel: str, number: int) -> None:
+    """Let the firmware fail at one frame of its first boot."""
+    process = ControlUnit.process
+    left = [1]
+
+    def failing(unit: ControlUnit, frame: Frame, codes: Sequence[Codes]) -> list[Record]:
+        if unit.name == taxel and frame.number == number and left:
+            left.pop()
+            raise IndexError("index out of range")
+        return process(unit, frame, codes)
+
+    monkeypatch.setattr(ControlUnit, "process", failing)

@@ -1,0 +1,80 @@
+"""A reset within a node's process: it stays connected, and is set as it was before."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from eskin.messages import Gap, ResetCause, Result, Status
+from sensor_node.flash import Flash
+from sensor_node.service import _serve
+from sensor_node.truth import Truth
+from tests.processes import wait_until
+from tests.sensor_node.designs import settings
+from tests.sensor_node.machine.hanging import hang
+from tests.sensor_node.peer import Peer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import pytest
+
+    from sensor_node.settings import NodeSettings
+    from tests.brokers import Mosquitto
+    from tests.identities import Identities
+
+
+@contextmanager
+def serving(given: NodeSettings) -> Iterator[None]:
+    """A node's service in a thread."""
+    flash = Flash(given.flash.path, capacity=10**8, epoch=1)
+    truth = Truth(given.truth.path, limit=10**8)
+    stop = threading.Event()
+    thread = threading.Thread(target=_serve, args=(given, flash, truth, stop))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join(30)
+        flash.close()
+        truth.close()
+
+
+def test_service_goes_on_after_the_watchdog_and_stays_connected(
+    tmp_path: Path,
+    identities: Identities,
+    site_file: Path,
+    broker: Mosquitto,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    hang(monkeypatch, "t02", 3)
+    given = settings(
+        tmp_path,
+        node={"speed": 5.0},
+        machine={"watchdog_s": 1.0},
+        broker={"port": broker.node_port, "status_s": 0.2, "drain_s": 0.0},
+        identity={"directory": identities.node.directory, "site": site_file},
+    )
+    with Peer(identities, broker.gateway_port) as peer, serving(given):
+
+        def second() -> list[object]:
+            return [m for p, m in sorted(peer.messages.items()) if p.boot == 2]
+
+        wait_until(lambda: any(isinstance(m, Status) for m in second()), "a status of boot 2")
+        said = second()
+    gap, result = said[:2]
+    assert isinstance(gap, Gap)
+    assert gap.reason == "watchdog reset"
+    assert isinstance(result, Result)
+    assert result.state["t01"]["mode"] == "samples"
+    status = next(m for m in said if isinstance(m, Status))
+    assert status.cause is ResetCause.WATCHDOG
+    assert [r.message for r in caplog.records if r.message.startswith("connected:")] == [
+        f"connected: broker=127.0.0.1:{broker.node_port}"
+    ]
