@@ -45,7 +45,7 @@ def _measure(design: Design, seconds: int) -> list[Budget]:
     from rich.console import Console
     from rich.progress import Progress
 
-    from sensor_node.budget import MODES, Budget
+    from sensor_node.budget.budget import MODES, Budget
 
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:

@@ -13,7 +13,8 @@ from typer.testing import CliRunner
 from eskin.command import app
 from eskin.errors import SettingsError
 from eskin.messages import Sustained
-from sensor_node.budget import MODES, Budget, Design, design_names, saving
+from sensor_node.budget import Budget, Design, design_names, saving
+from sensor_node.budget.budget import MODES
 from sensor_node.machine.power.harvest import Harvester, Layers, Touches, harvest_bounds
 from sensor_node.machine.power.loads import Loads, bounds
 from sensor_node.machine.power.section import EnergySection
