@@ -112,6 +112,8 @@ def assert_encloses(supply: Supply, manager: EnergyManager, begin: Flows, stored
     spent = supply.flows.spent - begin.spent
     harvested = supply.flows.harvested - begin.harvested
     slack = 1e-12 * (1.0 + abs(supply.energy))
+    lost = supply.flows.leaked + supply.flows.burnt - begin.leaked - begin.burnt
+    assert manager._lost[0] - slack <= lost <= manager._lost[1] + slack
     assert manager.spent[0] - slack <= spent <= manager.spent[1] + slack
     assert manager.harvested[0] - slack <= harvested <= manager.harvested[1] + slack
 
