@@ -10,6 +10,7 @@ import orjson
 from cloud.access import token_id
 from cloud.commands.wish import is_settled
 from cloud.query.series import union_coverage
+from eskin.messages import Shedding, Sustained
 from eskin.moment import format_moment
 
 if TYPE_CHECKING:
@@ -124,7 +125,17 @@ def node_shape(row: Row, *, channels: int, health: str) -> Json:
         "uptime_ns": row["uptime"],
         "outbox": None if row["messages"] is None else outbox,
         "gaps": row["gaps"] or 0,
+        "energy": None if row["shedding"] is None else _energy_shape(row),
         "channels": channels,
+    }
+
+
+def _energy_shape(row: Row) -> Json:
+    return {
+        "stored": _interval(row["stored_lo"], row["stored_hi"]),
+        "charge": _interval(row["charge_lo"], row["charge_hi"]),
+        "self_sustaining": Sustained(row["sustained"]).name.lower(),
+        "shedding": Shedding(row["shedding"]).name.lower(),
     }
 
 

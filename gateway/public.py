@@ -7,7 +7,7 @@ from typing import Any
 
 import orjson
 
-from eskin.messages import Block, Gap, Peak, Status
+from eskin.messages import Block, Energy, Gap, Peak, Status
 from eskin.moment import format_moment
 from eskin.topics import live_topic
 
@@ -68,7 +68,7 @@ def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
 
 def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
     """Topic and JSON of a node's status."""
-    item = {
+    item: dict[str, Any] = {
         "node": node,
         "online": online,
         "time": {"lo": format_moment(message.time[0]), "hi": format_moment(message.time[1])},
@@ -89,7 +89,18 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
             for c in message.channels
         ],
     }
+    if message.energy is not None:
+        item["energy"] = _energy(message.energy)
     return live_topic(node, "status"), orjson.dumps(item)
+
+
+def _energy(energy: Energy) -> dict[str, Any]:
+    return {
+        "stored": {"lo": energy.stored[0], "hi": energy.stored[1]},
+        "charge": {"lo": energy.charge[0], "hi": energy.charge[1]},
+        "self_sustaining": energy.verdict.name.lower(),
+        "shedding": energy.shedding.name.lower(),
+    }
 
 
 def _peak(peak: Peak) -> dict[str, Any]:

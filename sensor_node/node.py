@@ -13,6 +13,7 @@ import numpy as np
 from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
 from sensor_node.emulation import EmulatedTaxel
+from sensor_node.energy_keeper import EnergyKeeper
 from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
 from sensor_node.firmware.states import StateMachine
@@ -54,6 +55,7 @@ class Node:
         machine: What the firmware runs on.
         taxels: The sensing elements, in the order of the settings.
         states: What the firmware is about.
+        energy: What it lives on; ``None``: a supply that never ends.
         at_start: Called after each start of the firmware but the first.
     """
 
@@ -90,6 +92,9 @@ class Node:
             )
             for number, taxel in enumerate(settings.taxel)
         ]
+        self.energy: EnergyKeeper | None = None
+        if settings.energy.on:
+            self.energy = EnergyKeeper(self, settings, seed=seed)
         self._boot()
 
     @property
@@ -178,6 +183,7 @@ class Node:
                 self._outbox.usage(),
                 [channel for taxel in self.taxels for channel in taxel.channels],
                 int(self.machine.cause),
+                energy=None if self.energy is None else self.energy.manager.told,
             )
             batch.take([status])
         return Position(self._outbox.boot, status.sequence)
@@ -185,6 +191,8 @@ class Node:
     def _boot(self) -> None:
         """Start the firmware: nothing is left of what its RAM held."""
         self.machine.boot()
+        if self.energy is not None:
+            self.energy.boot()
         self.states = StateMachine()
         self._interrupts: list[Timer] = []
         for number, taxel in enumerate(self.taxels):

@@ -18,7 +18,7 @@ from sensor_node.flash import Flash
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
-from sensor_node.machine.radio import Radio, Traffic
+from sensor_node.machine.radio import Radio
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
 from sensor_node.truth import Truth
@@ -144,7 +144,7 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
             settings.radio,
             now=clock.now,
             random=np.random.default_rng((truth.seed(own.seed), outbox.boot, _OF_RADIO)),
-            meter=Traffic(),
+            meter=node.machine.ledger,
         ),
         speed=own.speed,
         broker=settings.broker,

@@ -10,6 +10,7 @@ from pydantic import Field, field_validator, model_validator
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.settings import Section, Settings
+from sensor_node.machine.power.section import EnergySection
 from sensor_node.profile import Profile, profile_names
 from sensor_node.scenario.fit import Played
 from sensor_node.taxels import AnyTaxel, Taxel
@@ -187,6 +188,7 @@ class NodeSettings(Settings):
     truth: TruthSection
     clock: ClockSection = ClockSection()
     machine: MachineSection = MachineSection()
+    energy: EnergySection = EnergySection()
     log: LogSection = LogSection()
     taxel: tuple[Taxel, ...] = Field(
         min_length=1, max_length=100, description="the sensing elements; see the profiles"

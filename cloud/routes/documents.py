@@ -59,6 +59,15 @@ class OutboxDocument(BaseModel):
     capacity_bytes: int
 
 
+class EnergyDocument(BaseModel):
+    """What a node knows of its energy: stored in J, charge from 0 (brown-out) to 1 (full)."""
+
+    stored: IntervalDocument
+    charge: IntervalDocument
+    self_sustaining: Literal["certain", "possible", "impossible"]
+    shedding: Literal["none", "adaptive", "peaks", "sleep"]
+
+
 class NodeDocument(BaseModel):
     """A node."""
 
@@ -72,6 +81,7 @@ class NodeDocument(BaseModel):
     uptime_ns: int | None
     outbox: OutboxDocument | None
     gaps: int
+    energy: EnergyDocument | None
     channels: int
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from cloud.store.ledger import Ledger, Row
     from eskin.messages import Gap, Peak, Position, Status
 
+ENERGY: Final = ("stored_lo", "stored_hi", "charge_lo", "charge_hi", "sustained", "shedding")
+"""Columns of what a node tells of its energy."""
 _NOTHING: Final = dict.fromkeys(
     (
         "channel",
@@ -94,10 +96,19 @@ def status_row(
         "used": status.used,
         "capacity": status.capacity,
         "gaps": status.gaps,
-    }
+    } | _energy(status)
     ledger.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:
         return None
     cause = "" if status.cause is None else f", {status.cause.label}"
     detail = f"started: boot {place.boot}, {status.profile}{cause}"
     return event_row(node, "status", place, status.time, detail=detail, data=data)
+
+
+def _energy(status: Status) -> Row:
+    """What the node tells of its energy; nothing where its supply never ends."""
+    energy = status.energy
+    if energy is None:
+        return dict.fromkeys(ENERGY)
+    told = (*energy.stored, *energy.charge, int(energy.verdict), int(energy.shedding))
+    return dict(zip(ENERGY, told, strict=True))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import Connection, func, insert, inspect, select
+from sqlalchemy import Connection, func, insert, inspect, select, text
 
-from cloud.store.schema import audit_log, commands, feed, metadata, states, versions
+from cloud.store.events import ENERGY
+from cloud.store.schema import audit_log, commands, feed, metadata, nodes, states, versions
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -27,7 +28,15 @@ def _third(connection: Connection) -> None:
     metadata.create_all(connection, [audit_log])
 
 
-MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second, _third)
+def _fourth(connection: Connection) -> None:
+    standing = {column["name"] for column in inspect(connection).get_columns(nodes.name)}
+    for name in ENERGY:
+        if name not in standing:
+            kind = nodes.c[name].type.compile(connection.dialect)
+            connection.execute(text(f"ALTER TABLE {nodes.name} ADD COLUMN {name} {kind}"))
+
+
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second, _third, _fourth)
 CURRENT: Final = len(MIGRATIONS)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import insert, select
 
 from cloud.store.entry import Entry
-from cloud.store.events import event_row
+from cloud.store.events import ENERGY, event_row
 from cloud.store.schema import events, nodes
 from eskin.messages import Position
 
@@ -89,5 +89,6 @@ def _fresh(node: str, position: Position, now: int) -> Row:
             "used",
             "capacity",
             "gaps",
+            *ENERGY,
         )
     )

@@ -66,6 +66,12 @@ nodes = Table(
     Column("used", BigInteger),
     Column("capacity", BigInteger),
     Column("gaps", BigInteger),
+    Column("stored_lo", Double),
+    Column("stored_hi", Double),
+    Column("charge_lo", Double),
+    Column("charge_hi", Double),
+    Column("sustained", Integer),
+    Column("shedding", Integer),
 )
 """Each node with its latest position and its latest status."""
 

@@ -12,6 +12,7 @@ import typer
 
 from eskin.command.cloud import cloud
 from eskin.command.demo import audit, demo
+from eskin.command.energy import energy
 from eskin.command.export import export
 from eskin.command.figures import figures
 from eskin.command.gateway import gateway
@@ -29,6 +30,7 @@ app.command()(demo)
 app.command()(audit)
 app.command()(figures)
 app.command()(export)
+app.command()(energy)
 app.command()(node)
 app.command()(gateway)
 app.add_typer(cloud, name="cloud")

@@ -14,7 +14,7 @@ from eskin.messages.gap import Gap
 from eskin.messages.head import Kind, Position
 from eskin.messages.peak import Peak
 from eskin.messages.result import Outcome, Result
-from eskin.messages.status import ChannelInfo, ResetCause, Status
+from eskin.messages.status import ChannelInfo, Energy, ResetCause, Shedding, Status, Sustained
 from eskin.messages.vocabulary import CommandName, Mode
 
 __all__ = [
@@ -24,6 +24,7 @@ __all__ = [
     "Command",
     "CommandName",
     "Encoding",
+    "Energy",
     "Gap",
     "Kind",
     "Message",
@@ -33,7 +34,9 @@ __all__ = [
     "Position",
     "ResetCause",
     "Result",
+    "Shedding",
     "Status",
+    "Sustained",
     "decode_message",
 ]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import TYPE_CHECKING, Final, Self
@@ -19,7 +20,7 @@ from eskin.messages.head import (
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset(range(1, 14))
+_FIELDS: Final = frozenset((*range(1, 14), 16))
 _MOST_CHANNELS: Final = 1000
 
 
@@ -35,6 +36,44 @@ class ResetCause(IntEnum):
     def label(self) -> str:
         """For people: ``power on``, ``brown-out``, ``watchdog`` or ``software``."""
         return "brown-out" if self is ResetCause.BROWN_OUT else self.name.lower().replace("_", " ")
+
+
+class Sustained(IntEnum):
+    """Whether a node sustains itself: its harvest is not below its consumption."""
+
+    CERTAIN = 0
+    POSSIBLE = 1
+    IMPOSSIBLE = 2
+
+
+class Shedding(IntEnum):
+    """What a node does to save energy."""
+
+    NONE = 0
+    ADAPTIVE = 1
+    PEAKS = 2
+    SLEEP = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Energy:
+    """What a node knows of its energy.
+
+    Attributes:
+        stored: Bounds of what its supercapacitor holds, in J.
+        charge: Bounds of its state of charge: 0 at brown-out, 1 when full.
+        verdict: Whether it sustained itself over its horizon.
+        shedding: How much load it sheds.
+    """
+
+    stored: tuple[float, float]
+    charge: tuple[float, float]
+    verdict: Sustained
+    shedding: Shedding
+
+    def encode(self) -> list[float | int]:
+        """As a status tells it."""
+        return [*self.stored, *self.charge, int(self.verdict), int(self.shedding)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +109,7 @@ class Status:
         gaps: Gaps recorded since the node was made.
         channels: What it measures.
         cause: Why it started; ``None`` where it does not say.
+        energy: What it knows of its energy; ``None`` where it has a supply that never ends.
     """
 
     position: Position
@@ -83,6 +123,7 @@ class Status:
     gaps: int
     channels: tuple[ChannelInfo, ...]
     cause: ResetCause | None = None
+    energy: Energy | None = None
 
     def encode(self) -> bytes:
         """Write as CBOR."""
@@ -93,6 +134,7 @@ class Status:
             | {4: list(self.time), 5: self.profile, 6: self.description, 7: self.uptime}
             | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
             | cause
+            | ({} if self.energy is None else {16: self.energy.encode()})
         )
 
     @classmethod
@@ -120,11 +162,29 @@ class Status:
             gaps=fields.integer(11, 0, MOST_COUNT),
             channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
             cause=_cause(fields),
+            energy=_energy(fields) if fields.has(16) else None,
         )
 
 
 def _cause(fields: Fields) -> ResetCause | None:
     return ResetCause(fields.integer(13, 0, max(ResetCause))) if fields.has(13) else None
+
+
+def _energy(fields: Fields) -> Energy:
+    found = fields.items(16, 6)
+    if len(found) != 6:
+        raise MessageError(f"field 16 holds {len(found)} items; expected 6")
+    least, most, low, high = (
+        real(found[k], "field 16", 0.0, math.inf if k < 2 else 1.0) for k in range(4)
+    )
+    if least > most or low > high:
+        raise MessageError("field 16: a lower bound is above its upper bound")
+    return Energy(
+        (least, most),
+        (low, high),
+        Sustained(integer(found[4], "field 16, verdict", 0, max(Sustained))),
+        Shedding(integer(found[5], "field 16, shedding", 0, max(Shedding))),
+    )
 
 
 def _channel(value: object) -> ChannelInfo:

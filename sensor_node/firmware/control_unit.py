@@ -3,7 +3,7 @@
 from array import array
 
 from sensor_node.firmware.adaptation import Adaptation
-from sensor_node.firmware.channel import SAMPLES, ChannelUnit
+from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES, ChannelUnit
 from sensor_node.firmware.record import Channel
 
 TYPE_CHECKING = False
@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Record, Scribe
     from sensor_node.firmware.schedule import Frame, Schedule
     from sensor_node.firmware.taxel import Taxel
+
+
+_FRUGAL = (SAMPLES, ADAPTIVE, PEAKS)
+"""Modes, each of which sends less than the one before."""
 
 
 class ControlUnit:
@@ -49,6 +53,7 @@ class ControlUnit:
         self.mode = SAMPLES
         self.adaptation = Adaptation(taxel.sheet)
         self.adaptive = self._designed_adaptive = taxel.sheet["adaptive"] != 0.0
+        self.shed = 0
         self.smoothing = 0.0
         self.schedule = self.designed = schedule
         self._taxel = taxel
@@ -73,6 +78,11 @@ class ControlUnit:
         """What it measures."""
         return [unit.channel for unit in self.units]
 
+    @property
+    def mode_now(self) -> str:
+        """The mode that is set, or a more frugal one while load is shed."""
+        return _FRUGAL[max(_FRUGAL.index(self.mode), min(self.shed, 2))]
+
     def process(
         self, frame: "Frame", codes: "Sequence[Codes]", other: "Sequence[Codes]" = ()
     ) -> "list[Record]":
@@ -88,7 +98,7 @@ class ControlUnit:
             adjustable += other[: self._taxel.amplified]
         records: list[Record] = []
         for unit in self.units:
-            records += unit.tell(frame, self.mode, self._encoding)
+            records += unit.tell(frame, self.mode_now, self._encoding)
         if self.adaptive:
             plate = self.adaptation.plate
             self.adaptation.adapt(adjustable, frame.n, rests=self._rests())

@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from typing import Protocol
 
+    from sensor_node.firmware.energy import Energy
     from sensor_node.firmware.peaks import PeakEvent
 
     class Numbers(Protocol):
@@ -188,12 +189,15 @@ class Scribe:
         storage: "tuple[int, int, int, int]",
         channels: "Sequence[Channel]",
         cause: int,
+        *,
+        energy: "Energy | None" = None,
     ) -> Record:
         """How the node fares, and why it started.
 
-        ``storage``: messages, bytes, capacity in bytes, gaps ever.
+        ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
+        stored in J, bounds of the state of charge, verdict, stage of shedding.
         """
-        out, sequence = self._begin(STATUS, 13)
+        out, sequence = self._begin(STATUS, 13 if energy is None else 14)
         _integers(out, 4, time)
         _text(out, 5, profile)
         _text(out, 6, description)
@@ -209,6 +213,14 @@ class Scribe:
             out.integer(channel.dt)
             out.real(channel.coverage)
         _integer(out, 13, cause)
+        if energy is not None:
+            stored, charge, verdict, stage = energy
+            out.integer(16)
+            out.array(6)
+            for bound in stored + charge:
+                out.real(bound)
+            out.integer(verdict)
+            out.integer(stage)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":

@@ -31,12 +31,14 @@ class Ledger:
     It charges a frame when it is complete. Time awake that a span cannot hold goes into the next.
 
     Attributes:
-        sent: Bytes given to the radio, with repeats; whoever sends adds to it.
-        received: Bytes; whoever receives adds to it.
+        sent: Bytes given to the radio since the beginning, with repeats; the radio adds to it,
+            also from a thread of its own, and nobody else changes it.
+        received: Likewise, what it received.
     """
 
     def __init__(self) -> None:
         self.sent = self.received = 0
+        self._taken = 0, 0
         self._instructions = self._conversions = 0
         self._awake = self._off = self._begin = 0
 
@@ -63,10 +65,11 @@ class Ledger:
         span = now - self._begin
         free = max(0, span - self._off)
         awake = min(free, self._awake)
-        work = Work(
-            self._instructions, self._conversions, self.sent, self.received, free - awake, span
-        )
-        self._instructions = self._conversions = self.sent = self.received = 0
+        traffic = self.sent, self.received
+        sent, received = (all_ - taken for all_, taken in zip(traffic, self._taken, strict=True))
+        work = Work(self._instructions, self._conversions, sent, received, free - awake, span)
+        self._instructions = self._conversions = 0
+        self._taken = traffic
         self._awake -= awake
         self._off -= min(self._off, span)
         self._begin = now

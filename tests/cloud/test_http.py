@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from eskin.messages import Encoding
+from eskin.messages import Encoding, Energy, Shedding, Sustained
 from tests.cloud.clouds import batch, problem, put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
 
@@ -103,9 +104,22 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
         "uptime_ns": 5 * 10**9,
         "outbox": {"messages": 2, "bytes": 4096, "capacity_bytes": 1_048_576},
         "gaps": 1,
+        "energy": None,
         "channels": 1,
     }
     assert (await stand.get(f"/api/v1/nodes/{NODE}")).json() == node
+
+
+async def test_nodes_tell_their_energy(stand: Stand) -> None:
+    told = Energy((0.25, float("inf")), (0.5, 1.0), Sustained.POSSIBLE, Shedding.PEAKS)
+    put(stand.cloud.store, replace(status(7, boot=3), energy=told))
+    (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
+    assert node["energy"] == {
+        "stored": {"lo": 0.25, "hi": None},
+        "charge": {"lo": 0.5, "hi": 1.0},
+        "self_sustaining": "possible",
+        "shedding": "peaks",
+    }
 
 
 async def test_silent_node_is_late_then_offline(stand: Stand) -> None:

@@ -9,11 +9,13 @@ import pytest
 from sqlalchemy import func, insert, select, text
 
 from cloud.store import Store, migrations
+from cloud.store.events import ENERGY
 from cloud.store.intake import Item, take_in
 from cloud.store.schema import (
     blocks,
     channels,
     feed,
+    nodes,
     versions,
 )
 from cloud.store.writer import Writer
@@ -124,6 +126,22 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
     put(store, block(0))
     applied = [row["version"] for row in rows(store, versions)]
     assert applied == list(range(1, migrations.CURRENT + 1))
+
+
+def test_store_of_before_is_given_the_columns_of_energy(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with Store(path) as store:
+
+        def back(connection: Connection) -> None:
+            for name in ENERGY:
+                connection.execute(text(f"ALTER TABLE nodes DROP COLUMN {name}"))
+            connection.execute(text("DELETE FROM versions WHERE version >= 4"))
+
+        store.write(back).result(20)
+    with Store(path) as store:
+        put(store, block(0))
+        (node,) = rows(store, nodes)
+        assert {node[name] for name in ENERGY} == {None}
 
 
 def test_later_schema_is_refused(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from array import array
 
 from sensor_node.firmware.clock import Clock
 from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.schedule import Schedule
 from sensor_node.firmware.taxel import CHAINS
@@ -70,20 +71,29 @@ def say(job: "Table") -> "list[str]":
     clock = Clock(int(job["reading"]), job["error"], job["drift"])
     scribe = Scribe(job["boot"], Counter())
     units = [control_unit(taxel, clock, scribe) for taxel in job["taxels"]]
+    manager = EnergyManager(reals(job["energy"])) if "energy" in job else None
     said: list[Record] = []
     for step in job["steps"]:
-        said += work(step, units, scribe)
+        if manager and "supply" in step:
+            manager.watch(step["supply"], tuple([int(text) for text in step["work"]]))
+            for unit in units:
+                unit.shed = manager.stage
+        else:
+            said += work(step, units, scribe, manager)
     return [bytes(record.body).hex() for record in said]
 
 
-def work(step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe) -> "list[Record]":
+def work(
+    step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe, manager: "EnergyManager | None"
+) -> "list[Record]":
     if "gap" in step:
         return [scribe.gap(step["gap"], times(step), step["samples"])]
     if "status" in step:
         channels = [channel for unit in units for channel in unit.channels]
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
-        return [scribe.status(times(step), *told)]
+        energy = manager.told if manager and step["lives"] else None
+        return [scribe.status(times(step), *told, energy=energy)]
     unit = units[step["taxel"]]
     if "call" in step:
         given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip

@@ -7,12 +7,17 @@ import { fileURLToPath } from 'node:url';
 
 const [room, job, answer] = process.argv.slice(2);
 const port = await loadMicroPython({ stdout: console.error, linebuffer: true, heapsize: 1 << 24 });
-port.FS.mkdir('/sensor_node');
-port.FS.mkdir('/sensor_node/firmware');
-port.FS.writeFile('/sensor_node/__init__.py', '');
-for (const name of readdirSync(`${room}/firmware`).filter((name) => name.endsWith('.py'))) {
-  port.FS.writeFile(`/sensor_node/firmware/${name}`, readFileSync(`${room}/firmware/${name}`));
+function copy(folder) {
+  port.FS.mkdir(`/sensor_node/${folder}`);
+  for (const entry of readdirSync(`${room}/${folder}`, { withFileTypes: true })) {
+    const name = `${folder}/${entry.name}`;
+    if (entry.isDirectory()) copy(name);
+    else if (name.endsWith('.py')) port.FS.writeFile(`/sensor_node/${name}`, readFileSync(`${room}/${name}`));
+  }
 }
+port.FS.mkdir('/sensor_node');
+port.FS.writeFile('/sensor_node/__init__.py', '');
+copy('firmware');
 port.FS.writeFile('/driver.py', readFileSync(fileURLToPath(new URL('driver.py', import.meta.url))));
 port.FS.writeFile('/job.json', readFileSync(job));
 

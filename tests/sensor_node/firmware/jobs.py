@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sensor_node.firmware.clock import Clock
 from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.taxel import CHAINS, Taxel
 
@@ -31,6 +32,7 @@ class Recorder:
         self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
+        self._watch_supply(monkeypatch)
 
     def _watch_making(self, monkeypatch: pytest.MonkeyPatch) -> None:
         kinds = {made: name for name, made in CHAINS.items()}
@@ -92,15 +94,31 @@ class Recorder:
             storage: tuple[int, int, int, int],
             channels: Sequence[Channel],
             cause: int,
+            **energy: Any,
         ) -> Record:
             given: dict[str, Any] = {"status": profile, "description": description}
-            given |= {"storage": storage, "cause": cause}
+            given |= {"storage": storage, "cause": cause, "lives": energy.get("energy") is not None}
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
-            return status(scribe, time, profile, description, uptime, storage, channels, cause)
+            told = time, profile, description, uptime, storage, channels, cause
+            return status(scribe, *told, **energy)
 
         monkeypatch.setattr(Scribe, "gap", told_gap)
         monkeypatch.setattr(Scribe, "status", told_status)
+
+    def _watch_supply(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        make, watch = EnergyManager.__init__, EnergyManager.watch
+
+        def made(manager: EnergyManager, sheet: Mapping[str, float]) -> None:
+            self.job["energy"] = _hexadecimals(sheet)
+            make(manager, sheet)
+
+        def watched(manager: EnergyManager, code: int, work: Sequence[int]) -> None:
+            self.job["steps"].append({"supply": code, "work": [str(each) for each in work]})
+            watch(manager, code, work)
+
+        monkeypatch.setattr(EnergyManager, "__init__", made)
+        monkeypatch.setattr(EnergyManager, "watch", watched)
 
     def _watch_setting(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         method = getattr(ControlUnit, name)

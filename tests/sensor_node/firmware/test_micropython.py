@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import sensor_node
-from eskin.messages import Block, Gap, Peak, Status, decode_message
+from eskin.messages import Block, Gap, Peak, Shedding, Status, decode_message
 from sensor_node.firmware.outbox import FAILED
 from sensor_node.firmware.record import GAP
 from sensor_node.firmware.room import FULL
@@ -133,3 +133,21 @@ def test_same_bytes_of_every_taxel_that_lives_a_scenario(
     blocks = [decode_message(bytes.fromhex(body)) for body in said]
     channels = {block.channel for block in blocks if isinstance(block, Block)}
     assert len(channels) == 1 + 1 + 1 + 5 + 5
+
+
+def test_same_energy_as_in_the_emulated_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    recorder = Recorder(monkeypatch)
+    energy = {"on": True, "start_voltage": 3.0, "horizon_s": 1.0, "coil_inductance": 0.01}
+    bench = Bench(tmp_path, "palm", energy=energy)
+    for second in range(1, 5):
+        bench.run_to(float(second))
+        bench.node.record_status()
+    said = [body.hex() for body in bench.bodies()]
+    bench.close()
+    assert under_micropython(recorder.job, tmp_path) == said
+    messages = [decode_message(bytes.fromhex(body)) for body in said]
+    told = [message.energy for message in messages if isinstance(message, Status)]
+    assert len(told) == 4
+    assert {each.shedding for each in told if each is not None} == {Shedding.ADAPTIVE}

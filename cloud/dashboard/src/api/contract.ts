@@ -11,6 +11,15 @@ export interface Page<Item> {
   readonly next: string | null;
 }
 
+export interface EnergyJson {
+  /** In J. */
+  readonly stored: IntervalJson;
+  /** From 0 at brown-out to 1 when full. */
+  readonly charge: IntervalJson;
+  readonly self_sustaining: "certain" | "possible" | "impossible";
+  readonly shedding: "none" | "adaptive" | "peaks" | "sleep";
+}
+
 export interface NodeItem {
   readonly id: string;
   readonly health: Health;
@@ -22,6 +31,7 @@ export interface NodeItem {
   readonly uptime_ns: number | null;
   readonly outbox: { readonly messages: number; readonly bytes: number; readonly capacity_bytes: number } | null;
   readonly gaps: number;
+  readonly energy: EnergyJson | null;
   readonly channels: number;
 }
 

@@ -1,4 +1,4 @@
-import type { NodeItem } from "../api/contract";
+import type { EnergyJson, NodeItem } from "../api/contract";
 import { formatDuration } from "../time/duration";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import { element } from "./element";
@@ -45,6 +45,23 @@ function outboxBytes({ outbox }: NodeItem): string | null {
   return outbox && `outbox ${formatBytes(outbox.bytes)} of ${formatBytes(outbox.capacity_bytes)}`;
 }
 
+const SUSTAINS = { certain: "sustains itself", possible: "may sustain itself", impossible: "discharges" };
+
+/** State of charge as bounds, rounded outward, and whether the node sustains itself. */
+export function batteryText({ charge, self_sustaining, shedding }: EnergyJson): string {
+  const low = Math.floor((charge.lo ?? 0) * 100);
+  const high = Math.ceil((charge.hi ?? 1) * 100);
+  const shed = shedding === "none" ? "" : ` · sheds to ${shedding}`;
+  return `${low}–${high} % · ${SUSTAINS[self_sustaining]}${shed}`;
+}
+
+function battery({ energy }: NodeItem): HTMLElement[] {
+  if (energy === null) return [];
+  const warn = energy.self_sustaining === "impossible" || energy.shedding !== "none";
+  const text = element("span", { class: warn ? "warn" : "", "data-testid": "node-energy" }, batteryText(energy));
+  return fact("battery", text);
+}
+
 function fact(name: string, value: HTMLElement | string): HTMLElement[] {
   return [element("dt", {}, name), element("dd", {}, value)];
 }
@@ -70,6 +87,7 @@ export function nodeCard(
     ...fact("seen", seen.text),
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
+    ...battery(node),
     ...fact("boot", `${node.boot ?? "–"} · ${node.uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(node.uptime_ns / 1e9) * 1e9)}`}`),
   );
   return element(

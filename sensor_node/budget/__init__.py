@@ -1,0 +1,6 @@
+"""What a node's design spends and harvests, from its firmware running as fast as it can."""
+
+from sensor_node.budget.budget import Budget, saving
+from sensor_node.budget.design import Design, design_names
+
+__all__ = ["Budget", "Design", "design_names", "saving"]

@@ -1,0 +1,92 @@
+"""What the data sheets of a node's supply say: ``[energy]`` of its settings."""
+
+from __future__ import annotations
+
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from eskin.settings import Section
+
+_TOLERANCE = "relative; the true one lies anywhere inside"
+
+
+def _positive(default: float, description: str) -> float:
+    value: float = Field(default=default, gt=0, lt=1e12, description=description)
+    return value
+
+
+def _part(default: float) -> float:
+    value: float = Field(default=default, ge=0, lt=0.5, description=_TOLERANCE)
+    return value
+
+
+class EnergySection(Section):
+    """A node that lives on a supercapacitor and on what touches give; see docs/energy.md."""
+
+    on: bool = Field(default=False, description="whether the node lives on its supercapacitor")
+    horizon_s: float = Field(
+        default=20.0, gt=0, le=86_400, description="seconds over which the verdict is given"
+    )
+    capacitance: float = _positive(0.1, "of the hybrid supercapacitor, F")
+    capacitance_tolerance: float = _part(0.1)
+    series_resistance: float = _positive(1.0, "of the supercapacitor (ESR), Ω")
+    series_resistance_tolerance: float = _part(0.3)
+    leakage_resistance: float = _positive(4e6, "of the supercapacitor, Ω")
+    leakage_resistance_tolerance: float = _part(0.4)
+    start_voltage: float = _positive(3.5, "at the first start, V")
+    rated_voltage: float = _positive(3.8, "at which a shunt takes what comes more, V")
+    restart_voltage: float = _positive(2.6, "at which a machine that stopped starts again, V")
+    brown_out_voltage: float = _positive(2.2, "below which the machine stops, V")
+    adc_bits: int = Field(default=12, ge=4, le=24, description="of the supply's converter")
+    adc_max: float = _positive(4.0, "end of the supply's converter, V")
+    adc_gain_error: float = _part(1e-3)
+    adc_offset_error: float = Field(default=1.0, ge=0, le=1000, description="in steps")
+    adc_nonlinearity: float = Field(default=0.5, ge=0, le=1000, description="INL, in steps")
+    active_current: float = _positive(3e-4, "drawn while the supply is measured, A")
+    active_current_tolerance: float = _part(0.3)
+    instruction: float = _positive(3e-11, "energy of an instruction, J")
+    instruction_tolerance: float = _part(0.2)
+    conversion: float = _positive(5e-9, "energy of a conversion, J")
+    conversion_tolerance: float = _part(0.2)
+    sent: float = _positive(3e-7, "energy of a byte sent, J")
+    sent_tolerance: float = _part(0.2)
+    received: float = _positive(3e-7, "energy of a byte received, J")
+    received_tolerance: float = _part(0.2)
+    sleeping: float = _positive(3e-6, "power in deep sleep, W")
+    sleeping_tolerance: float = _part(0.3)
+    sensor_voltage: float = _positive(0.5, "that the MOSFET switches to the sensor, V")
+    sensor_voltage_tolerance: float = _part(0.02)
+    pulse_s: float = _positive(1e-3, "for which it is switched on for a conversion, s")
+    switch_resistance: float = _positive(1.0, "of the MOSFET that is on, Ω")
+    coil_inductance: float = Field(
+        default=0.0, ge=0, lt=1e3, description="of MagFES, H; 0: there is no coil"
+    )
+    coil_resistance: float = _positive(5.0, "of MagFES, Ω")
+    sensor_capacitance: float = _positive(1e-9, "of EcFES, F")
+    sensor_resistance: float = _positive(1e3, "before EcFES, Ω")
+    sensor_tolerance: float = _part(0.1)
+    piezo_coefficient: float = _positive(4e-10, "d33 of the piezoelectric layer, C/N")
+    piezo_gain: float = _positive(10.0, "by which its mount strengthens a force")
+    piezo_capacitance: float = _positive(2e-8, "of a taxel's piezoelectric layer, F")
+    piezo_tolerance: float = _part(0.2)
+    tribo_charge: float = _positive(3e-5, "surface charge of the triboelectric layer, C/m²")
+    tribo_gap_m: float = _positive(1e-3, "to which the layers separate, m")
+    tribo_thickness_m: float = _positive(1e-5, "of the layer over its relative permittivity, m")
+    tribo_tolerance: float = _part(0.2)
+    harvest_efficiency: float = Field(
+        default=0.4, gt=0, le=0.66, description="from a layer's charge to the supercapacitor"
+    )
+    harvest_efficiency_tolerance: float = _part(0.4)
+
+    @model_validator(mode="after")
+    def _voltages_rise(self) -> Self:
+        if not self.brown_out_voltage < self.restart_voltage < self.rated_voltage <= self.adc_max:
+            raise ValueError(
+                "brown_out_voltage < restart_voltage < rated_voltage <= adc_max must hold, not "
+                f"{self.brown_out_voltage} < {self.restart_voltage} < {self.rated_voltage} <= "
+                f"{self.adc_max}"
+            )
+        if self.start_voltage > self.rated_voltage:
+            raise ValueError(f"start_voltage = {self.start_voltage} is above rated_voltage")
+        return self

@@ -1,0 +1,123 @@
+"""Budgets of energy, from the firmware really running."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from eskin.command import app
+from eskin.errors import SettingsError
+from eskin.messages import Sustained
+from sensor_node.budget import Budget, Design, design_names, saving
+from sensor_node.budget.budget import MODES
+from sensor_node.machine.power.harvest import Harvester, Layers, Touches, harvest_bounds
+from sensor_node.machine.power.loads import Loads, bounds
+from sensor_node.machine.power.section import EnergySection
+from sensor_node.machine.work import Work
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+SECONDS = 6
+
+
+def nothing(_: int) -> None:
+    pass
+
+
+@pytest.fixture(scope="module")
+def hand() -> Sequence[Budget]:
+    design = Design.named("hand")
+    return [Budget.measure(design, mode, SECONDS, nothing) for mode in MODES]
+
+
+def test_frugal_modes_send_less_and_sense_as_much(hand: Sequence[Budget]) -> None:
+    samples, adaptive, peaks = hand
+    assert samples.work.sent > adaptive.work.sent > peaks.work.sent > 0
+    assert samples.work.conversions == peaks.work.conversions == 16 * 250 * SECONDS
+    assert samples.work.span == SECONDS * 10**9
+
+
+def test_peaks_only_certainly_saves_most_of_the_hand(hand: Sequence[Budget]) -> None:
+    watts, share = saving(hand[0], hand[2])
+    assert float(share.inf) > 0.8
+    assert float(watts.inf) > 0.0
+
+
+def test_saving_encloses_what_true_prices_save(hand: Sequence[Budget]) -> None:
+    full, frugal = hand[0], hand[2]
+    watts, share = saving(full, frugal)
+    section = full.design.settings.energy
+    for seed in range(50):
+        loads = Loads(section, np.random.default_rng(seed))
+        one, other = (sum(loads.costs(each.work)) / SECONDS for each in (full, frugal))
+        assert watts.contains(one - other)
+        assert float(share.inf) <= (one - other) / (one + 6e-6)
+        assert (one - other) / one <= float(share.sup)
+
+
+def test_bounds_enclose_true_prices_and_true_layers() -> None:
+    section = EnergySection(coil_inductance=0.01)
+    work, touches = Work(10**7, 5000, 9000, 700, 10**9, 2 * 10**9), Touches(3.0, 2e-3)
+    harvest = harvest_bounds(section, touches)
+    total = harvest["piezoelectric"] + harvest["triboelectric"]
+    for seed in range(50):
+        random = np.random.default_rng(seed)
+        for name, true in Loads(section, random).costs(work)._asdict().items():
+            assert bounds(section, work)[name].contains(true), name
+        assert total.contains(Layers(section, random).energy(touches))
+
+
+def test_touches_of_the_hand_are_harvested_however_time_is_cut() -> None:
+    taxels = Design.named("hand").settings.taxel
+    whole = Harvester(taxels).touches(20.0)
+    cut = Harvester(taxels)
+    parts = [cut.touches(second / 4) for second in range(1, 81)]
+    assert whole.swings == pytest.approx(sum(part.swings for part in parts))
+    assert whole.released == pytest.approx(sum(part.released for part in parts))
+    assert whole.swings > 1.0
+    # Five taps and some more touches, each of some square centimetres.
+    assert 1e-4 < whole.released < 1e-1
+
+
+def test_verdict_is_certain_where_touches_give_more_than_sleep_costs(
+    hand: Sequence[Budget],
+) -> None:
+    idle = replace(hand[2], work=Work(0, 0, 0, 0, 0, SECONDS * 10**9))
+    assert hand[0].verdict is Sustained.IMPOSSIBLE
+    assert replace(idle, touches=Touches(0.0, 1.0)).verdict is Sustained.CERTAIN
+    assert replace(idle, touches=hand[2].touches).verdict is Sustained.POSSIBLE
+
+
+def test_paper_hand_takes_about_a_milliwatt_as_the_paper_counts() -> None:
+    design = Design.named("paper-hand")
+    assert design.nodes * len(design.settings.taxel) == 8400
+    budget = Budget.measure(design, "peaks", 200, nothing)
+    assert budget.work.conversions == 100 * 200
+    assert budget.filled.contains(1.05e-3)
+    assert float(budget.filled.wid) < 1e-12
+    # What the paper leaves out: filling burns as much again, and the rest costs more.
+    assert budget.spent["sensing"].contains(2.1e-3)
+    assert float(budget.consumption.inf) > 2.1e-3
+
+
+def test_command_prints_a_table_and_json() -> None:
+    shown = CliRunner().invoke(app, ["energy", "--profile", "fingertip", "--seconds", "1"])
+    assert shown.exit_code == 0
+    assert "self-sustaining" in shown.output
+    given = ["energy", "--profile", "fingertip", "--seconds", "1", "--json"]
+    found = json.loads(CliRunner().invoke(app, given).output)
+    assert list(found["modes"]) == list(MODES)
+    low, high = found["modes"]["peaks"]["saving"]["share"]
+    assert 0.0 < low < high < 1.0
+
+
+def test_command_names_what_is_allowed() -> None:
+    assert "paper-hand" in design_names()
+    with pytest.raises(SettingsError, match="palm, paper-hand"):
+        Design.named("foot")
