@@ -73,7 +73,7 @@ class RcFrontend(Amplified):
         current = np.asarray(self._transconductance * (frequency / self._reference))
         noisy = current
         if self._noise is not None:
-            noisy = current + draw_noise(random, self._noise, len(current))
+            noisy = current + draw_noise(random, self._noise, current.shape)
         codes = self._converter.convert(noisy)
         return Digitised({"current": current}, {"current": codes})
 
@@ -91,7 +91,7 @@ class LcFrontend(Amplified):
         """Codes of the detector's voltage."""
         frequency = 1.0 / (2.0 * np.pi * np.sqrt(sensed["inductance"] * self._capacitance))
         voltage = frequency / self._reference
-        noisy = voltage + draw_noise(random, self._noise, len(voltage))
+        noisy = voltage + draw_noise(random, self._noise, voltage.shape)
         return Digitised({"frequency": frequency}, {"voltage": self._converter.convert(noisy)})
 
 
@@ -110,7 +110,7 @@ class LinearFrontend(Amplified):
         """Codes of both amplifiers' voltages."""
         codes = {
             quantity: self._converter.convert(
-                gain * sensed[quantity] + draw_noise(random, self._noise, len(sensed[quantity]))
+                gain * sensed[quantity] + draw_noise(random, self._noise, sensed[quantity].shape)
             )
             for quantity, gain in self._gains.items()
         }

@@ -16,9 +16,11 @@ def draw_part(random: np.random.Generator, value: float, tolerance: float) -> fl
     return value * (1.0 + tolerance * float(random.uniform(-1.0, 1.0)))
 
 
-def draw_noise(random: np.random.Generator, noise: UniformNoise | GaussianNoise, n: int) -> Floats:
-    """Noise for n samples."""
+def draw_noise(
+    random: np.random.Generator, noise: UniformNoise | GaussianNoise, shape: tuple[int, ...]
+) -> Floats:
+    """Noise for samples of a shape."""
     if noise.kind == "uniform":
-        drawn = random.uniform(-noise.bound, noise.bound, n)
+        drawn = random.uniform(-noise.bound, noise.bound, shape)
         return np.clip(drawn, -noise.bound, noise.bound)
-    return random.normal(0.0, noise.sigma, n)
+    return random.normal(0.0, noise.sigma, shape)

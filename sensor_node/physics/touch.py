@@ -34,9 +34,9 @@ class TouchWorld:
         """True area in m², capacitance in F, energy in J; the chain senses a noisy capacitance."""
         share = raised_sine(seconds, self._stimulus)
         area = (1.0 - share) * self._least + share * self._most
-        noisy = np.maximum(area + draw_noise(random, self._noise, len(area)), _LEAST_AREA)
+        noisy = np.maximum(area + draw_noise(random, self._noise, area.shape), _LEAST_AREA)
         capacitance = self._capacitance(area)
-        energy = 0.5 * capacitance * self._supply**2
+        energy = 0.5 * capacitance * (self._supply * self._supply)
         return Signals(
             truth={"area": area, "capacitance": capacitance, "energy": energy},
             sensed={"capacitance": self._capacitance(noisy)},

@@ -1,0 +1,56 @@
+"""The clocks of some nodes that started together, in columns."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sensor_node.firmware.clock import Clock as FirmwareClock
+from sensor_node.fleet.stacking import stacked
+from sensor_node.machine.crystal import Crystal
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+class Clocks:
+    """Draws for each node what `sensor_node.service.build_node` draws for one.
+
+    Args:
+        starts: True UTC at tick 0 of each node, ns.
+        randoms: Draw crystals and errors, one generator for each.
+        error: Bound of the real-time clocks' errors, ns.
+        drift: Bound of the crystals' rate errors, in parts of 1e9.
+    """
+
+    def __init__(
+        self,
+        starts: Sequence[int],
+        randoms: Sequence[np.random.Generator],
+        *,
+        error: int,
+        drift: int,
+    ) -> None:
+        self.error = error
+        self.drift = drift
+        self.starts = np.array(starts, np.int64)
+        self._crystal = stacked([Crystal(drift, random) for random in randoms])
+        offsets = [int(random.integers(-error, error, endpoint=True)) for random in randoms]
+        self.readings = self.starts + np.array(offsets, np.int64)
+
+    def elapsed(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
+        """True ns since the start, nodes × ticks."""
+        found = self._crystal.elapsed(ticks)
+        return np.broadcast_to(found, (len(self.starts), found.shape[-1]))
+
+    def true_times(self, ticks: int) -> list[int]:
+        """True UTC in ns of each node; for the audit, not for the firmware."""
+        times: list[int] = (self.starts + self.elapsed(np.array([ticks]))[:, 0]).tolist()
+        return times
+
+    def known(self, row: int) -> FirmwareClock:
+        """What the firmware of one node knows."""
+        return FirmwareClock(int(self.readings[row]), self.error, self.drift)

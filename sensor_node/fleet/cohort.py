@@ -1,0 +1,139 @@
+"""Nodes of one design that started together: the vectorised twin of `sensor_node.node.Node`."""
+
+from __future__ import annotations
+
+import heapq
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sensor_node.firmware.record import Channel, Scribe
+from sensor_node.fleet.clocks import Clocks
+from sensor_node.fleet.taxel import TaxelRows
+from sensor_node.fleet.telling import Nodes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from sensor_node.firmware.record import Record
+    from sensor_node.fleet.taxel import Said
+    from sensor_node.settings import NodeSettings
+
+
+@dataclass(frozen=True, slots=True)
+class Member:
+    """One node of a cohort.
+
+    Attributes:
+        seed: Draws its true parts and its noise.
+        boot: Number of this start.
+        start: True UTC at its tick 0, ns.
+    """
+
+    seed: int
+    boot: int
+    start: int
+
+
+class Cohort:
+    """Samples all taxels of its members in step.
+
+    Says byte for byte what each member would say alone.
+
+    Args:
+        settings: The members' design; what they do not share is not looked at.
+        members: Who they are.
+    """
+
+    def __init__(self, settings: NodeSettings, members: Sequence[Member]) -> None:
+        self._settings = settings
+        boots = np.array([member.boot for member in members], np.int64)
+        self._clocks = Clocks(
+            [member.start for member in members],
+            [np.random.default_rng((member.seed, member.boot)) for member in members],
+            error=round(settings.clock.rtc_error_ms * 1e6),
+            drift=round(settings.clock.drift_ppm * 1e3),
+        )
+        nodes = Nodes(self._clocks.readings, boots, np.zeros(len(members), np.int64))
+        self._nodes = nodes
+        self.taxels = [
+            TaxelRows(
+                taxel,
+                number,
+                seeds=[member.seed for member in members],
+                clocks=self._clocks,
+                nodes=nodes,
+                sampling=settings.sampling,
+            )
+            for number, taxel in enumerate(settings.taxel)
+        ]
+        self._line_up()
+
+    def __len__(self) -> int:
+        return len(self._nodes.boots)
+
+    @property
+    def next_due(self) -> int:
+        """Ticks at which the next frame is complete."""
+        return self._due[0][0]
+
+    def advance(self, ticks: int) -> Iterator[Said]:
+        """Take all frames that are complete by now."""
+        while self.next_due <= ticks:
+            _, number = self._due[0]
+            taxel = self.taxels[number]
+            yield taxel.sample()
+            heapq.heapreplace(self._due, (taxel.next.end, number))
+
+    def pass_over(self, ticks: int) -> tuple[list[Said], int, tuple[int, int]]:
+        """Give up all frames that begin before a moment.
+
+        Returns:
+            The peaks that stay undecided; how many samples each node lost; from which tick to which
+            nothing was sampled.
+        """
+        begin = min(taxel.next.start for taxel in self.taxels)
+        passed = [taxel.skip(ticks) for taxel in self.taxels]
+        self._line_up()
+        again = max(taxel.next.start for taxel in self.taxels)
+        return [said for said, _ in passed], sum(lost for _, lost in passed), (begin, again)
+
+    def finish(self) -> list[Said]:
+        """The peaks that stay undecided at the end."""
+        return [taxel.skip(0)[0] for taxel in self.taxels]
+
+    def true_times(self, ticks: int) -> list[int]:
+        """True UTC of a moment at each member, ns."""
+        return self._clocks.true_times(ticks)
+
+    def enclosure(self, row: int, ticks: int) -> tuple[int, int]:
+        """Earliest and latest UTC of a moment, as a member knows it."""
+        return self._clocks.known(row).enclosure(ticks)
+
+    def write(self, row: int, say: Callable[[Scribe], Record]) -> Record:
+        """Let a member say something else, with its next number."""
+        return say(Scribe(int(self._nodes.boots[row]), _Numbers(self._nodes, row)))
+
+    @property
+    def channels(self) -> list[Channel]:
+        """What each member measures."""
+        return [Channel(*given) for taxel in self.taxels for given in taxel.described]
+
+    def _line_up(self) -> None:
+        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
+        heapq.heapify(self._due)
+
+
+class _Numbers:
+    """Counts one member's messages."""
+
+    def __init__(self, nodes: Nodes, row: int) -> None:
+        self._sequences = nodes.sequences
+        self._row = row
+
+    def next_sequence(self) -> int:
+        """The next number; never given out again."""
+        number = int(self._sequences[self._row])
+        self._sequences[self._row] = number + 1
+        return number

@@ -1,0 +1,90 @@
+"""A cohort says byte for byte what its members would say alone, and knows the same truth."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import settings as effort
+from hypothesis import strategies as st
+
+from sensor_node.flash import Flash
+from sensor_node.fleet.cohort import Cohort, Member
+from sensor_node.service import build_node
+from sensor_node.truth import Truth
+from tests.sensor_node.designs import KINDS, SECOND, START, settings, table
+
+Said = dict[tuple[int, int], tuple[Any, ...]]
+
+
+def alone(given: Any, folder: Path, member: Member, moments: list[int]) -> tuple[Any, Any]:
+    """Messages and truth of one node that runs by itself."""
+    flash = Flash(folder / "flash.sqlite", capacity=2**30, epoch=member.boot)
+    truth = Truth(folder / "truth.sqlite", limit=2**30)
+    design = given.model_copy(
+        update={"node": given.node.model_copy(update={"seed": member.seed, "speed": 1.0})}
+    )
+    node, _ = build_node(design, flash=flash, truth=truth, start=member.start)
+    for ticks in moments:
+        node.advance(ticks)
+    node.finish()
+    said = [(s.position.sequence, s.kind, s.body) for s in flash.pending(None, 10**6)]
+    known = Truth.read(folder / "truth.sqlite", Truth.positions(folder / "truth.sqlite"))
+    flash.close()
+    truth.close()
+    return said, {
+        p.sequence: (t.channel, t.time, t.dt, t.values.tobytes()) for p, t in known.items()
+    }
+
+
+def together(design: Any, members: list[Member], moments: list[int]) -> tuple[Any, Any]:
+    cohort = Cohort(design, members)
+    said: list[Any] = [[] for _ in members]
+    known: list[Any] = [{} for _ in members]
+
+    def take(each: Any) -> None:
+        times = cohort.true_times(each.frame.start)
+        for record in each.records:
+            row, k, sequence = (int(record[key]) for key in ("row", "channel", "sequence"))
+            body = each.content[record["begin"] : record["end"]]
+            said[row].append((sequence, int(record["kind"]), body))
+            if record["kind"] == 1:
+                known[row][sequence] = (
+                    each.taxel.channels[k],
+                    times[row],
+                    each.frame.dt,
+                    each.truth[k][row].tobytes(),
+                )
+
+    for ticks in moments:
+        for each in cohort.advance(ticks):
+            take(each)
+    for each in cohort.finish():
+        take(each)
+    return said, known
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("encoding", ["f64", "f32", "q16"])
+@effort(max_examples=2, deadline=None)
+@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=3), st.integers(1, 400))
+def test_same_bytes_and_truth_as_alone(
+    kind: str, encoding: str, seeds: list[int], block: int
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        design = settings(
+            Path(folder),
+            node={"name": "n", "profile": "custom"},
+            taxel=[table(kind)],
+            sampling={"block_samples": block, "encoding": encoding},
+        )
+        members = [Member(s, 1 + k, START + k) for k, s in enumerate(seeds)]
+        moments = [k * SECOND // 4 for k in range(1, 5)]
+        said, known = together(design, members, moments)
+        for row, member in enumerate(members):
+            home = Path(folder) / str(row)
+            home.mkdir()
+            assert (said[row], known[row]) == alone(design, home, member, moments)
