@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from sqlalchemy import delete, insert, select, update
+from sqlalchemy import and_, bindparam, delete, insert, select, update
 
 from cloud.store.schema import channels, feed, nodes, sequences
 from eskin.sequences import SequenceRanges
 
 if TYPE_CHECKING:
-    from sqlalchemy import Connection, Table
+    from collections.abc import Sequence
+
+    from sqlalchemy import ColumnElement, Connection, Table
 
 Row: TypeAlias = dict[str, Any]
 
@@ -83,43 +85,58 @@ class Ledger:
         """Write what changed, within the transaction of what it speaks of."""
         if self._cursor is not None:
             connection.execute(update(feed).values(cursor=self._cursor))
+        # One statement for all rows of a kind: a batch of a fleet changes thousands.
+        changed: dict[Table, list[Row]] = {}
+        fresh: dict[Table, list[Row]] = {}
         for table, key in self._changed:
             row = self._rows[table][key]
-            if row is None:
-                continue
-            if (table, key) in self._new:
-                connection.execute(insert(table), row)
-            else:
-                query = update(table)
-                for column, value in zip(table.primary_key.columns, key, strict=True):
-                    query = query.where(column == value)
-                connection.execute(query.values(row))
+            if row is not None:
+                kind = fresh if (table, key) in self._new else changed
+                kind.setdefault(table, []).append(row)
+        for table, rows in fresh.items():
+            connection.execute(insert(table), rows)
+        for table, rows in changed.items():
+            connection.execute(update(table).where(_is_at(table)), _placed(table, rows))
         self._changed.clear()
         self._new.clear()
         self._save_ranges(connection)
 
     def _save_ranges(self, connection: Connection) -> None:
+        gone: list[Row] = []
+        grown: list[Row] = []
+        fresh: list[Row] = []
         for node, boot in self._added:
             before = self._written[node, boot]
             after = dict(self._ranges[node, boot])
-            here = (sequences.c.node == node) & (sequences.c.boot == boot)
-            for first in before.keys() - after.keys():
-                connection.execute(delete(sequences).where(here, sequences.c.first == first))
-            for first in after.keys() & before.keys():
-                if after[first] != before[first]:
-                    connection.execute(
-                        update(sequences)
-                        .where(here, sequences.c.first == first)
-                        .values(last=after[first])
-                    )
-            fresh = [
-                {"node": node, "boot": boot, "first": first, "last": after[first]}
-                for first in after.keys() - before.keys()
-            ]
-            if fresh:
-                connection.execute(insert(sequences), fresh)
+            key = {"node": node, "boot": boot}
+            gone += [{**key, "first": first} for first in before.keys() - after.keys()]
+            for first, last in after.items():
+                if before.get(first) != last:
+                    kind = grown if first in before else fresh
+                    kind.append({**key, "first": first, "last": last})
             self._written[node, boot] = after
+        here = _is_at(sequences)
+        if gone:
+            connection.execute(delete(sequences).where(here), _placed(sequences, gone))
+        if grown:
+            connection.execute(update(sequences).where(here), _placed(sequences, grown))
+        if fresh:
+            connection.execute(insert(sequences), fresh)
         self._added.clear()
         if len(self._ranges) > _MOST_RANGES:
             self._ranges.clear()
             self._written.clear()
+
+
+def _is_at(table: Table) -> ColumnElement[bool]:
+    """Whether a row is the one whose key is given beside its new values."""
+    return and_(*(column == bindparam(f"at_{column.name}") for column in table.primary_key.columns))
+
+
+def _placed(table: Table, rows: Sequence[Row]) -> list[Row]:
+    """Rows as parameters, their keys to find them by."""
+    keys = {column.name for column in table.primary_key.columns}
+    return [
+        {f"at_{name}" if name in keys else name: value for name, value in row.items()}
+        for row in rows
+    ]
