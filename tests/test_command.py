@@ -14,6 +14,7 @@ import pytest
 
 from cloud.store import Store
 from demo.child import Child, ChildError
+from eskin.identity import Identity
 from sensor_node.profile import Profile
 from tests.processes import ESKIN, free_port, wait_until
 
@@ -184,6 +185,21 @@ def test_ca_that_lost_its_root_is_not_made_anew(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert "ledger.jsonl but no root.pem" in done.stderr
     assert (ca / "node.key").read_bytes() == key
+
+
+def test_fleet_gets_an_identity_and_a_key_of_its_own_for_each_node(tmp_path: Path) -> None:
+    ca, out = tmp_path / "ca", tmp_path / "out"
+    issue = ["--kind", "node", "--name", "skin", "--out", str(out), "--count", "3"]
+    assert run("pki", "init", "--dir", str(ca)).returncode == 0
+    done = run("pki", "issue", "--dir", str(ca), *issue)
+    assert done.stdout.startswith(f"skin-0001 to skin-0003 in {out}, valid until ")
+    names = ["skin-0001", "skin-0002", "skin-0003"]
+    identities = [Identity.load(out / name) for name in names]
+    assert [identity.name for identity in identities] == names
+    assert len({identity.key.private_numbers().private_value for identity in identities}) == 3
+    again = run("pki", "issue", "--dir", str(ca), *issue)
+    assert again.returncode == 2
+    assert "skin-0001: there is an identity already" in again.stderr
 
 
 def test_ca_service_without_a_folder_for_a_token_says_so(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ import typer
 from eskin.command.logs import start_logs
 from eskin.command.tables import show
 from eskin.errors import IdentityError, SettingsError
-from eskin.identity import Authority, Identity, IdentityKind, new_key
+from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,20 +49,38 @@ def issue(
     directory: Directory,
     kind: Annotated[IdentityKind, typer.Option(help="Kind of the identity.")],
     name: Name,
-    out: Annotated[Path, typer.Option(help="Folder for key.pem, chain.pem and root.pem.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Folder for key.pem, chain.pem and root.pem; with --count, for a folder each."
+        ),
+    ],
     host: Annotated[list[str] | None, typer.Option(help="A server's name or address.")] = None,
     days: Annotated[float, typer.Option(min=0.001, max=398, help="Days of validity.")] = 90.0,
+    count: Annotated[
+        int, typer.Option(min=0, help="Issue to NAME-0001 and so on, for a fleet of so many nodes.")
+    ] = 0,
 ) -> None:
     """Make a key and issue its certificate, on the CA's own machine."""
-    if (out / "key.pem").exists():
-        raise IdentityError(f"{out}: there is an identity already; choose another folder")
+    from rich.console import Console
+    from rich.progress import track
+
+    names = numbered(name, count) if count else [name]
+    folders = [out / each for each in names] if count else [out]
+    for folder in folders:
+        if (folder / "key.pem").exists():
+            raise IdentityError(f"{folder}: there is an identity already; choose another folder")
     authority = Authority(directory)
-    key = new_key()
-    chain = authority.issue(
-        kind, name, key.public_key(), hosts=host or (), lifetime=timedelta(days=days)
-    )
-    Identity.save(out, key=key, chain=chain, root=authority.root)
-    typer.echo(f"{name} in {out}, valid until {chain[0].not_valid_after_utc.isoformat()}")
+    pairs = list(zip(names, folders, strict=True))
+    for each, folder in track(pairs, "issuing", console=Console(stderr=True), disable=not count):
+        key = new_key()
+        chain = authority.issue(
+            kind, each, key.public_key(), hosts=host or (), lifetime=timedelta(days=days)
+        )
+        Identity.save(folder, key=key, chain=chain, root=authority.root)
+    until = chain[0].not_valid_after_utc.isoformat()
+    told = f"{names[0]} to {names[-1]}" if count else name
+    typer.echo(f"{told} in {out}, valid until {until}")
 
 
 @pki.command(name="list")
