@@ -9,6 +9,7 @@ from pathlib import Path
 from rich.console import Console
 
 from benchmarks.envelope import measure_envelope
+from benchmarks.fleet import measure_emulation, measure_fleet
 from benchmarks.icm import measure_icm
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
@@ -22,6 +23,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make bench", description=__doc__)
     parser.add_argument("--blocks", type=int, default=20_000, help="blocks through the gateway")
     parser.add_argument("--seconds", type=float, default=30.0, help="seconds of the running demo")
+    parser.add_argument("--nodes", type=int, default=2000, help="nodes of a fleet over the network")
     options = parser.parse_args()
     console = Console()
     if not console.is_terminal:
@@ -38,6 +40,10 @@ def main() -> None:
             rows += measure_envelope()
         with console.status(f"{options.blocks} blocks through broker, gateway and cloud …"):
             rows += measure_pipeline(data / "pipeline", blocks=options.blocks)
+        with console.status(f"{options.nodes} nodes of a fleet over the network …"):
+            rows += measure_fleet(data / "fleet", nodes=options.nodes, seconds=15.0)
+        with console.status("physics and firmware of 10000 nodes …"):
+            rows += measure_emulation(data, nodes=10_000)
         with console.status(f"latency in a demo of {options.seconds:g} s …"):
             rows += measure_latency(data / "demo", seconds=options.seconds)
     console.print(as_table(rows))

@@ -57,6 +57,18 @@ class SamplingSection(Section):
     )
 
 
+class FleetSection(Section):
+    """Many nodes of one design in one process."""
+
+    count: int = Field(
+        default=0,
+        ge=0,
+        le=100_000,
+        description="how many nodes, called NAME-0001 and so on, with `node.name` for NAME; 0: one "
+        "node, called as `node.name` says",
+    )
+
+
 class BrokerSection(Section):
     """Where the node publishes, over TLS."""
 
@@ -97,7 +109,10 @@ class RadioSection(Section):
 class IdentitySection(Section):
     """Who the node is, and to which site it seals."""
 
-    directory: Path = Field(description="folder with key.pem, chain.pem and root.pem")
+    directory: Path = Field(
+        description="folder with key.pem, chain.pem and root.pem; of a fleet, a folder with such a "
+        "folder for each node, of its name"
+    )
     site: Path = Field(description="PEM file of the site's certificate")
     cloud: str = Field(
         default="server.cloud",
@@ -145,6 +160,7 @@ class NodeSettings(Settings):
     """All settings of a node."""
 
     node: NodeSection
+    fleet: FleetSection = FleetSection()
     sampling: SamplingSection = SamplingSection()
     broker: BrokerSection = BrokerSection()
     radio: RadioSection = RadioSection()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.machine.radio import Radio
 
-_STREAMS: Final = {
+STREAMS: Final = {
     Kind.BLOCK: Stream.BLOCKS,
     Kind.PEAK: Stream.EVENTS,
     Kind.GAP: Stream.EVENTS,
@@ -117,7 +117,7 @@ class Uplink:
                 self._outbox.left(kept.position, now)
 
     def _air(self, kept: chip.Kept, held: Position) -> _Aired:
-        topic = node_topic(self._node, _STREAMS[Kind(kept.kind)])
+        topic = node_topic(self._node, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
         envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
         newest = status and kept.position == self._outbox.newest_status

@@ -1,4 +1,4 @@
-"""``eskin node``: one emulated sensor node."""
+"""``eskin node``: emulated sensor nodes."""
 
 from __future__ import annotations
 
@@ -14,11 +14,20 @@ def node(
     config: Annotated[
         Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the node's settings.")
     ],
+    count: Annotated[
+        int | None,
+        typer.Option(
+            min=0, help="Run a fleet of so many nodes; instead of the file's fleet.count."
+        ),
+    ] = None,
 ) -> None:
-    """Run one emulated sensor node."""
+    """Run one emulated sensor node, or a fleet of them."""
+    from sensor_node.fleet import run_fleet
     from sensor_node.service import run
-    from sensor_node.settings import NodeSettings
+    from sensor_node.settings import FleetSection, NodeSettings
 
     settings = NodeSettings.load(config)
+    if count is not None:
+        settings = settings.model_copy(update={"fleet": FleetSection(count=count)})
     start_logs(settings.log.level)
-    run(settings)
+    (run_fleet if settings.fleet.count else run)(settings)

@@ -8,15 +8,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sensor_node.firmware.record import Channel, Scribe
+from sensor_node.firmware.record import Channel
 from sensor_node.fleet.clocks import Clocks
 from sensor_node.fleet.taxel import TaxelRows
 from sensor_node.fleet.telling import Nodes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
 
-    from sensor_node.firmware.record import Record
     from sensor_node.fleet.taxel import Said
     from sensor_node.settings import NodeSettings
 
@@ -44,10 +43,13 @@ class Cohort:
     Args:
         settings: The members' design; what they do not share is not looked at.
         members: Who they are.
+
+    Attributes:
+        nodes: What the members know, and their next numbers.
+        taxels: What each has.
     """
 
     def __init__(self, settings: NodeSettings, members: Sequence[Member]) -> None:
-        self._settings = settings
         boots = np.array([member.boot for member in members], np.int64)
         self._clocks = Clocks(
             [member.start for member in members],
@@ -55,15 +57,14 @@ class Cohort:
             error=round(settings.clock.rtc_error_ms * 1e6),
             drift=round(settings.clock.drift_ppm * 1e3),
         )
-        nodes = Nodes(self._clocks.readings, boots, np.zeros(len(members), np.int64))
-        self._nodes = nodes
+        self.nodes = Nodes(self._clocks.readings, boots, np.zeros(len(members), np.int64))
         self.taxels = [
             TaxelRows(
                 taxel,
                 number,
                 seeds=[member.seed for member in members],
                 clocks=self._clocks,
-                nodes=nodes,
+                nodes=self.nodes,
                 sampling=settings.sampling,
             )
             for number, taxel in enumerate(settings.taxel)
@@ -71,7 +72,7 @@ class Cohort:
         self._line_up()
 
     def __len__(self) -> int:
-        return len(self._nodes.boots)
+        return len(self.nodes.boots)
 
     @property
     def next_due(self) -> int:
@@ -111,10 +112,6 @@ class Cohort:
         """Earliest and latest UTC of a moment, as a member knows it."""
         return self._clocks.known(row).enclosure(ticks)
 
-    def write(self, row: int, say: Callable[[Scribe], Record]) -> Record:
-        """Let a member say something else, with its next number."""
-        return say(Scribe(int(self._nodes.boots[row]), _Numbers(self._nodes, row)))
-
     @property
     def channels(self) -> list[Channel]:
         """What each member measures."""
@@ -123,17 +120,3 @@ class Cohort:
     def _line_up(self) -> None:
         self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
         heapq.heapify(self._due)
-
-
-class _Numbers:
-    """Counts one member's messages."""
-
-    def __init__(self, nodes: Nodes, row: int) -> None:
-        self._sequences = nodes.sequences
-        self._row = row
-
-    def next_sequence(self) -> int:
-        """The next number; never given out again."""
-        number = int(self._sequences[self._row])
-        self._sequences[self._row] = number + 1
-        return number

@@ -13,25 +13,24 @@ from hypothesis import strategies as st
 
 from sensor_node.flash import Flash
 from sensor_node.fleet.cohort import Cohort, Member
-from sensor_node.service import build_node
+from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
-from tests.sensor_node.designs import KINDS, SECOND, START, settings, table
+from tests.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
 
 Said = dict[tuple[int, int], tuple[Any, ...]]
 
 
 def alone(given: Any, folder: Path, member: Member, moments: list[int]) -> tuple[Any, Any]:
     """Messages and truth of one node that runs by itself."""
-    flash = Flash(folder / "flash.sqlite", capacity=2**30, epoch=member.boot)
+    flash = Flash(folder / "flash.sqlite", epoch=member.boot)
+    outbox = build_outbox(flash, capacity=2**30, broker=given.broker)
     truth = Truth(folder / "truth.sqlite", limit=2**30)
-    design = given.model_copy(
-        update={"node": given.node.model_copy(update={"seed": member.seed, "speed": 1.0})}
-    )
-    node, _ = build_node(design, flash=flash, truth=truth, start=member.start)
+    design = given.model_copy(update={"node": given.node.model_copy(update={"seed": member.seed})})
+    node, _ = build_node(design, outbox=outbox, truth=truth, start=member.start)
     for ticks in moments:
         node.advance(ticks)
     node.finish()
-    said = [(s.position.sequence, s.kind, s.body) for s in flash.pending(None, 10**6)]
+    said = [(each.position[1], each.kind, each.body) for each in waiting(flash)]
     known = Truth.read(folder / "truth.sqlite", Truth.positions(folder / "truth.sqlite"))
     flash.close()
     truth.close()

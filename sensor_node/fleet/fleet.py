@@ -1,0 +1,288 @@
+"""Many nodes in one loop: sampled, stored, sent and acknowledged together."""
+
+from __future__ import annotations
+
+import logging
+import selectors
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import FlashError
+from sensor_node.machine.crystal import BILLION
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from sensor_node.firmware.record import Record
+    from sensor_node.fleet.connector import Connector
+    from sensor_node.fleet.outbox import MemberOutbox
+    from sensor_node.fleet.radio import Radio
+    from sensor_node.fleet.squad import Squad
+    from sensor_node.fleet.storage import Storage
+    from sensor_node.fleet.truth import FleetTruth
+
+log = logging.getLogger(__name__)
+
+TURN: Final = BILLION // 40
+"""A turn collects what comes in this time, ns, into one commit."""
+_ROUND: Final = BILLION // 2
+"""Each member is looked after at least so often, ns."""
+_FAILED: Final = "a node failed and goes on: node=%s failures=%d"
+_MOST_AT_ONCE: Final = 16
+"""Messages that one member sends before the next one's turn."""
+
+
+@dataclass(slots=True, eq=False)
+class Member:
+    """One node of a fleet.
+
+    Attributes:
+        name: Its name.
+        squad: With whom it samples.
+        row: Its place there.
+        radio: Its connection.
+        more: Whether it has something to send.
+    """
+
+    name: str
+    squad: Squad
+    row: int
+    radio: Radio
+    more: bool = False
+
+    @property
+    def outbox(self) -> MemberOutbox:
+        """Where its messages wait."""
+        return self.squad.outboxes[self.row]
+
+
+class Fleet:
+    """All members of one process.
+
+    Args:
+        squads: Who samples with whom.
+        radios: The members' connections, by name.
+        storage: Where they keep what they say.
+        truth: What the emulator keeps.
+        connector: Connects them.
+    """
+
+    def __init__(
+        self,
+        squads: Sequence[Squad],
+        radios: dict[str, Radio],
+        *,
+        storage: Storage,
+        truth: FleetTruth,
+        connector: Connector,
+    ) -> None:
+        self._squads = squads
+        self._storage = storage
+        self._truth = truth
+        self._connector = connector
+        self.members = [
+            Member(name, squad, row, radios[name])
+            for squad in squads
+            for row, name in enumerate(squad.names)
+        ]
+        self._by_radio = {member.radio: member for member in self.members}
+        self._selector = selectors.DefaultSelector()
+        self._selector.register(connector.wake, selectors.EVENT_READ)
+        self._next_round = 0
+        self._cursor = 0
+        self.failures = 0
+
+    @property
+    def online(self) -> int:
+        """Members that the broker has taken."""
+        return sum(member.radio.online for member in self.members)
+
+    @property
+    def waiting(self) -> int:
+        """Messages that no gateway has acknowledged."""
+        return sum(member.outbox.messages for member in self.members)
+
+    def connect(self) -> None:
+        """Let all members connect."""
+        for member in self.members:
+            self._connector.connect(member.radio)
+
+    def turn(self, *, sampling: bool = True) -> None:
+        """Do what is to be done now; waits a little for something to do."""
+        begun = time.monotonic_ns()
+        self._listen(begun + TURN)
+        now = time.monotonic_ns()
+        self._take_acknowledgements(now)
+        if sampling:
+            self._sample(now)
+        self._look_after(now)
+        self._send(now)
+
+    def finish(self) -> None:
+        """Store what stays undecided at the end."""
+        for squad in self._squads:
+            self._store(squad, squad.finish())
+
+    def close(self) -> None:
+        """Say goodbye for all."""
+        for member in self.members:
+            if member.radio.socket is not None:
+                member.radio.close()
+        self._selector.close()
+
+    def _listen(self, until: int) -> None:
+        """Serve connections until a moment."""
+        while (left := until - time.monotonic_ns()) > 0:
+            for key, events in self._selector.select(left / BILLION):
+                if key.data is None:
+                    for radio in self._connector.ready():
+                        self._join(self._by_radio[radio])
+                else:
+                    self._serve(key.data, readable=bool(events & selectors.EVENT_READ))
+
+    def _join(self, member: Member) -> None:
+        own = member.radio.socket
+        if own is None:
+            self._connector.connect(member.radio)
+            return
+        self._selector.register(own, selectors.EVENT_READ, member)
+        self._serve(member, readable=True)
+
+    def _serve(self, member: Member, *, readable: bool) -> None:
+        own = member.radio.socket
+        stands = False
+        try:
+            stands = member.radio.serve(readable=readable)
+        except Exception:  # one member's trouble is not the others'
+            self.failures += 1
+            log.exception(_FAILED, member.name, self.failures)
+        if not stands or own is None:
+            self._lose(member, own)
+            return
+        events = selectors.EVENT_READ
+        if member.radio.writes:
+            events |= selectors.EVENT_WRITE
+        if self._selector.get_key(own).events != events:
+            self._selector.modify(own, events, member)
+
+    def _lose(self, member: Member, own: object) -> None:
+        """A connection ended: forget it, and connect again."""
+        gone = [key.fileobj for key in self._keys(own, member)]
+        for each in gone:
+            self._selector.unregister(each)
+        log.log(
+            logging.WARNING if member.radio.online else logging.DEBUG,
+            "connection lost, messages wait: node=%s",
+            member.name,
+        )
+        member.radio.online = False
+        self._connector.connect(member.radio)
+
+    def _keys(self, own: object, member: Member) -> Iterable[selectors.SelectorKey]:
+        if own is not None:
+            return [key for key in [self._selector.get_map().get(own)] if key is not None]  # type: ignore[call-overload]  # a socket, closed by now
+        return [key for key in self._selector.get_map().values() if key.data is member]
+
+    def _take_acknowledgements(self, now: int) -> None:
+        heard = [member for member in self.members if member.radio.spans]
+        if not heard:
+            return
+        try:
+            with self._storage.commit():
+                for member in heard:
+                    member.outbox.acknowledge(member.radio.spans)
+        except FlashError as error:
+            log.warning("acknowledgements are not taken, and will come again: error=%s", error)
+            for member in heard:
+                member.outbox.look_again(now)
+        for member in heard:
+            member.radio.spans = []
+            member.more = True
+
+    def _sample(self, now: int) -> None:
+        for squad in self._squads:
+            if squad.due() <= now:
+                records, truth = squad.sample(now)
+                try:
+                    # Before the storage's commit: every stored block has its truth.
+                    self._truth.store(truth)
+                except FlashError as error:
+                    log.error("the truth fails: error=%s", error)  # noqa: TRY400 - says all
+                self._store(squad, records)
+
+    def _store(self, squad: Squad, records: dict[int, list[Record]]) -> None:
+        """Make what members of a squad say durable, in one commit."""
+        told = {row: squad.outboxes[row].unsaid() for row in records}
+        try:
+            with self._storage.commit():
+                for row, said in records.items():
+                    squad.outboxes[row].write(told[row] + said)
+        except FlashError as error:
+            log.error("storage fails, sampling goes on: error=%s", error)  # noqa: TRY400 - likewise
+            for row, said in records.items():
+                squad.outboxes[row].lose(said)
+            return
+        for row, said in records.items():
+            squad.outboxes[row].settle(told[row] + said)
+        self._note_more(squad, records)
+
+    def _note_more(self, squad: Squad, rows: Iterable[int]) -> None:
+        first = self._first_of(squad)
+        for row in rows:
+            self.members[first + row].more = True
+
+    def _first_of(self, squad: Squad) -> int:
+        first = 0
+        for each in self._squads:
+            if each is squad:
+                return first
+            first += len(each.names)
+        return first
+
+    def _look_after(self, now: int) -> None:
+        """Introduce those who are new, tell states, ping, and send again, some at a time."""
+        share = max(1, len(self.members) * TURN // _ROUND)
+        begin, end = self._cursor, self._cursor + share
+        self._cursor = end if end < len(self.members) else 0
+        asking: dict[int, list[int]] = {}
+        for number, member in enumerate(self.members):
+            radio = member.radio
+            if radio.fresh:
+                radio.fresh = False
+                member.outbox.connect(now)
+            elif not begin <= number < end:
+                continue
+            if not radio.online:
+                continue
+            member.more = True
+            if not radio.keep_alive():
+                self._lose(member, radio.socket)
+            elif member.outbox.tell_status(now):
+                asking.setdefault(id(member.squad), []).append(number)
+        for numbers in asking.values():
+            squad = self.members[numbers[0]].squad
+            rows = [self.members[number].row for number in numbers]
+            self._store(squad, {row: [squad.status(row, now)] for row in rows})
+
+    def _send(self, now: int) -> None:
+        for member in self.members:
+            if not member.more or not member.radio.online or member.radio.writes:
+                continue
+            try:
+                member.more = self._send_due(member, now)
+            except FlashError as error:
+                log.warning("publishing pauses: node=%s error=%s", member.name, error)
+            except Exception:  # one member's trouble is not the others'
+                member.more = False
+                self.failures += 1
+                log.exception(_FAILED, member.name, self.failures)
+            if self._has_backlog(member):
+                self._serve(member, readable=False)
+
+    def _send_due(self, member: Member, now: int) -> bool:
+        """Send what is due; whether there may be more."""
+        return member.radio.send_due(member.outbox, now, _MOST_AT_ONCE) == _MOST_AT_ONCE
+
+    def _has_backlog(self, member: Member) -> bool:
+        return member.radio.writes

@@ -1,0 +1,43 @@
+"""A member's outbox: the firmware's, which counts together with its cohort."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sensor_node.firmware.outbox import Outbox
+from sensor_node.firmware.room import Level
+
+if TYPE_CHECKING:
+    from sensor_node.fleet.storage import Partition
+    from sensor_node.fleet.telling import Nodes
+
+
+class MemberOutbox(Outbox):
+    """Its next sequence number stands in the cohort's column, where compiled loops count, too.
+
+    Args:
+        chip: The member's part of the storage.
+        nodes: The cohort.
+        row: The member's place in it.
+        given: As the firmware's outbox takes it.
+    """
+
+    def __init__(self, chip: Partition, nodes: Nodes, row: int, **given: Any) -> None:
+        self._nodes = nodes
+        self._row = row
+        self._partition = chip
+        super().__init__(chip, **given)
+
+    @property
+    def _sequence(self) -> int:
+        return int(self._nodes.sequences[self._row])
+
+    @_sequence.setter
+    def _sequence(self, value: int) -> None:
+        self._nodes.sequences[self._row] = value
+
+    def look_again(self, now: int) -> None:
+        """The storage undid what was acknowledged: count and send anew what it holds."""
+        messages, used = self._partition.level()
+        self._level = Level(messages, used, self._level.gaps)
+        self.connect(now)

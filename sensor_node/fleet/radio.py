@@ -1,0 +1,164 @@
+"""One member's connection: paho's client without threads of its own."""
+
+from __future__ import annotations
+
+import logging
+import ssl
+from typing import TYPE_CHECKING, Any, Final
+
+import paho.mqtt.client as mqtt
+from paho.mqtt.enums import CallbackAPIVersion
+
+from eskin.envelope import Opener, Sealer
+from eskin.errors import EnvelopeError, MessageError
+from eskin.identity import client_context, thumbprint
+from eskin.identity.identity import ROOT_FILE
+from eskin.messages import Acknowledgement, Kind, Position
+from eskin.topics import Stream, node_topic
+from sensor_node.uplink import STREAMS
+
+if TYPE_CHECKING:
+    from cryptography import x509
+
+    from eskin.identity import Identity
+    from sensor_node.firmware.chip import Kept
+    from sensor_node.firmware.outbox import Outbox
+    from sensor_node.settings import BrokerSection
+
+log = logging.getLogger(__name__)
+
+_MOST_SPANS: Final = 1000
+_READS: Final = 32
+
+
+class Radio:
+    """Seals and sends what the outbox hands over; takes acknowledgements.
+
+    Messages go at QoS 0: a gateway's acknowledgement is the only one that counts, and the outbox
+    sends again what stays without.
+
+    Args:
+        own: Who the member is.
+        site: Certificate of its site.
+        broker: Where to publish.
+
+    Attributes:
+        spans: What gateways acknowledged since it was last looked at.
+        fresh: Whether the broker took it and the outbox does not know it yet.
+        online: Whether the broker has taken it.
+        attempts: To connect, since it last was.
+
+    Raises:
+        IdentityError: A key or certificate cannot be used.
+    """
+
+    __slots__ = (
+        "_client", "_name", "_opener", "_sealer", "attempts", "fresh", "online", "spans",
+    )  # fmt: skip
+
+    def __init__(self, own: Identity, site: x509.Certificate, broker: BrokerSection) -> None:
+        self._name = own.name
+        self._sealer = Sealer(own, site)
+        known = thumbprint(site)
+        self._opener = Opener([own], sender=lambda print_: site if print_ == known else None)
+        self.spans: list[tuple[int, int, int]] = []
+        self.fresh = self.online = False
+        self.attempts = 0
+        self._client = mqtt.Client(
+            CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True, userdata=self
+        )
+        self._client.tls_set_context(client_context(own.directory / ROOT_FILE, own))
+        self._client.max_queued_messages_set(4 * broker.window)
+        self._client.on_connect = _on_connect
+        self._client.on_message = _on_message
+        self._client.connect_async(broker.host, broker.port, keepalive=broker.keepalive_s)
+
+    @property
+    def socket(self) -> ssl.SSLSocket | None:
+        """What to wait for; ``None`` without a connection."""
+        own = self._client.socket()
+        return own if isinstance(own, ssl.SSLSocket) else None
+
+    @property
+    def writes(self) -> bool:
+        """Whether something is to be written."""
+        return bool(self._client.want_write())
+
+    def connect(self) -> None:
+        """Connect; blocks up to the handshake's end. For a thread, while nobody else uses it.
+
+        Raises:
+            OSError: It cannot be done now.
+        """
+        self.online = False
+        self._client.reconnect()
+
+    def serve(self, *, readable: bool) -> bool:
+        """Read and write what goes without blocking; tells whether the connection stands."""
+        for _ in range(_READS if readable else 0):
+            if self._client.loop_read():
+                return False
+            own = self.socket
+            if own is None:
+                return False
+            if not own.pending():
+                break
+        if self.writes and self._client.loop_write():
+            return False
+        return self.socket is not None
+
+    def keep_alive(self) -> bool:
+        """Ping where it is time; tells whether the connection stands."""
+        return not self._client.loop_misc() and self.socket is not None
+
+    def send_due(self, outbox: Outbox, now: int, most: int) -> int:
+        """Send what is due; gives how many messages went."""
+        due = outbox.due(now, most)
+        if not due:
+            return 0
+        held = Position(*outbox.held())
+        for kept in due:
+            self._send(kept, held, newest=kept.position == outbox.newest_status)
+            # At QoS 0 it is gone at once.
+            outbox.left(kept.position, now)
+        return len(due)
+
+    def close(self) -> None:
+        """Say goodbye."""
+        self._client.disconnect()
+        if self.writes:
+            self._client.loop_write()
+
+    def _send(self, kept: Kept, held: Position, *, newest: bool) -> None:
+        topic = node_topic(self._name, STREAMS[Kind(kept.kind)])
+        status = kept.kind == Kind.STATUS
+        envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
+        self._client.publish(topic, envelope, qos=0, retain=status and newest)
+
+    def greeted(self, client: mqtt.Client, reason: Any) -> None:
+        """The broker has answered."""
+        if reason.is_failure:
+            log.error("broker refuses: node=%s reason=%s", self._name, reason)
+            return
+        self.attempts = 0
+        self.online = self.fresh = True
+        client.subscribe(node_topic(self._name, Stream.ACKS), qos=0)
+
+    def heard(self, message: mqtt.MQTTMessage) -> None:
+        """Something came."""
+        try:
+            opened = self._opener.open(bytes(message.payload), topic=message.topic)
+            spans = Acknowledgement.decode(opened.plaintext).spans
+        except (EnvelopeError, MessageError) as error:
+            log.warning("acknowledgement rejected: node=%s reason=%s", self._name, error)
+            return
+        if len(self.spans) < _MOST_SPANS:
+            self.spans.extend(spans)
+
+
+def _on_connect(client: mqtt.Client, radio: Radio, _flags: Any, reason: Any, _: Any) -> None:
+    radio.greeted(client, reason)
+
+
+def _on_message(_client: mqtt.Client, radio: Radio, message: mqtt.MQTTMessage) -> None:
+    radio.heard(message)

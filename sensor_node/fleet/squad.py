@@ -1,0 +1,162 @@
+"""A cohort with its members' outboxes: what they sample becomes what they say."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.messages import Position
+from sensor_node.firmware.record import BLOCK, Record
+from sensor_node.fleet.cohort import Cohort, Member
+from sensor_node.fleet.outbox import MemberOutbox
+from sensor_node.machine.crystal import BILLION
+from sensor_node.node import OVERRUN
+from sensor_node.truth import TrueBlock
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sensor_node.fleet.storage import Storage
+    from sensor_node.fleet.taxel import Said
+    from sensor_node.settings import NodeSettings
+
+log = logging.getLogger(__name__)
+
+_MOST_FRAMES: Final = 16
+"""Frames of one commit."""
+
+
+class Squad:
+    """Some members that sample in step.
+
+    Args:
+        settings: Their design.
+        names: Their names.
+        numbers: Their numbers in the fleet, from which their seeds come.
+        seed: The fleet's.
+        storage: Where they keep what they say.
+        start: True UTC in ns at which their emulated time begins.
+        origin: The same on the monotonic clock.
+
+    Attributes:
+        outboxes: One for each member.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        names: Sequence[str],
+        numbers: Sequence[int],
+        *,
+        seed: int,
+        storage: Storage,
+        start: int,
+        origin: int,
+    ) -> None:
+        self.names = names
+        self._settings = settings
+        self._origin = origin
+        self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
+        chips = [storage.partition(name) for name in names]
+        members = [
+            Member(member_seed(seed, number), chip.boot, start)
+            for number, chip in zip(numbers, chips, strict=True)
+        ]
+        self._cohort = Cohort(settings, members)
+        self._channels = self._cohort.channels
+        broker = settings.broker
+        self.outboxes = [
+            MemberOutbox(
+                chip,
+                self._cohort.nodes,
+                row,
+                capacity=settings.flash.capacity_bytes,
+                window=broker.window,
+                resend_after=round(broker.resend_s * BILLION),
+                status_every=round(broker.status_s * BILLION),
+            )
+            for row, chip in enumerate(chips)
+        ]
+
+    def ticks(self, now: int) -> int:
+        """Emulated ns since the start; negative before it."""
+        return int((now - self._origin) * self._settings.node.speed)
+
+    def due(self) -> int:
+        """When the next frame is complete, on the monotonic clock in ns."""
+        return self._origin + int(self._cohort.next_due / self._settings.node.speed)
+
+    def sample(self, now: int) -> tuple[dict[int, list[Record]], list[tuple[str, TrueBlock]]]:
+        """Take the frames that are complete; say so where some were missed.
+
+        Returns:
+            What each member (its row) says, and the truth behind the blocks.
+        """
+        ticks = self.ticks(now)
+        records: dict[int, list[Record]] = {}
+        truth: list[tuple[str, TrueBlock]] = []
+        if ticks - self._cohort.next_due > self._overrun:
+            self._pass_over(ticks, records)
+        for number, said in enumerate(self._cohort.advance(ticks), start=1):
+            self._take(said, records, truth)
+            if number == _MOST_FRAMES:
+                break
+        return records, truth
+
+    def finish(self) -> dict[int, list[Record]]:
+        """What stays undecided at the end."""
+        records: dict[int, list[Record]] = {}
+        for said in self._cohort.finish():
+            self._take(said, records, [])
+        return records
+
+    def status(self, row: int, now: int) -> Record:
+        """How a member fares."""
+        ticks, own = self.ticks(now), self._settings.node
+        outbox = self.outboxes[row]
+        return outbox.scribe.status(
+            self._cohort.enclosure(row, ticks),
+            own.profile,
+            own.description or own.profile,
+            max(ticks, 0),
+            outbox.usage(),
+            self._channels,
+        )
+
+    def _take(
+        self, said: Said, records: dict[int, list[Record]], truth: list[tuple[str, TrueBlock]]
+    ) -> None:
+        times = self._cohort.true_times(said.frame.start)
+        boots = self._cohort.nodes.boots.tolist()
+        for row, k, kind, sequence, earliest, latest, samples, begin, end in said.records.tolist():
+            channel, body = said.taxel.channels[k], said.content[begin:end]
+            record = Record(kind, sequence, body, (earliest, latest), samples, 0, channel)
+            records.setdefault(row, []).append(record)
+            if kind == BLOCK:
+                position = Position(boots[row], sequence)
+                values = said.truth[k][row]
+                true = TrueBlock(position, channel, times[row], said.frame.dt, values)
+                truth.append((self.names[row], true))
+
+    def _pass_over(self, ticks: int, records: dict[int, list[Record]]) -> None:
+        passed, lost, (begin, again) = self._cohort.pass_over(ticks)
+        for said in passed:
+            self._take(said, records, [])
+        for row, outbox in enumerate(self.outboxes):
+            time = self._cohort.enclosure(row, begin)[0], self._cohort.enclosure(row, again)[1]
+            gap = outbox.scribe.gap(OVERRUN, time, lost)
+            records.setdefault(row, []).append(gap)
+        log.warning(
+            "samples lost: reason=%s nodes=%d samples=%d behind_s=%.3f",
+            OVERRUN,
+            len(self.outboxes),
+            lost * len(self.outboxes),
+            (ticks - begin) / BILLION,
+        )
+
+
+def member_seed(seed: int, number: int) -> int:
+    """The seed of the number-th member; a single node with it draws the same parts and noise."""
+    return int(np.random.SeedSequence((seed, number)).generate_state(1, np.uint64)[0] >> 1)

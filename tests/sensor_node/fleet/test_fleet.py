@@ -1,0 +1,107 @@
+"""A fleet as a process: over a real broker into a real cloud, each message once, all audited."""
+
+from __future__ import annotations
+
+import sqlite3
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import pytest
+
+from demo.audit import audit
+from demo.layout import Layout
+from eskin.errors import SettingsError
+from eskin.identity import numbered
+from sensor_node.fleet.service import require_files
+from sensor_node.fleet.truth import FleetTruth
+from sensor_node.truth import Truth
+from tests.fleets import RunningFleet, enrol
+from tests.identities import Identities
+from tests.processes import wait_until
+from tests.stacks import RealStack
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+COUNT = 20
+
+
+def as_demo(stack: RealStack, fleet: RunningFleet, names: list[str]) -> Layout:
+    """What the audit looks at: a folder for each node, beside store and spool."""
+    layout = Layout(stack.folder / "audited")
+    for path, target in (
+        (layout.store, stack.store),
+        (layout.spool, stack.folder / "spool.sqlite"),
+    ):
+        path.parent.mkdir(parents=True)
+        path.symlink_to(target)
+    for name in names:
+        known = FleetTruth.read(fleet.truth, name)
+        truth = Truth(layout.truth(name), limit=2**30)
+        truth.store(list(known.values()))
+        truth.close()
+        with closing(sqlite3.connect(layout.flash(name))) as db:
+            db.execute("CREATE TABLE message (boot INTEGER, sequence INTEGER)")
+    return layout
+
+
+def blocks_of(stack: RealStack) -> dict[str, int]:
+    with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
+        return dict(db.execute("SELECT node, count(*) FROM blocks GROUP BY node").fetchall())
+
+
+def boots_stored(stack: RealStack) -> int:
+    with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
+        boots = "SELECT count(*) FROM (SELECT DISTINCT node, boot FROM blocks)"
+        return int(db.execute(boots).fetchone()[0])
+
+
+def spooled(stack: RealStack) -> int:
+    with closing(sqlite3.connect(f"file:{stack.spool}?mode=ro", uri=True)) as db:
+        return int(db.execute("SELECT count(*) FROM messages").fetchone()[0])
+
+
+def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> None:
+    names = numbered("skin", COUNT)
+    stranger, others = names[3], [*names[:3], *names[4:]]
+    with RealStack(tmp_path) as stack:
+        enrol(stack.identities, others)
+        foreign = Identities(tmp_path / "foreign")
+        enrol(foreign, [stranger])
+        (tmp_path / "foreign" / stranger).rename(stack.pki / stranger)
+        port = stack.broker.node_port
+        fleet = RunningFleet(tmp_path / "fleet", stack.pki, port=port, count=COUNT)
+        with fleet:
+            fleet.wait_for(lambda: set(blocks_of(stack)) == set(others), "blocks of all nodes")
+            stack.broker.stop()
+            stack.broker.begin()
+            before = blocks_of(stack)
+            fleet.wait_for(
+                lambda: all(blocks_of(stack)[name] > before[name] + 8 for name in others),
+                "more of all nodes after the broker came back",
+            )
+            fleet.kill()
+            fleet.start()
+            fleet.wait_for(
+                lambda: boots_stored(stack) == 2 * len(others), "blocks of a second boot"
+            )
+            assert fleet.stop() == 0
+        with closing(sqlite3.connect(fleet.flash)) as db:
+            kept = "SELECT count(*) FROM message JOIN member ON id = member WHERE name <> ?"
+            assert db.execute(kept, (stranger,)).fetchone() == (0,)
+        wait_until(lambda: spooled(stack) == 0, "the gateway has handed over all")
+        found = audit(as_demo(stack, fleet, others))
+        stored = blocks_of(stack)
+        made = {name: len(FleetTruth.read(fleet.truth, name)) for name in others}
+        # What a kill leaves between truth and flash was never said.
+        assert all(0 <= made[name] - stored[name] <= 2 for name in others)
+        assert found.passes
+        assert len(found.channels) == 2 * len(others)
+        assert sum(channel.samples for channel in found.channels) > 250 * 8 * len(found.channels)
+        assert not found.letters
+
+
+def test_too_many_nodes_for_the_system_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("resource.getrlimit", lambda _: (100, 500))
+    with pytest.raises(SettingsError, match=r"fleet\.count.*1000 nodes need 1064 open files"):
+        require_files(1000)

@@ -1,0 +1,100 @@
+"""Broker, gateway and cloud as real processes on free ports, without the demo."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from contextlib import ExitStack, closing
+from typing import TYPE_CHECKING, Self
+
+from eskin.identity import IdentityKind
+from tests.brokers import Mosquitto
+from tests.identities import Identities
+from tests.processes import ESKIN, Running, accepts, free_port
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import TracebackType
+
+
+class RealStack:
+    """Mosquitto, gateway and cloud.
+
+    Attributes:
+        folder: Where all lies.
+        pki: Folder of all identities.
+        identities: The CA.
+        broker: Mosquitto.
+        gateway: The gateway.
+        cloud: The cloud.
+        store: The cloud's database.
+        spool: The gateway's.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.folder = folder
+        self.pki = folder / "pki"
+        self.identities = Identities(self.pki)
+        self.identities.make(IdentityKind.SERVER, "server.cloud")
+        self.store = folder / "store.sqlite"
+        self.spool = folder / "spool.sqlite"
+        self._ingest, people = free_port(), free_port()
+        cloud_toml = write_settings(folder / "cloud.toml", {
+            "store": {"path": self.store},
+            "people": {"port": people},
+            "gateways": {"port": self._ingest, "identity": self.pki / "server.cloud"},
+        })  # fmt: skip
+        self.broker = Mosquitto(folder / "broker", self.identities)
+        gateway_toml = write_settings(folder / "gateway.toml", {
+            "broker": {"host": "127.0.0.1", "port": self.broker.gateway_port},
+            "identity": {"directory": self.pki / "gateway.g1", "site": self.pki / "site.main"},
+            "cloud": {"url": f"https://127.0.0.1:{self._ingest}/api/v1/ingest"},
+            "spool": {"path": self.spool},
+            "http": {"port": free_port()},
+        })  # fmt: skip
+        self.cloud = Running(
+            [ESKIN, "cloud", "--config", str(cloud_toml)], log=folder / "cloud.log"
+        )
+        self.gateway = Running(
+            [ESKIN, "gateway", "--config", str(gateway_toml)], log=folder / "gateway.log"
+        )
+        self._running = ExitStack()
+
+    def __enter__(self) -> Self:
+        self._running.enter_context(self.broker)
+        self._running.enter_context(self.cloud)
+        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
+        self._running.enter_context(self.gateway)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._running.__exit__(kind, error, trace)
+
+    def stored_blocks(self) -> int:
+        """How many blocks the cloud has stored."""
+        with closing(sqlite3.connect(f"file:{self.store}?mode=ro", uri=True)) as db:
+            return int(db.execute("SELECT count(*) FROM blocks").fetchone()[0])
+
+
+def write_settings(path: Path, sections: dict[str, dict[str, object]]) -> Path:
+    """Write a configuration file."""
+    lines = [
+        line
+        for section, values in sections.items()
+        for line in (
+            f"[{section}]",
+            *(f"{key} = {_written(value)}" for key, value in values.items()),
+        )
+    ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def _written(value: object) -> str:
+    return str(value) if isinstance(value, int | float) else json.dumps(str(value))
