@@ -72,13 +72,16 @@ def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> Non
         port = stack.broker.node_port
         fleet = RunningFleet(tmp_path / "fleet", stack.pki, port=port, count=COUNT)
         with fleet:
-            fleet.wait_for(lambda: set(blocks_of(stack)) == set(others), "blocks of all nodes")
+            fleet.wait_for(
+                lambda: set(blocks_of(stack)) == set(others), "blocks of all nodes", seconds=60
+            )
             stack.broker.stop()
             stack.broker.begin()
             before = blocks_of(stack)
             fleet.wait_for(
                 lambda: all(blocks_of(stack)[name] > before[name] + 8 for name in others),
                 "more of all nodes after the broker came back",
+                seconds=60,
             )
             fleet.kill()
             fleet.start()
