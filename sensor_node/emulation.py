@@ -63,7 +63,7 @@ class EmulatedTaxel:
         functions: ModuleType,
     ) -> None:
         self._taxel = taxel
-        self.chain = taxel.chain
+        self.chains = [taxel.chain, *(each.taxel.chain for each in companions.values())]
         self._seed = seed
         self._sampling = sampling
         self._functions = functions

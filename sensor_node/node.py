@@ -234,7 +234,7 @@ class Node:
             return
         machine.kick()
         machine.ledger.charge_frame(
-            frame, chain=taxel.chain, inputs=taxel.inputs, channels=len(taxel.channels)
+            frame, chains=taxel.chains, inputs=taxel.inputs, channels=len(taxel.channels)
         )
         self.states.take(states.IDLE, ticks)
         self._batch.take(records)

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 from sensor_node.machine.work import Work
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from sensor_node.firmware.schedule import Frame
 
 CLOCK_HZ: Final = 160_000_000
@@ -17,7 +19,17 @@ _WAKE_NS: Final = 20_000
 """Awake for one wake-up from deep sleep: regulator, clock, entry and exit of the interrupt."""
 OPERATION: Final = 60
 """Instructions of one operation on binary64 in software: loads, call, arithmetic, stores."""
-OPERATIONS: Final = {"capacitive": 69, "touch": 121, "inductive": 271, "hybrid": 134}
+OPERATIONS: Final = {
+    "capacitive": 69,
+    "touch": 121,
+    "inductive": 267,
+    "hybrid": 134,
+    "pad": 146,
+    "coil": 554,
+    "thermometer": 625,
+    "hygrometer": 137,
+    "bioelectric": 67,
+}
 """Chain to the operations and comparisons of its inversion with one sample, at most; counted."""
 OF_CHANNEL: Final = 40
 """The same for each channel: rest, two passes for peaks, encoding."""
@@ -42,9 +54,11 @@ class Ledger:
         self._instructions = self._conversions = 0
         self._awake = self._off = self._begin = 0
 
-    def charge_frame(self, frame: Frame, *, chain: str, inputs: int, channels: int) -> None:
-        """Count a frame that was sampled and worked off."""
-        a_sample = OPERATIONS[chain] + OF_CHANNEL * channels
+    def charge_frame(
+        self, frame: Frame, *, chains: Iterable[str], inputs: int, channels: int
+    ) -> None:
+        """Count a frame that was sampled and worked off, by the chains that were inverted."""
+        a_sample = sum(OPERATIONS[chain] for chain in chains) + OF_CHANNEL * channels
         instructions = OF_FRAME + frame.n * a_sample * OPERATION
         self._instructions += instructions
         self._conversions += frame.n * inputs

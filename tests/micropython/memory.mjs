@@ -18,7 +18,12 @@ function copy(folder) {
 port.FS.mkdir('/sensor_node');
 port.FS.writeFile('/sensor_node/__init__.py', '');
 copy('firmware');
-port.FS.writeFile('/driver.py', readFileSync(fileURLToPath(new URL('driver.py', import.meta.url))));
+const own = fileURLToPath(new URL('.', import.meta.url));
+port.FS.mkdir('/tests');
+port.FS.mkdir('/tests/micropython');
+for (const name of readdirSync(own).filter((name) => name.endsWith('.py'))) {
+  port.FS.writeFile(`/tests/micropython/${name}`, readFileSync(`${own}/${name}`));
+}
 port.FS.writeFile('/job.json', readFileSync(job));
 
 function used() {
@@ -29,7 +34,7 @@ function used() {
 
 port.runPython('import gc, json, sys; sys.path.append("/")');
 const empty = used();
-port.runPython('import driver');
+port.runPython('from tests.micropython import driver');
 const loaded = used();
 port.runPython(`
 with open('/job.json') as file:
@@ -52,7 +57,7 @@ for (let k = 0; k < port.globals.get('taxels'); k++) {
 }
 let records = 0;
 for (let k = 0; k < port.globals.get('frames'); k++) {
-  port.runPython(`said = driver.work(steps[${k}], units, scribe)`);
+  port.runPython(`said = driver.work(steps[${k}], units, scribe, None)`);
   const kept = used();
   port.runPython('said = None');
   records = Math.max(records, kept - used());

@@ -48,7 +48,7 @@ def test_a_span_holds_no_more_than_its_time_and_the_rest_goes_into_the_next() ->
 def test_fast_burst_leaves_no_time_to_sleep_between_samples() -> None:
     ledger = Ledger()
     frame = Frame(0, 0, 0, 0, 250, 10_000, closes=False)
-    ledger.charge_frame(frame, chain="hybrid", inputs=2, channels=2)
+    ledger.charge_frame(frame, chains=["hybrid"], inputs=2, channels=2)
     assert ledger.take(frame.end).asleep == 0
 
 
