@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING, Any, Final
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
-from eskin.envelope import Opener, Sealer
 from eskin.errors import EnvelopeError, FlashError, MessageError
-from eskin.identity import Identity, client_context, load_certificates, thumbprint
-from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement, Kind
 from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
+from sensor_node.keys import NodeKeys
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
+    from eskin.identity import Identity
     from eskin.messages import Position
     from sensor_node.flash import Flash
     from sensor_node.settings import BrokerSection, IdentitySection
@@ -76,17 +75,13 @@ class Publisher:
         broker: BrokerSection,
         identity: IdentitySection,
     ) -> None:
-        own = Identity.load(identity.directory)
-        site = load_certificates(identity.site)[0]
+        self._keys = NodeKeys(identity)
+        own = self._keys.own
         self._flash = flash
         self._record_status = record_status
         self._take_command = take_command
         self._broker = broker
         self._node = own.name
-        self._sealer = Sealer(own, site)
-        self._opener = Opener(
-            [own], sender=lambda print_: site if print_ == thumbprint(site) else None
-        )
         self._acks_topic = node_topic(own.name, Stream.ACKS)
         self._commands_topic = node_topic(own.name, Stream.COMMANDS)
         self._inboxes: dict[str, queue.Queue[bytes]] = {
@@ -132,7 +127,7 @@ class Publisher:
 
     def _make_client(self, own: Identity) -> mqtt.Client:
         client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True)
-        client.tls_set_context(client_context(own.directory / ROOT_FILE, own))
+        client.tls_set_context(self._keys.context)
         client.max_inflight_messages_set(self._broker.window)
         client.max_queued_messages_set(4 * self._broker.window)
         client.reconnect_delay_set(min_delay=1, max_delay=8)
@@ -196,22 +191,29 @@ class Publisher:
     def _turn(self) -> None:
         self._take_acknowledgements()
         self._take_commands()
+        now = time.monotonic()
+        if self._keys.refresh(now):
+            self._introduce(now)
         if not self._client.is_connected():
             return
-        now = time.monotonic()
         # Once a turn is enough: a lower position than the true one is safe.
         self._held = self._flash.held()
         if self._fresh.is_set():
             self._fresh.clear()
             self._flights.clear()
-            self._sent_up_to = self._newest_status = None
-            self._status_due = now
+            self._sent_up_to = None
+            self._introduce(now)
         # One unanswered status is enough: it is sent again, and more would only pile up.
         if now >= self._status_due and self._newest_status not in self._flights:
             self._status_due = now + self._broker.status_s
             self._send_status()
         self._send_again(now)
         self._send_new()
+
+    def _introduce(self, now: float) -> None:
+        """Before anything else: a gateway opens nothing of a certificate that it has not seen."""
+        self._newest_status = None
+        self._status_due = now
 
     def _opened(self, topic: str, what: str) -> Iterator[bytes]:
         """What came on a topic, as far as the site has sealed it to this node."""
@@ -222,7 +224,7 @@ class Publisher:
             except queue.Empty:
                 return
             try:
-                yield self._opener.open(payload, topic=topic).plaintext
+                yield self._keys.opener.open(payload, topic=topic).plaintext
             except EnvelopeError as error:
                 log.warning("%s rejected: reason=%s", what, error)
 
@@ -286,7 +288,9 @@ class Publisher:
         kind = Kind(stored.kind)
         topic = node_topic(self._node, _STREAMS[kind])
         status = kind is Kind.STATUS
-        envelope = self._sealer.seal(stored.body, topic=topic, held=self._held, introduce=status)
+        envelope = self._keys.sealer.seal(
+            stored.body, topic=topic, held=self._held, introduce=status
+        )
         newest = status and stored.position == self._newest_status
         delivery = self._client.publish(topic, envelope, qos=1, retain=newest)
         self._flights[stored.position] = _Flight(time.monotonic(), delivery)

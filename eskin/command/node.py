@@ -16,9 +16,12 @@ def node(
     ],
 ) -> None:
     """Run one emulated sensor node."""
+    from authority.keeper import Keeper
     from sensor_node.service import run
     from sensor_node.settings import NodeSettings
 
     settings = NodeSettings.load(config)
     start_logs(settings.log.level)
-    run(settings)
+    own = settings.identity
+    with Keeper(settings.renewal, [own.directory], site=own.site):
+        run(settings)
