@@ -100,6 +100,11 @@ def create_application(
     async def revocations(kind: IdentityKind) -> Response:
         return Response(authority.refresh_revocations(kind).read_bytes(), media_type=_PEM)
 
+    @app.get("/revoked/{kind}")
+    async def revoked(kind: IdentityKind) -> dict[str, list[dict[str, str]]]:
+        found = [e for e in authority.issued() if e.kind == kind and e.revoked is not None]
+        return {"items": [{"name": entry.name, "serial": entry.serial} for entry in found]}
+
     @app.get("/healthz")
     async def health() -> dict[str, str]:
         return {"status": "ok"}

@@ -123,6 +123,16 @@ def fetch_revocations(url: str, directory: Path, kind: IdentityKind, out: Path) 
     return True
 
 
+def fetch_revoked(url: str, directory: Path, kind: IdentityKind) -> set[tuple[str, str]]:
+    """Name and serial number of each revoked certificate of a kind.
+
+    Raises:
+        NotReadyError: The service is away.
+    """
+    items = _ask("GET", url, directory, f"/revoked/{kind}", None).json()["items"]
+    return {(item["name"], item["serial"]) for item in items}
+
+
 def fetch(url: str, directory: Path, name: str, out: Path) -> None:
     """Fetch the chain that was last issued to a name.
 
@@ -139,8 +149,9 @@ def fetch_anchor(url: str, directory: Path, kind: IdentityKind, out: Path) -> No
     Raises:
         NotReadyError: The service is away.
     """
-    answer = _ask("GET", url, directory, f"/anchors/{kind}", None)
-    write_whole(out, answer.content)
+    content = _ask("GET", url, directory, f"/anchors/{kind}", None).content
+    if not out.exists() or out.read_bytes() != content:
+        write_whole(out, content)
 
 
 def _ask(

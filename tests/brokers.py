@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from authority.guard import DYNAMIC_SECURITY
 from eskin.identity import IdentityKind
 from tests.processes import Running, accepts, free_port
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from tests.identities import Identities
 
 PRODUCTION = Path(__file__).parents[1] / "services" / "broker"
@@ -30,14 +34,22 @@ class Mosquitto(Running):
         node_port: Takes nodes alone.
         gateway_port: Takes gateways alone.
         client_port: Takes clients alone.
+
+    Args:
+        folder: Its own.
+        identities: The CA.
+        guard: What runs it; itself, where there is none.
     """
 
-    def __init__(self, folder: Path, identities: Identities) -> None:
+    def __init__(self, folder: Path, identities: Identities, *, guard: Sequence[str] = ()) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.node_port, self.gateway_port, self.client_port = (free_port() for _ in range(3))
         server = identities.make(IdentityKind.SERVER, "server.broker")
         for kind in (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT):
             shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.pem")
+            shutil.copy(identities.authority.revocations_file(kind), folder / f"{kind}.crl.pem")
+        (folder / "dynamic-security.json").write_text(json.dumps(DYNAMIC_SECURITY))
+        (plugin,) = Path("/usr/lib").glob("*/mosquitto_dynamic_security.so")
         config = (PRODUCTION / "mosquitto.conf").read_text()
         for word, value in {
             "HOST": "127.0.0.1",
@@ -48,12 +60,13 @@ class Mosquitto(Running):
             "ANCHORS": folder,
             "ACL": PRODUCTION / "acl",
             "DATA": folder,
+            "PLUGIN": plugin,
         }.items():
             config = config.replace(f"@{word}@", str(value))
         file = folder / "mosquitto.conf"
         # Started as root, Mosquitto becomes another user, who must not need to read our keys.
         file.write_text(f"user root\n{config}")
-        super().__init__([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
+        super().__init__([*guard, mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
 
     def __enter__(self) -> Self:
         self.begin()

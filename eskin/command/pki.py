@@ -134,6 +134,24 @@ def renew(
 
 
 @pki.command()
+def guard(
+    url: Url,
+    identity: Annotated[Path, typer.Option(help="Folder of the broker's identity.")],
+    folder: Annotated[Path, typer.Option(help="Folder for anchors, lists and control.sock.")],
+    argv: Annotated[list[str], typer.Argument(help="The broker: mosquitto -c FILE.")],
+) -> None:
+    """Run Mosquitto with renewed certificates, and end connections of whoever is revoked."""
+    from authority.guard import Guard
+    from authority.keeper import Keeper
+    from eskin.settings import RenewalSection
+
+    start_logs("INFO")
+    with Keeper(RenewalSection(url=url), [identity]):
+        status = Guard(argv, identity=identity, url=url, folder=folder).run()
+    raise typer.Exit(status)
+
+
+@pki.command()
 def serve(
     config: Annotated[Path, typer.Option(help="TOML file with the CA service's settings.")],
 ) -> None:

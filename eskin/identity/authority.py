@@ -9,6 +9,7 @@ not say.
 
 from __future__ import annotations
 
+import time
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
@@ -166,8 +167,16 @@ class Authority:
         revoked = [entry.revoke(now) for entry in standing]
         for entry in revoked:
             self._ledger.add(entry)
-        self.write_revocations(IdentityKind(standing[0].kind))
+        kind = IdentityKind(standing[0].kind)
+        self._await_next_second(kind)
+        self.write_revocations(kind)
         return revoked
+
+    def _await_next_second(self, kind: IdentityKind) -> None:
+        """OpenSSL takes the newer of two lists, and their times are whole seconds."""
+        signed = x509.load_pem_x509_crl(self.revocations_file(kind).read_bytes()).last_update_utc
+        wait = (signed + timedelta(seconds=1) - datetime.now(UTC)).total_seconds()
+        time.sleep(min(max(wait, 0.0), 1.0))
 
     def write_revocations(self, kind: IdentityKind) -> Path:
         """Sign the kind's revocation list and give its path.
