@@ -77,7 +77,7 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
     with service, Mosquitto(tmp_path / "broker", own) as broker, cloud:
         service.wait_for(lambda: accepts(port), "the CA service listens")
         with (
-            gateway(tmp_path, own, broker, cloud.url, url),
+            gateway(tmp_path, own, broker, cloud.url, url) as receiver,
             sensor_node(tmp_path, own, broker, url) as node,
         ):
             renewals(own, 1)
@@ -87,11 +87,22 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
             renewals(own, 2)
             wait_until(lambda: len(cloud.stored) > before + 5, "data arrive")
             assert node.stop() == 0
-        positions = [decode_message(body).position for _, body in cloud.stored]
-        numbers = sorted(position.sequence for position in positions)
-        assert numbers == list(range(len(numbers)))
-        assert cloud.duplicates == 0
-        assert "waiting=0" in node.output()
+            wait_until(lambda: "waiting=0" in node.output(), "the node kept nothing")
+            require_each_once(cloud)
+            before = len(cloud.stored)
+            node.start()
+            wait_until(lambda: len(cloud.stored) > before + 5, "data arrive")
+            own.authority.revoke("fingertip")
+            refused = "certificate of fingertip was revoked"
+            receiver.wait_for(lambda: refused in receiver.output(), "it is refused", seconds=5)
+
+
+def require_each_once(cloud: StubCloud) -> None:
+    """All that the node ever said is stored, and nothing twice."""
+    positions = [decode_message(body).position for _, body in cloud.stored]
+    numbers = sorted(position.sequence for position in positions)
+    assert numbers == list(range(len(numbers)))
+    assert cloud.duplicates == 0
 
 
 def renewals(own: Identities, count: int) -> None:
