@@ -85,6 +85,13 @@ def create_application(
         log.info("renewed: name=%s", common_name(chain[0]))
         return EnrolmentAnswer(chain=pem(chain).decode(), root=pem([authority.root]).decode())
 
+    _add_public(app, authority)
+    return app
+
+
+def _add_public(app: FastAPI, authority: Authority) -> None:
+    """What anybody may read."""
+
     @app.get("/certificates/{name}")
     async def certificate(name: Annotated[str, Path(max_length=100)]) -> Response:
         chain = authority.latest(name)
@@ -108,8 +115,6 @@ def create_application(
     @app.get("/healthz")
     async def health() -> dict[str, str]:
         return {"status": "ok"}
-
-    return app
 
 
 def _der(key: ec.EllipticCurvePublicKey) -> bytes:

@@ -21,7 +21,6 @@ from sensor_node.keys import NodeKeys
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from eskin.identity import Identity
     from eskin.messages import Position
     from sensor_node.flash import Flash
     from sensor_node.settings import BrokerSection, IdentitySection
@@ -76,14 +75,13 @@ class Publisher:
         identity: IdentitySection,
     ) -> None:
         self._keys = NodeKeys(identity)
-        own = self._keys.own
         self._flash = flash
         self._record_status = record_status
         self._take_command = take_command
         self._broker = broker
-        self._node = own.name
-        self._acks_topic = node_topic(own.name, Stream.ACKS)
-        self._commands_topic = node_topic(own.name, Stream.COMMANDS)
+        self._node = self._keys.own.name
+        self._acks_topic = node_topic(self._node, Stream.ACKS)
+        self._commands_topic = node_topic(self._node, Stream.COMMANDS)
         self._inboxes: dict[str, queue.Queue[bytes]] = {
             self._acks_topic: queue.Queue(_MOST_ACKNOWLEDGEMENTS)
         }
@@ -97,7 +95,7 @@ class Publisher:
         self._fresh = threading.Event()
         self._wake = threading.Event()
         self._stopping = threading.Event()
-        self._client = self._make_client(own)
+        self._client = self._make_client()
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
 
     def start(self) -> None:
@@ -125,8 +123,8 @@ class Publisher:
         """Say that flash holds something new."""
         self._wake.set()
 
-    def _make_client(self, own: Identity) -> mqtt.Client:
-        client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True)
+    def _make_client(self) -> mqtt.Client:
+        client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=self._node, clean_session=True)
         client.tls_set_context(self._keys.context)
         client.max_inflight_messages_set(self._broker.window)
         client.max_queued_messages_set(4 * self._broker.window)
@@ -212,8 +210,7 @@ class Publisher:
 
     def _introduce(self, now: float) -> None:
         """Before anything else: a gateway opens nothing of a certificate that it has not seen."""
-        self._newest_status = None
-        self._status_due = now
+        self._newest_status, self._status_due = None, now
 
     def _opened(self, topic: str, what: str) -> Iterator[bytes]:
         """What came on a topic, as far as the site has sealed it to this node."""
