@@ -42,7 +42,8 @@ class Keyring:
 
     def __init__(self, settings: IdentitySection) -> None:
         self._settings = settings
-        self._seen = self._state()
+        # Unknown until the first look: so a renewal during the start is not missed.
+        self._seen: tuple[tuple[int, int], ...] = ()
         self.gateway = _identity("identity.directory", settings.directory, IdentityKind.GATEWAY)
         self.context = client_context(self.gateway.directory / ROOT_FILE, self.gateway)
         self.warrants = Warrants(self.gateway)
@@ -87,8 +88,9 @@ class Keyring:
         self._sites = self._load_sites()
         if self._opener is not None:
             self._opener.take(list(self._sites.values()))
+        if self._seen:
+            log.info("identities renewed")
         self._seen = state
-        log.info("identities renewed")
 
     def _run(self) -> None:
         fault = None

@@ -139,6 +139,7 @@ def guard(
     identity: Annotated[Path, typer.Option(help="Folder of the broker's identity.")],
     folder: Annotated[Path, typer.Option(help="Folder for anchors, lists and control.sock.")],
     argv: Annotated[list[str], typer.Argument(help="The broker: mosquitto -c FILE.")],
+    also: Annotated[list[Path] | None, typer.Option(help="Further identity to renew.")] = None,
 ) -> None:
     """Run Mosquitto with renewed certificates, and end connections of whoever is revoked."""
     from authority.guard import Guard
@@ -146,7 +147,7 @@ def guard(
     from eskin.settings import RenewalSection
 
     start_logs("INFO")
-    with Keeper(RenewalSection(url=url), [identity]):
+    with Keeper(RenewalSection(url=url), [identity, *(also or ())]):
         status = Guard(argv, identity=identity, url=url, folder=folder).run()
     raise typer.Exit(status)
 

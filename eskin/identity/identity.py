@@ -53,7 +53,6 @@ class Identity:
             IdentityError: A file is missing, is no PEM, or key and certificate do not belong
                 together.
         """
-        root = load_certificates(directory / ROOT_FILE)[0]
         # A renewal replaces the key, then the chain, and keeps the new chain in NEXT meanwhile: one
         # of the three fits, whenever it is looked at, or whenever it was cut off.
         for chain_file in (CHAIN_FILE, f"{NEXT}/{CHAIN_FILE}", CHAIN_FILE):
@@ -62,7 +61,7 @@ class Identity:
                 continue
             chain = load_certificates(directory / chain_file)
             if chain[0].public_key() == key.public_key():
-                return cls(directory, key, chain, root)
+                return cls(directory, key, chain, load_certificates(directory / ROOT_FILE)[0])
         raise IdentityError(f"{directory}: {KEY_FILE} does not belong to {CHAIN_FILE}")
 
     @classmethod

@@ -6,4 +6,4 @@ enrol server server.broker /var/lib/eskin/identity
 enrol client client.health /var/lib/eskin/client.health
 mkdir -p -m 0700 /var/lib/eskin/anchors
 exec eskin pki guard --url https://authority:8444 --identity /var/lib/eskin/identity \
-  --folder /var/lib/eskin/anchors -- "$@"
+  --also /var/lib/eskin/client.health --folder /var/lib/eskin/anchors -- "$@"
