@@ -1,23 +1,27 @@
 """HTTPS face of the CA service.
 
-``POST /enrol`` takes a token and a certificate request; everything else is public and read only.
-All run on the one event loop, so ledger and tokens change one request at a time.
+``POST /enrol`` takes a token and a certificate request, ``POST /renew`` a request that the holder
+of a certificate signed; everything else is public and read only. All run on the one event loop, so
+ledger and tokens change one request at a time.
 """
 
+import base64
+import binascii
 import logging
 from datetime import timedelta
 from typing import Annotated
 
-from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from fastapi import FastAPI, HTTPException, Path, Request, Response
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
+from authority.renewals import Renewals
+from authority.requests import der_of_pem, requested_key
 from authority.tokens import Tokens
 from eskin.errors import IdentityError
-from eskin.identity import Authority, IdentityKind
+from eskin.identity import Authority, IdentityKind, common_name
 from eskin.identity.certificates import pem
 
 log = logging.getLogger(__name__)
@@ -35,14 +39,25 @@ class EnrolmentRequest(BaseModel):
 
 
 class EnrolmentAnswer(BaseModel):
-    """Answer of ``POST /enrol``."""
+    """Answer of ``POST /enrol`` and ``POST /renew``."""
 
     chain: str = Field(description="the certificate, then the issuing CA's, PEM")
     root: str = Field(description="the root CA's certificate, PEM")
 
 
-def create_application(authority: Authority, tokens: Tokens, *, lifetime: timedelta) -> FastAPI:
+class RenewalRequest(BaseModel):
+    """Body of ``POST /renew``."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    signed: str = Field(max_length=16_000, description="COSE_Sign1 of a PKCS #10 request, base64")
+
+
+def create_application(
+    authority: Authority, tokens: Tokens, *, lifetime: timedelta, grace: timedelta
+) -> FastAPI:
     """Build the application over an opened CA."""
+    renewals = Renewals(authority, lifetime=lifetime, grace=grace)
     app = FastAPI(title="eskin certificate authority", docs_url=None, redoc_url=None)
 
     @app.exception_handler(IdentityError)
@@ -56,13 +71,26 @@ def create_application(authority: Authority, tokens: Tokens, *, lifetime: timede
 
     @app.post("/enrol")
     async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
-        key = _requested_key(body.request)
+        key = requested_key(der_of_pem(body.request))
         enrolment = tokens.redeem(body.token, _der(key))
         chain = authority.issue(
             enrolment.kind, enrolment.name, key, hosts=enrolment.hosts, lifetime=lifetime
         )
         log.info("enrolled: kind=%s name=%s", enrolment.kind, enrolment.name)
         return EnrolmentAnswer(chain=pem(chain).decode(), root=pem([authority.root]).decode())
+
+    @app.post("/renew")
+    async def renew(body: RenewalRequest) -> EnrolmentAnswer:
+        chain = renewals.renew(_decoded(body.signed))
+        log.info("renewed: name=%s", common_name(chain[0]))
+        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem([authority.root]).decode())
+
+    _add_public(app, authority)
+    return app
+
+
+def _add_public(app: FastAPI, authority: Authority) -> None:
+    """What anybody may read."""
 
     @app.get("/certificates/{name}")
     async def certificate(name: Annotated[str, Path(max_length=100)]) -> Response:
@@ -77,30 +105,26 @@ def create_application(authority: Authority, tokens: Tokens, *, lifetime: timede
 
     @app.get("/revocations/{kind}")
     async def revocations(kind: IdentityKind) -> Response:
-        return Response(authority.write_revocations(kind).read_bytes(), media_type=_PEM)
+        return Response(authority.refresh_revocations(kind).read_bytes(), media_type=_PEM)
+
+    @app.get("/revoked/{kind}")
+    async def revoked(kind: IdentityKind) -> dict[str, list[dict[str, str]]]:
+        found = [e for e in authority.issued() if e.kind == kind and e.revoked is not None]
+        return {"items": [{"name": entry.name, "serial": entry.serial} for entry in found]}
 
     @app.get("/healthz")
     async def health() -> dict[str, str]:
         return {"status": "ok"}
-
-    return app
-
-
-def _requested_key(text: str) -> ec.EllipticCurvePublicKey:
-    try:
-        request = x509.load_pem_x509_csr(text.encode())
-        genuine = request.is_signature_valid
-    except ValueError as error:
-        raise IdentityError(f"no PKCS #10 request: {error}") from error
-    key = request.public_key()
-    if not genuine:
-        raise IdentityError("the request is not signed by the key that it holds")
-    if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):
-        raise IdentityError("the requested key is not on the curve P-256")
-    return key
 
 
 def _der(key: ec.EllipticCurvePublicKey) -> bytes:
     return key.public_bytes(
         serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
     )
+
+
+def _decoded(text: str) -> bytes:
+    try:
+        return base64.b64decode(text, validate=True)
+    except (binascii.Error, ValueError) as error:
+        raise IdentityError(f"no base64: {error}") from error

@@ -2,23 +2,35 @@
 
 from __future__ import annotations
 
+import base64
 from typing import TYPE_CHECKING
 
 import httpx
 from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
-from cryptography.x509.oid import NameOID
+from cryptography.hazmat.primitives import serialization
 
+from authority.requests import make_request
+from eskin.envelope import sign
 from eskin.errors import IdentityError
-from eskin.identity import Identity, client_context, new_key
-from eskin.identity.identity import KEY_FILE, load_key, save_key, write_whole
+from eskin.identity import (
+    Identity,
+    IdentityKind,
+    Trust,
+    client_context,
+    common_name,
+    der,
+    install,
+    load_certificates,
+    new_key,
+    next_key,
+)
+from eskin.identity.identity import KEY_FILE, ROOT_FILE, load_key, save_key, write_whole
+from eskin.topics import RENEWAL
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cryptography.hazmat.primitives.asymmetric import ec
-
-    from eskin.identity import IdentityKind
 
 _TIMEOUT_S = 10.0
 
@@ -45,13 +57,80 @@ def enrol(url: str, directory: Path, name: str, out: Path) -> Identity:
     """
     token = _waited(directory / f"{name}.token")
     key = _key(out)
-    answer = _ask(
-        "POST", url, directory, "/enrol", {"token": token.decode(), "request": _request(key, name)}
-    )
-    body = answer.json()
-    chain = tuple(x509.load_pem_x509_certificates(body["chain"].encode()))
+    request = make_request(key, name).public_bytes(serialization.Encoding.PEM).decode()
+    answer = _ask("POST", url, directory, "/enrol", {"token": token.decode(), "request": request})
+    chain = tuple(x509.load_pem_x509_certificates(answer.json()["chain"].encode()))
     root = x509.load_pem_x509_certificate(_waited(directory / "root.pem"))
     return Identity.save(out, key=key, chain=chain, root=root)
+
+
+def renew(url: str, directory: Path) -> Identity:
+    """Have an identity renewed, with a fresh key; the old one goes to its past.
+
+    Args:
+        url: The CA service.
+        directory: Folder of the identity.
+
+    Raises:
+        NotReadyError: The service is away.
+        IdentityError: The service refuses, or the folder cannot be used.
+    """
+    own = Identity.load(directory)
+    request = make_request(next_key(directory), own.name)
+    signed = sign(request.public_bytes(serialization.Encoding.DER), own=own, topic=RENEWAL)
+    body = {"signed": base64.b64encode(signed).decode()}
+    answer = _ask("POST", url, directory, "/renew", body)
+    chain = tuple(x509.load_pem_x509_certificates(answer.json()["chain"].encode()))
+    Trust(own.root).verify([der(certificate) for certificate in chain], own.kind)
+    return install(directory, chain)
+
+
+def fetch_site(url: str, directory: Path, name: str, out: Path) -> bool:
+    """Fetch a site's certificate if there is another than the one that is held.
+
+    Args:
+        url: The CA service.
+        directory: Holds ``root.pem``.
+        name: The site.
+        out: PEM file.
+
+    Raises:
+        NotReadyError: The service is away.
+        IdentityError: What it gives is no certificate of a site.
+    """
+    content = _ask("GET", url, directory, f"/certificates/{name}", None).content
+    if out.exists() and out.read_bytes() == content:
+        return False
+    root = load_certificates(directory / ROOT_FILE)[0]
+    chain = x509.load_pem_x509_certificates(content)
+    leaf = Trust(root).verify([der(certificate) for certificate in chain], IdentityKind.SITE)
+    if common_name(leaf) != name:
+        raise IdentityError(f"{url} gave {common_name(leaf)!r} for {name!r}")
+    write_whole(out, content)
+    return True
+
+
+def fetch_revocations(url: str, directory: Path, kind: IdentityKind, out: Path) -> bool:
+    """Fetch a kind's revocation list if there is another than the one that is held.
+
+    Raises:
+        NotReadyError: The service is away.
+    """
+    content = _ask("GET", url, directory, f"/revocations/{kind}", None).content
+    if out.exists() and out.read_bytes() == content:
+        return False
+    write_whole(out, content)
+    return True
+
+
+def fetch_revoked(url: str, directory: Path, kind: IdentityKind) -> set[tuple[str, str]]:
+    """Name and serial number of each revoked certificate of a kind.
+
+    Raises:
+        NotReadyError: The service is away.
+    """
+    items = _ask("GET", url, directory, f"/revoked/{kind}", None).json()["items"]
+    return {(item["name"], item["serial"]) for item in items}
 
 
 def fetch(url: str, directory: Path, name: str, out: Path) -> None:
@@ -70,8 +149,9 @@ def fetch_anchor(url: str, directory: Path, kind: IdentityKind, out: Path) -> No
     Raises:
         NotReadyError: The service is away.
     """
-    answer = _ask("GET", url, directory, f"/anchors/{kind}", None)
-    write_whole(out, answer.content)
+    content = _ask("GET", url, directory, f"/anchors/{kind}", None).content
+    if not out.exists() or out.read_bytes() != content:
+        write_whole(out, content)
 
 
 def _ask(
@@ -106,9 +186,3 @@ def _key(out: Path) -> ec.EllipticCurvePrivateKey:
     out.mkdir(parents=True, exist_ok=True, mode=0o700)
     save_key(path, key)
     return key
-
-
-def _request(key: ec.EllipticCurvePrivateKey, name: str) -> str:
-    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
-    request = x509.CertificateSigningRequestBuilder(subject_name=subject).sign(key, hashes.SHA256())
-    return request.public_bytes(serialization.Encoding.PEM).decode()

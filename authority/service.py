@@ -35,7 +35,9 @@ def run(settings: AuthoritySettings) -> None:
     lifetime = timedelta(days=own.certificate_days)
     log.info("ready: https://%s:%d", own.host, own.port)
     uvicorn.run(
-        create_application(authority, tokens, lifetime=lifetime),
+        create_application(
+            authority, tokens, lifetime=lifetime, grace=timedelta(days=own.grace_days)
+        ),
         host=own.host,
         port=own.port,
         ssl_certfile=identity.directory / CHAIN_FILE,

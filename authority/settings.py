@@ -28,6 +28,12 @@ class AuthoritySection(Section):
     certificate_days: float = Field(
         default=90.0, gt=0, le=398, description="days for which a certificate is valid"
     )
+    grace_days: float = Field(
+        default=30.0,
+        ge=0,
+        le=398,
+        description="days after its end in which a certificate may still be renewed",
+    )
 
 
 class LogSection(Section):

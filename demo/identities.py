@@ -1,14 +1,26 @@
-"""The demo's own PKI: made at the first start, renewed at a later one before it expires."""
+"""The demo's own PKI: made at the first start, renewed before it expires, also under way."""
 
 from __future__ import annotations
 
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
-from eskin.identity import Authority, Identity, IdentityKind, new_key
+from eskin.identity import (
+    Authority,
+    Identity,
+    IdentityKind,
+    forget_past,
+    install,
+    is_due,
+    new_key,
+    next_key,
+    settle,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from datetime import timedelta
+    from pathlib import Path
 
     from demo.layout import Layout
 
@@ -20,11 +32,15 @@ CLIENT: Final = "client.demo"
 NEEDED: Final = frozenset({BROKER, CLOUD, GATEWAY, SITE})
 """Without one of these nothing runs."""
 _HOSTS: Final = ("127.0.0.1", "localhost")
-_LEFT: Final = timedelta(days=30)
 
 
-def prepare_identities(layout: Layout, nodes: Sequence[str]) -> list[str]:
+def prepare_identities(layout: Layout, nodes: Sequence[str], *, lifetime: timedelta) -> list[str]:
     """Make or renew all identities, and sign all revocation lists anew.
+
+    Args:
+        layout: Where they lie.
+        nodes: Names of the nodes.
+        lifetime: Of the certificates.
 
     Returns:
         Names that were revoked: they keep their certificates, and nobody lets them in.
@@ -34,32 +50,55 @@ def prepare_identities(layout: Layout, nodes: Sequence[str]) -> list[str]:
     """
     authority = Authority.open(layout.authority)
     revoked = []
-    for kind, name in (
-        (IdentityKind.SERVER, BROKER),
-        (IdentityKind.SERVER, CLOUD),
-        (IdentityKind.GATEWAY, GATEWAY),
-        (IdentityKind.SITE, SITE),
-        (IdentityKind.CLIENT, CLIENT),
-        *((IdentityKind.NODE, node) for node in nodes),
-    ):
-        if not _prepare(authority, layout, kind, name):
+    for kind, name in _parties(nodes):
+        if not _prepare(authority, layout.identity(name), kind, name, lifetime):
             revoked.append(name)
     for kind in IdentityKind:
         authority.write_revocations(kind)
     return revoked
 
 
-def _prepare(authority: Authority, layout: Layout, kind: IdentityKind, name: str) -> bool:
-    directory = layout.identity(name)
-    key = new_key()
-    if (directory / "chain.pem").exists():
-        standing = Identity.load(directory)
-        if authority.is_revoked(standing.certificate):
-            return False
-        if standing.certificate.not_valid_after_utc - datetime.now(UTC) > _LEFT:
-            return True
-        key = standing.key
+def renew_identities(layout: Layout, nodes: Sequence[str], *, lifetime: timedelta) -> None:
+    """Renew what is due, and the revocation lists; all processes take it without a restart.
+
+    Raises:
+        IdentityError: The folder cannot be read or written.
+    """
+    authority = Authority.open(layout.authority)
+    for kind, name in _parties(nodes):
+        _prepare(authority, layout.identity(name), kind, name, lifetime)
+    for kind in IdentityKind:
+        authority.refresh_revocations(kind)
+
+
+def _parties(nodes: Sequence[str]) -> list[tuple[IdentityKind, str]]:
+    return [
+        (IdentityKind.SERVER, BROKER),
+        (IdentityKind.SERVER, CLOUD),
+        (IdentityKind.GATEWAY, GATEWAY),
+        (IdentityKind.SITE, SITE),
+        (IdentityKind.CLIENT, CLIENT),
+        *((IdentityKind.NODE, node) for node in nodes),
+    ]
+
+
+def _prepare(
+    authority: Authority, directory: Path, kind: IdentityKind, name: str, lifetime: timedelta
+) -> bool:
     hosts = _HOSTS if kind is IdentityKind.SERVER else ()
-    chain = authority.issue(kind, name, key.public_key(), hosts=hosts)
-    Identity.save(directory, key=key, chain=chain, root=authority.root)
+    if not (directory / "chain.pem").exists():
+        key = new_key()
+        chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
+        Identity.save(directory, key=key, chain=chain, root=authority.root)
+        return True
+    now = datetime.now(UTC)
+    settle(directory)
+    standing = Identity.load(directory).certificate
+    if authority.is_revoked(standing):
+        return False
+    forget_past(directory, now)
+    if is_due(standing, now):
+        key = next_key(directory)
+        chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
+        install(directory, chain)
     return True

@@ -14,16 +14,16 @@ from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeEl
 from cloud.access import Scope, create_login_code, create_token
 from cloud.store import Store
 from demo.access import write_access
-from demo.identities import NEEDED, prepare_identities
+from demo.identities import NEEDED, prepare_identities, renew_identities
 from demo.layout import Layout
 from demo.ports import LOOPBACK, free_ports, require_free
 from demo.settings_files import Ports, node_names
 from demo.stack import Stack
-from eskin.errors import LockedError, SettingsError
+from eskin.errors import IdentityError, LockedError, SettingsError
 from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
     from types import FrameType
 
@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _WATCH_S: Final = 0.2
+_RENEW_S: Final = 2.0
 TOKEN_LIFETIME: Final = timedelta(days=30)
 LOGIN_LIFETIME: Final = timedelta(minutes=15)
 
@@ -47,6 +48,7 @@ def run_demo(
     port: int,
     speed: float | None,
     duration: float | None,
+    lifetime: timedelta,
     command: str,
     console: Console,
 ) -> None:
@@ -58,6 +60,7 @@ def run_demo(
         port: Port of the dashboard.
         speed: Emulated seconds per second; ``None`` leaves it to each node's file.
         duration: Seconds to run once all is up; ``None`` runs until it is ended.
+        lifetime: Of certificates, which are renewed when a third of it is left.
         command: How a shell here calls ``eskin``, for hints.
         console: Takes progress and the URL.
 
@@ -74,6 +77,7 @@ def run_demo(
                 port=port,
                 speed=speed,
                 duration=duration,
+                lifetime=lifetime,
                 command=command,
                 console=console,
             )
@@ -87,6 +91,7 @@ def _run(
     port: int,
     speed: float | None,
     duration: float | None,
+    lifetime: timedelta,
     command: str,
     console: Console,
 ) -> None:
@@ -96,7 +101,7 @@ def _run(
     try:
         with _progress(console) as progress:
             task = progress.add_task("identities", total=6)
-            revoked = prepare_identities(layout, names)
+            revoked = prepare_identities(layout, names, lifetime=lifetime)
             _require_own(layout, NEEDED & set(revoked))
             progress.advance(task)
             stack = Stack(layout, ports, names, speed=speed, revoked=revoked)
@@ -111,7 +116,7 @@ def _run(
         _greet(console, layout, login, command)
         for name in revoked:
             console.print(f"{name} was revoked, so it is kept out.", soft_wrap=True)
-        _watch(stack, duration)
+        _watch(stack, duration, lambda: renew_identities(layout, names, lifetime=lifetime))
     finally:
         if stack is not None:
             with _ignoring_signals(), console.status("Ending all processes in order …"):
@@ -152,10 +157,17 @@ def _greet(console: Console, layout: Layout, login: str, command: str) -> None:
     )
 
 
-def _watch(stack: Stack, duration: float | None) -> None:
+def _watch(stack: Stack, duration: float | None, renew: Callable[[], None]) -> None:
     deadline = None if duration is None else time.monotonic() + duration
+    due = time.monotonic()
     while deadline is None or time.monotonic() < deadline:
         stack.keep_alive()
+        if time.monotonic() >= due:
+            due = time.monotonic() + _RENEW_S
+            try:
+                renew()
+            except (IdentityError, OSError) as error:
+                log.warning("identities not renewed, trying again: %s", error)
         time.sleep(_WATCH_S)
 
 

@@ -10,7 +10,7 @@ import tomllib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticUndefined
 from pydantic_settings import (
     BaseSettings,
@@ -34,6 +34,20 @@ class Section(BaseModel):
     """One table of a configuration file; every field has a description."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RenewalSection(Section):
+    """Who renews the process's certificates, and brings what else the CA says."""
+
+    url: str = Field(
+        default="",
+        pattern=r"^(https://[^\s/@]+)?$",
+        description="CA service that renews identities, and brings sites' certificates and "
+        "revocation lists; empty: somebody else does",
+    )
+    every_s: float = Field(
+        default=1.0, gt=0, le=86_400, description="seconds between two looks at the CA service"
+    )
 
 
 class Settings(BaseSettings):

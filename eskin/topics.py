@@ -14,6 +14,8 @@ from eskin.errors import MessageError
 ROOT = "eskin/v1"
 LIVE = f"{ROOT}/live"
 NODES = f"{ROOT}/nodes"
+RENEWAL = f"{ROOT}/renewal"
+"""No topic of a broker: the external data of a request to renew a certificate."""
 
 _NODE_TOPIC = re.compile(rf"{NODES}/([a-z0-9][a-z0-9_-]{{0,62}})/([a-z]+)")
 

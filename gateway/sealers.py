@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 from eskin.envelope import Sealer
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cryptography import x509
 
     from eskin.identity import Identity
@@ -17,14 +19,14 @@ class Sealers:
     """Seals what the gateway says to nodes. Only for one thread.
 
     Args:
-        site: The site's identity.
+        site: Gives the site's identity that answers a node, named by its thumbprint.
         capacity: How many nodes' keys are remembered.
     """
 
-    def __init__(self, site: Identity, *, capacity: int = 4096) -> None:
+    def __init__(self, site: Callable[[bytes], Identity], *, capacity: int = 4096) -> None:
         self._site = site
         self._capacity = capacity
-        self._sealers: OrderedDict[bytes, Sealer] = OrderedDict()
+        self._sealers: OrderedDict[tuple[bytes, bytes], Sealer] = OrderedDict()
 
     def seal(self, plaintext: bytes, *, topic: str, to: x509.Certificate, named: bytes) -> bytes:
         """Seal a message.
@@ -38,11 +40,13 @@ class Sealers:
         return self._sealer(to, named).seal(plaintext, topic=topic)
 
     def _sealer(self, to: x509.Certificate, named: bytes) -> Sealer:
-        sealer = self._sealers.get(named)
+        site = self._site(named)
+        key = named, site.thumbprint
+        sealer = self._sealers.get(key)
         if sealer is None:
             # A sealer that is made again draws a fresh salt, so that no nonce comes twice.
-            sealer = self._sealers[named] = Sealer(self._site, to)
+            sealer = self._sealers[key] = Sealer(site, to)
             if len(self._sealers) > self._capacity:
                 self._sealers.popitem(last=False)
-        self._sealers.move_to_end(named)
+        self._sealers.move_to_end(key)
         return sealer

@@ -7,7 +7,7 @@ from collections import OrderedDict
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import UntrustedCertificateError
-from eskin.identity import IdentityKind, common_name, der, thumbprint
+from eskin.identity import common_name, der, thumbprint
 from gateway.batch import Sender
 
 if TYPE_CHECKING:
@@ -93,7 +93,7 @@ class Senders:
         self._fresh.clear()
 
     def _verify(self, chain: Sequence[bytes]) -> x509.Certificate:
-        leaf = self._revocations.verify(chain, IdentityKind.NODE)
+        leaf = self._revocations.verify(chain)
         named = thumbprint(leaf)
         self._known[named] = leaf, self._now + RECHECK_S
         self._known.move_to_end(named)

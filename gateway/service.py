@@ -9,9 +9,7 @@ from threading import Event
 from time import monotonic
 from typing import TYPE_CHECKING, TypedDict
 
-from eskin.envelope import Opener
-from eskin.errors import SettingsError
-from eskin.identity import Identity, IdentityKind, Trust, client_context
+from eskin.identity import Trust, client_context
 from eskin.identity.identity import ROOT_FILE
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
@@ -27,6 +25,7 @@ from gateway.forwarder import Forwarder
 from gateway.health import Health
 from gateway.inbox import Inbox
 from gateway.intake import Intake
+from gateway.keyring import Keyring
 from gateway.monitor import Monitor
 from gateway.mqtt import MqttBroker
 from gateway.presence import Presence
@@ -35,15 +34,14 @@ from gateway.revocations import Revocations
 from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.spool import Spool
-from gateway.warrants import Warrants
 from gateway.worker import Worker
 
 if TYPE_CHECKING:
     import ssl
-    from pathlib import Path
     from types import FrameType
 
     from gateway.settings import GatewaySettings
+    from gateway.warrants import Warrants
 
 log = logging.getLogger(__name__)
 
@@ -95,10 +93,8 @@ class Gateway:
     """
 
     def __init__(self, settings: GatewaySettings) -> None:
-        identity = _identity(
-            "identity.directory", settings.identity.directory, IdentityKind.GATEWAY
-        )
-        site = _identity("identity.site", settings.identity.site, IdentityKind.SITE)
+        self.keyring = Keyring(settings.identity)
+        identity = self.keyring.gateway
         self.name = identity.name
         self.left = 0
         self._settings = settings
@@ -113,12 +109,11 @@ class Gateway:
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
         self.commands = Commands(settings.commands.resend_s)
-        self.broker = self._make_broker(identity)
-        self.worker = self._make_worker(site)
-        context = client_context(identity.directory / ROOT_FILE)
+        self.broker = self._make_broker()
+        self.worker = self._make_worker()
         reach: _Reach = {
-            "warrants": Warrants(identity),
-            "context": context,
+            "warrants": self.keyring.warrants,
+            "context": client_context(identity.directory / ROOT_FILE),
             "timeout_s": settings.cloud.timeout_s,
         }
         self.cloud = HttpsCloud(settings.cloud.url, **reach)
@@ -126,24 +121,24 @@ class Gateway:
         self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
         self.monitor = self._make_monitor()
 
-    def _make_broker(self, identity: Identity) -> MqttBroker:
+    def _make_broker(self) -> MqttBroker:
         return MqttBroker(
             self._settings.broker,
-            name=identity.name,
-            context=client_context(identity.directory / ROOT_FILE, identity),
+            name=self.name,
+            context=self.keyring.context,
             inbox=self.inbox,
             backoff=Backoff(0.2, 10.0, random=SystemRandom()),
         )
 
-    def _make_worker(self, site: Identity) -> Worker:
+    def _make_worker(self) -> Worker:
         senders = Senders(self.spool, self._revocations)
         intake = Intake(
-            opener=Opener([site], sender=senders.find),
+            opener=self.keyring.make_opener(senders.find),
             senders=senders,
             records=Records(self.spool),
             complaints=Complaints(),
         )
-        sealers = Sealers(site)
+        sealers = Sealers(self.keyring.answering)
         answers = Answers(
             broker=self.broker,
             acknowledger=Acknowledger(sealers),
@@ -205,6 +200,7 @@ class Gateway:
 
     def start(self) -> None:
         """Start all threads."""
+        self.keyring.start()
         self.monitor.start()
         self.forwarder.start()
         self.courier.start()
@@ -222,10 +218,4 @@ class Gateway:
         self.cloud.close()
         self.left = self.spool.statistics.messages
         self.spool.close()
-
-
-def _identity(setting: str, directory: Path, kind: IdentityKind) -> Identity:
-    identity = Identity.load(directory)
-    if identity.kind is not kind:
-        raise SettingsError(setting, f"{directory} holds a {identity.kind}; a {kind} is needed")
-    return identity
+        self.keyring.stop()

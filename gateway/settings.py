@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from eskin.settings import Section, Settings
+from eskin.settings import RenewalSection, Section, Settings
 
 
 class BrokerSection(Section):
@@ -130,6 +130,7 @@ class GatewaySettings(Settings):
     spool: SpoolSection
     http: HttpSection = HttpSection()
     nodes: NodesSection = NodesSection()
+    renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()
 
 

@@ -32,20 +32,23 @@ class Warrants:
     def __init__(self, identity: Identity, *, clock: Callable[[], float] = time) -> None:
         self._identity = identity
         self._clock = clock
-        self._chain = [b64encode(der(part)).decode() for part in identity.chain]
+
+    def take(self, identity: Identity) -> None:
+        """Sign with a renewed identity from now on."""
+        self._identity = identity
 
     def headers(self, body: bytes) -> dict[str, str]:
         """Headers for one body in CBOR, with a JWT (ES256) that is good for it alone."""
         now = int(self._clock())
+        own = self._identity
         claims = {
-            "iss": self._identity.name,
+            "iss": own.name,
             "aud": AUDIENCE,
             "iat": now,
             "exp": now + TOKEN_S,
             "jti": str(uuid.uuid4()),
             "sha256": hashlib.sha256(body).hexdigest(),
         }
-        token = jwt.encode(
-            claims, self._identity.key, algorithm="ES256", headers={"x5c": self._chain}
-        )
+        chain = [b64encode(der(part)).decode() for part in own.chain]
+        token = jwt.encode(claims, own.key, algorithm="ES256", headers={"x5c": chain})
         return {"Content-Type": "application/cbor", "Authorization": f"Bearer {token}"}

@@ -11,13 +11,11 @@ from typing import TYPE_CHECKING, Any, Final
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
-from eskin.envelope import Opener, Sealer
 from eskin.errors import EnvelopeError, FlashError, MessageError
-from eskin.identity import Identity, client_context, load_certificates, thumbprint
-from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement
 from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
+from sensor_node.keys import NodeKeys
 from sensor_node.machine.crystal import BILLION
 from sensor_node.uplink import Uplink
 
@@ -67,31 +65,27 @@ class Publisher:
         broker: BrokerSection,
         identity: IdentitySection,
     ) -> None:
-        own = Identity.load(identity.directory)
-        site = load_certificates(identity.site)[0]
+        self._keys = NodeKeys(identity)
         self._outbox = outbox
         self._record_status = record_status
         self._take_command = take_command
         self._is_running = is_running
         self._broker = broker
-        self._node = own.name
-        self._opener = Opener(
-            [own], sender=lambda print_: site if print_ == thumbprint(site) else None
-        )
-        self._acks_topic = node_topic(own.name, Stream.ACKS)
-        self._commands_topic = node_topic(own.name, Stream.COMMANDS)
+        self._node = self._keys.own.name
+        self._acks_topic = node_topic(self._node, Stream.ACKS)
+        self._commands_topic = node_topic(self._node, Stream.COMMANDS)
         self._inboxes: dict[str, queue.Queue[bytes]] = {
             self._acks_topic: queue.Queue(_MOST_ACKNOWLEDGEMENTS)
         }
         if take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
         self._fresh, self._wake, self._stopping = (threading.Event() for _ in range(3))
-        self._client = self._make_client(own)
+        self._client = self._make_client()
         self._uplink = Uplink(
             outbox,
             self._client,
-            node=own.name,
-            sealer=Sealer(own, site),
+            node=self._node,
+            keys=self._keys,
             radio=radio,
             ahead=round(2 * _TURN_S * speed * BILLION),
         )
@@ -122,9 +116,9 @@ class Publisher:
         """Say that the outbox holds something new."""
         self._wake.set()
 
-    def _make_client(self, own: Identity) -> mqtt.Client:
-        client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True)
-        client.tls_set_context(client_context(own.directory / ROOT_FILE, own))
+    def _make_client(self) -> mqtt.Client:
+        client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=self._node, clean_session=True)
+        client.tls_set_context(self._keys.context)
         client.max_inflight_messages_set(self._broker.window)
         client.max_queued_messages_set(4 * self._broker.window)
         client.reconnect_delay_set(min_delay=1, max_delay=8)
@@ -188,9 +182,12 @@ class Publisher:
             return
         self._take_acknowledgements()
         self._take_commands()
+        now = time.monotonic_ns()
+        if self._keys.refresh(now / BILLION):
+            # A gateway opens nothing of a certificate that it has not seen.
+            self._outbox.introduce(now)
         if not self._client.is_connected():
             return
-        now = time.monotonic_ns()
         if self._fresh.is_set():
             self._fresh.clear()
             self._uplink.clear()
@@ -209,7 +206,7 @@ class Publisher:
                 return
             self._uplink.count_received(topic, payload)
             try:
-                yield self._opener.open(payload, topic=topic).plaintext
+                yield self._keys.opener.open(payload, topic=topic).plaintext
             except EnvelopeError as error:
                 log.warning("%s rejected: reason=%s", what, error)
 

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
-from eskin.settings import Section, Settings
+from eskin.settings import RenewalSection, Section, Settings
 from sensor_node.machine.power.section import EnergySection
 from sensor_node.profile import Profile, profile_names
 from sensor_node.scenario.fit import Played
@@ -175,6 +175,14 @@ class LogSection(Section):
     level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
 
 
+class NodeRenewalSection(RenewalSection):
+    """As everywhere, but seldom: there may be many nodes."""
+
+    every_s: float = Field(
+        default=60.0, gt=0, le=86_400, description="seconds between two looks at the CA service"
+    )
+
+
 class NodeSettings(Settings):
     """All settings of a node."""
 
@@ -189,6 +197,7 @@ class NodeSettings(Settings):
     clock: ClockSection = ClockSection()
     machine: MachineSection = MachineSection()
     energy: EnergySection = EnergySection()
+    renewal: NodeRenewalSection = NodeRenewalSection()
     log: LogSection = LogSection()
     taxel: tuple[Taxel, ...] = Field(
         min_length=1, max_length=100, description="the sensing elements; see the profiles"

@@ -12,9 +12,9 @@ from eskin.messages import Kind, Position
 from eskin.topics import Stream, node_topic
 
 if TYPE_CHECKING:
-    from eskin.envelope import Sealer
     from sensor_node.firmware import chip
     from sensor_node.firmware.outbox import Outbox
+    from sensor_node.keys import NodeKeys
     from sensor_node.machine.radio import Radio
 
 STREAMS: Final = {
@@ -49,7 +49,7 @@ class Uplink:
         outbox: Says what to send.
         client: Takes what has crossed the air.
         node: The node's name.
-        sealer: Seals to the site.
+        keys: Seal to the site.
         radio: The air.
         ahead: Emulated ns for which the air is kept busy.
     """
@@ -60,14 +60,14 @@ class Uplink:
         client: mqtt.Client,
         *,
         node: str,
-        sealer: Sealer,
+        keys: NodeKeys,
         radio: Radio,
         ahead: int,
     ) -> None:
         self._outbox = outbox
         self._client = client
         self._node = node
-        self._sealer = sealer
+        self._keys = keys
         self._radio = radio
         self._ahead = ahead
         self._aired: deque[_Aired] = deque()
@@ -119,7 +119,7 @@ class Uplink:
     def _air(self, kept: chip.Kept, held: Position) -> _Aired:
         topic = node_topic(self._node, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
-        envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
+        envelope = self._keys.sealer.seal(kept.body, topic=topic, held=held, introduce=status)
         newest = status and kept.position == self._outbox.newest_status
         end, arrives = self._radio.send(_publish_size(topic, envelope))
         return _Aired(kept.position, topic, envelope, newest, end, arrives)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from authority.guard import DYNAMIC_SECURITY
 from eskin.identity import IdentityKind
 from tests.processes import Running, accepts, free_port
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from eskin.identity import Identity
     from tests.identities import Identities
 
@@ -44,6 +48,9 @@ def write_configuration(
     folder.mkdir(parents=True, exist_ok=True)
     for kind in (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT):
         shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.pem")
+        shutil.copy(identities.authority.revocations_file(kind), folder / f"{kind}.crl.pem")
+    (folder / "dynamic-security.json").write_text(json.dumps(DYNAMIC_SECURITY))
+    (plugin,) = Path("/usr/lib").glob("*/mosquitto_dynamic_security.so")
     config = (PRODUCTION / "mosquitto.conf").read_text()
     for word, value in {
         "HOST": host,
@@ -54,6 +61,7 @@ def write_configuration(
         "ANCHORS": folder,
         "ACL": PRODUCTION / "acl",
         "DATA": folder,
+        "PLUGIN": plugin,
     }.items():
         config = config.replace(f"@{word}@", str(value))
     file = folder / "mosquitto.conf"
@@ -69,9 +77,14 @@ class Mosquitto(Running):
         node_port: Takes nodes alone.
         gateway_port: Takes gateways alone.
         client_port: Takes clients alone.
+
+    Args:
+        folder: Its own.
+        identities: The CA.
+        guard: What runs it; itself, where there is none.
     """
 
-    def __init__(self, folder: Path, identities: Identities) -> None:
+    def __init__(self, folder: Path, identities: Identities, *, guard: Sequence[str] = ()) -> None:
         ports = self.node_port, self.gateway_port, self.client_port = (
             free_port(),
             free_port(),
@@ -79,7 +92,7 @@ class Mosquitto(Running):
         )
         server = identities.make(IdentityKind.SERVER, "server.broker")
         file = write_configuration(folder, identities, server, host="127.0.0.1", ports=ports)
-        super().__init__([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
+        super().__init__([*guard, mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
 
     def __enter__(self) -> Self:
         self.begin()

@@ -5,14 +5,14 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from cryptography import x509
-
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import IdentityKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from cryptography import x509
 
     from eskin.identity import Trust
 
@@ -39,22 +39,18 @@ class Gatekeeper:
         """
         if self._revocations is not None:
             with self._lock:
-                self._refresh(self._revocations, chain)
+                self._refresh(self._revocations)
         return self._trust.verify(chain, IdentityKind.GATEWAY)
 
-    def _refresh(self, path: Path, chain: Sequence[bytes]) -> None:
+    def _refresh(self, path: Path) -> None:
         try:
             found = path.stat()
             version = found.st_mtime_ns, found.st_size, found.st_ino
             if version == self._read:
                 return
-            # Trust takes a list only from an issuer that the root signed, and that signed the list.
-            issuer = x509.load_der_x509_certificate(chain[-1])
-            self._trust.revocations(path.read_bytes(), issuer)
+            self._trust.revocations(IdentityKind.GATEWAY, path.read_bytes())
         except OSError as error:
             raise UntrustedCertificateError(
                 f"{path}: the revocation list cannot be read, so nobody is let in: {error.strerror}"
             ) from error
-        except ValueError as error:
-            raise UntrustedCertificateError(f"chain holds no certificate: {error}") from error
         self._read = version

@@ -26,6 +26,7 @@ from amqtt.utils import gen_client_id
 
 from demo.broker.access import Party, may_publish, may_subscribe
 from eskin.errors import IdentityError
+from eskin.identity import show
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
 
 if TYPE_CHECKING:
@@ -57,6 +58,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
 
     def __init__(self, identity: Identity, *, doorkeeper: Doorkeeper, port: int) -> None:
         self._doorkeeper = doorkeeper
+        self._identity = identity
         directory = identity.directory
         listener = ListenerConfig(
             bind=f"{LOOPBACK}:{port}",
@@ -67,9 +69,8 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         )
         super().__init__(BrokerConfig(listeners={"default": listener}, plugins={}))
 
-    @staticmethod
-    def _create_ssl_context(listener: ListenerConfig) -> ssl.SSLContext:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    def _create_ssl_context(self, listener: ListenerConfig) -> ssl.SSLContext:
+        context = self._context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         context.load_cert_chain(listener.certfile, listener.keyfile)
         context.load_verify_locations(cafile=listener.cafile)
@@ -101,9 +102,13 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         return handler, session
 
     async def keep_out_the_revoked(self) -> None:
-        """Look for changed revocation lists every second, and end what they forbid."""
+        """Each second, show a renewed certificate, and end what changed revocation lists forbid."""
         while True:
             await asyncio.sleep(_LOOK_S)
+            try:
+                show(self._context, self._identity)
+            except IdentityError as error:
+                log.warning("certificate not read again: error=%s", error)
             if self._doorkeeper.refresh():
                 for session, _ in list(self.sessions.values()):
                     await self._check_again(session)

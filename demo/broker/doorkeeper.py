@@ -5,17 +5,14 @@ from __future__ import annotations
 import logging
 from typing import TYPE_CHECKING
 
-from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography import x509
 
 from demo.broker.access import Party
 from eskin.errors import UntrustedCertificateError
-from eskin.identity import IdentityKind, Trust
-from eskin.identity.identity import load_certificates
+from eskin.identity import IdentityKind, Trust, der
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from cryptography import x509
 
 log = logging.getLogger(__name__)
 
@@ -25,7 +22,7 @@ class Doorkeeper:
 
     Args:
         root: The root that all chains lead to.
-        authority: The CA's folder: ``KIND.pem`` and ``KIND.crl.pem`` are read, no key.
+        authority: The CA's folder: ``KIND.crl.pem`` is read, no key.
 
     Raises:
         IdentityError: A certificate or list is missing or cannot be used.
@@ -33,9 +30,6 @@ class Doorkeeper:
 
     def __init__(self, root: x509.Certificate, authority: Path) -> None:
         self._trust = Trust(root)
-        self._issuers = {
-            kind: load_certificates(authority / f"{kind}.pem")[0] for kind in IdentityKind
-        }
         self._lists = {kind: authority / f"{kind}.crl.pem" for kind in IdentityKind}
         self._seen: dict[IdentityKind, bytes] = {}
         for kind in IdentityKind:
@@ -63,14 +57,15 @@ class Doorkeeper:
             IdentityError: There is none, it is not one of eskin, or it was revoked.
         """
         party = Party.of(certificate)
-        issuer = self._issuers[party.kind].public_bytes(Encoding.DER)
-        self._trust.verify([certificate or b"", issuer], party.kind)
+        shown = certificate or b""
+        issuer = self._trust.issuer_of(x509.load_der_x509_certificate(shown), party.kind)
+        self._trust.verify([shown, der(issuer)], party.kind)
         return party
 
     def _take_over(self, kind: IdentityKind) -> bool:
         data = self._lists[kind].read_bytes()
         if data == self._seen.get(kind):
             return False
-        self._trust.revocations(data, self._issuers[kind])
+        self._trust.revocations(kind, data)
         self._seen[kind] = data
         return True

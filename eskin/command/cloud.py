@@ -11,6 +11,7 @@ import typer
 from eskin.command.logs import start_logs
 from eskin.command.tables import show
 from eskin.errors import SettingsError
+from eskin.identity import IdentityKind
 from eskin.moment import format_moment
 
 if TYPE_CHECKING:
@@ -36,11 +37,16 @@ def run(
     if context.invoked_subcommand is not None:
         context.obj = config
         return
+    from authority.keeper import Keeper
     from cloud.service import run as serve
 
     settings = _load(config)
     start_logs(settings.log.level)
-    serve(settings)
+    people, gateways = settings.people, settings.gateways
+    own = {gateways.identity} | ({people.identity} if people.identity else set())
+    lists = {IdentityKind.GATEWAY: gateways.revocations}
+    with Keeper(settings.renewal, sorted(own), lists=lists):
+        serve(settings)
 
 
 @cloud.command()

@@ -6,6 +6,7 @@ import shlex
 import shutil
 import sys
 from collections import Counter
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,6 +37,9 @@ def demo(
     duration: Annotated[
         float | None, typer.Option(min=0.1, help="Seconds to run; else until Ctrl-C.")
     ] = None,
+    certificate_days: Annotated[
+        float, typer.Option(min=0.0001, max=398, help="Days of validity of certificates.")
+    ] = 90.0,
 ) -> None:
     """Run the whole stack on this machine and print a URL that logs in."""
     from rich.console import Console
@@ -49,6 +53,7 @@ def demo(
         port=port,
         speed=speed,
         duration=duration,
+        lifetime=timedelta(days=certificate_days),
         command=_command(),
         console=Console(stderr=True),
     )

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from eskin.command.logs import start_logs
+from eskin.identity import IdentityKind
 
 
 def gateway(
@@ -16,9 +17,13 @@ def gateway(
     ],
 ) -> None:
     """Run a gateway: authenticate, spool, forward, acknowledge, republish."""
+    from authority.keeper import Keeper
     from gateway.service import run
     from gateway.settings import GatewaySettings
 
     settings = GatewaySettings.load(config)
     start_logs(settings.log.level)
-    run(settings)
+    own = settings.identity
+    lists = {IdentityKind.NODE: own.revocations}
+    with Keeper(settings.renewal, [own.directory, own.site], lists=lists):
+        run(settings)

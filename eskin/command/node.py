@@ -22,6 +22,7 @@ def node(
     ] = None,
 ) -> None:
     """Run one emulated sensor node, or a fleet of them."""
+    from authority.keeper import Keeper
     from sensor_node.fleet import run_fleet
     from sensor_node.service import run
     from sensor_node.settings import FleetSection, NodeSettings
@@ -30,4 +31,9 @@ def node(
     if count is not None:
         settings = settings.model_copy(update={"fleet": FleetSection(count=count)})
     start_logs(settings.log.level)
-    (run_fleet if settings.fleet.count else run)(settings)
+    if settings.fleet.count:
+        run_fleet(settings)
+        return
+    own = settings.identity
+    with Keeper(settings.renewal, [own.directory], site=own.site):
+        run(settings)

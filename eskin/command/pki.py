@@ -27,6 +27,7 @@ EnrolDirectory = Annotated[
     Path, typer.Option(help="Folder with root.pem and NAME.token, as the CA service left them.")
 ]
 Name = Annotated[str, typer.Option(help="Common name, such as fingertip or gateway.g1.")]
+Kind = Annotated[IdentityKind, typer.Option(help="Kind of identities.")]
 Patience = Annotated[float, typer.Option(help="Seconds to keep trying.")]
 
 
@@ -102,6 +103,71 @@ def revoke(directory: Directory, name: Name) -> None:
     """Revoke all certificates of a name, and sign its kind's revocation list anew."""
     for entry in Authority(directory).revoke(name):
         typer.echo(f"revoked {entry.name}, serial {entry.serial}")
+
+
+@pki.command()
+def rotate(directory: Directory, kind: Kind) -> None:
+    """Make a new issuing CA of a kind; certificates of the old one pass until it is retired."""
+    Authority(directory).rotate(kind)
+    typer.echo(f"a new {kind} CA issues from now on; `eskin pki retire` ends the old one")
+
+
+@pki.command()
+def retire(
+    directory: Directory,
+    kind: Kind,
+    force: Annotated[bool, typer.Option(help="Also while somebody still needs it.")] = False,
+) -> None:
+    """End the issuing CA that was replaced, once all its certificates are renewed."""
+    authority = Authority(directory)
+    names = authority.dependants(kind)
+    if names and not force:
+        raise IdentityError(
+            f"still of the old {kind} CA: {', '.join(names[:10])}; wait until they are renewed, or "
+            "add --force to lock them out"
+        )
+    authority.retire(kind)
+    typer.echo(f"the old {kind} CA is retired")
+
+
+@pki.command()
+def sign(directory: Directory) -> None:
+    """Sign all revocation lists anew, good for 7 days; a CA service does it by itself."""
+    authority = Authority(directory)
+    for kind in IdentityKind:
+        typer.echo(authority.write_revocations(kind))
+
+
+@pki.command()
+def renew(
+    url: Url,
+    identity: Annotated[Path, typer.Option(help="Folder of the identity.")],
+    patience: Patience = 60.0,
+) -> None:
+    """Renew an identity now, with a fresh key; processes that use it take it without a restart."""
+    from authority.enrolment import renew as ask
+
+    own = _patiently(lambda: ask(url, identity), patience)
+    typer.echo(f"{own.name} until {own.certificate.not_valid_after_utc.isoformat()}")
+
+
+@pki.command()
+def guard(
+    url: Url,
+    identity: Annotated[Path, typer.Option(help="Folder of the broker's identity.")],
+    folder: Annotated[Path, typer.Option(help="Folder for anchors, lists and control.sock.")],
+    argv: Annotated[list[str], typer.Argument(help="The broker: mosquitto -c FILE.")],
+    also: Annotated[list[Path] | None, typer.Option(help="Further identity to renew.")] = None,
+) -> None:
+    """Run Mosquitto with renewed certificates, and end connections of whoever is revoked."""
+    from authority.guard import Guard
+    from authority.keeper import Keeper
+    from eskin.settings import RenewalSection
+
+    start_logs("INFO")
+    with Keeper(RenewalSection(url=url), [identity, *(also or ())]):
+        status = Guard(argv, identity=identity, url=url, folder=folder).run()
+    raise typer.Exit(status)
 
 
 @pki.command()

@@ -24,7 +24,7 @@ from eskin.envelope.labels import HELD, MOST_ENVELOPE
 from eskin.envelope.opener import Opened, Opener
 from eskin.envelope.sealer import Sealer
 from eskin.envelope.signer import sign
-from eskin.envelope.verifier import Verifier
+from eskin.envelope.verifier import Verifier, signer_chain
 
 __all__ = [
     "HELD",
@@ -35,4 +35,5 @@ __all__ = [
     "Verifier",
     "introduction",
     "sign",
+    "signer_chain",
 ]

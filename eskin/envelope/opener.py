@@ -56,10 +56,20 @@ class Opener:
         sender: Callable[[bytes], x509.Certificate | None],
         capacity: int = 4096,
     ) -> None:
-        self._keys = {key.thumbprint: key for key in keys}
+        self._keys: dict[bytes, Identity] = {}
+        self.take(keys)
         self._find = sender
         self._capacity = capacity
         self._senders: OrderedDict[tuple[bytes, bytes, bytes], _Sender] = OrderedDict()
+        self._addressed: OrderedDict[bytes, bytes] = OrderedDict()
+
+    def take(self, keys: Sequence[Identity]) -> None:
+        """Open messages that are sealed to these keys from now on, and to no other."""
+        self._keys = {key.thumbprint: key for key in keys}
+
+    def addressed(self, sender: bytes) -> bytes | None:
+        """Thumbprint of ours to which a sender, named by its thumbprint, sealed last."""
+        return self._addressed.get(sender)
 
     def open(self, envelope: bytes, *, topic: str) -> Opened:
         """Open a message.
@@ -102,8 +112,11 @@ class Opener:
     def _remember(self, key: tuple[bytes, bytes, bytes], sender: _Sender) -> None:
         self._senders[key] = sender
         self._senders.move_to_end(key)
-        if len(self._senders) > self._capacity:
-            self._senders.popitem(last=False)
+        self._addressed[key[0]] = key[1]
+        self._addressed.move_to_end(key[0])
+        for kept in (self._senders, self._addressed):
+            if len(kept) > self._capacity:
+                kept.popitem(last=False)
 
 
 @dataclass(frozen=True, slots=True)

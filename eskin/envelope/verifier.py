@@ -20,6 +20,8 @@ from eskin.errors import (
 from eskin.identity.certificates import common_name, public_key
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from eskin.identity.kinds import IdentityKind
     from eskin.identity.trust import Trust
 
@@ -57,10 +59,7 @@ class Verifier:
             raise MalformedEnvelopeError("algorithm is not ES256 (-7)")
         if len(signature) != SIGNATURE_BYTES:
             raise MalformedEnvelopeError(f"signature is not {SIGNATURE_BYTES} bytes")
-        chain = header.get(SIGNER_CHAIN)
-        if not isinstance(chain, list) or not all(isinstance(item, bytes) for item in chain):
-            raise MalformedEnvelopeError("header x5chain is no array of byte strings")
-        leaf = self._trust.verify(chain, self._kind)
+        leaf = self._trust.verify(_chain(header), self._kind)
         if common_name(leaf) != self._name:
             raise UntrustedCertificateError(
                 f"signed by {common_name(leaf)!r}; only {self._name!r} may command"
@@ -78,6 +77,22 @@ class Verifier:
                 f"the signature of {self._name!r} on {topic!r} is wrong"
             ) from error
         return plaintext
+
+
+def signer_chain(signed: bytes) -> tuple[bytes, ...]:
+    """The chain (DER) that a signed message names as its signer's; not verified.
+
+    Raises:
+        MalformedEnvelopeError: The bytes are no COSE_Sign1 of ours.
+    """
+    return _chain(load_header(_read_parts(signed)[0]))
+
+
+def _chain(header: Mapping[object, object]) -> tuple[bytes, ...]:
+    chain = header.get(SIGNER_CHAIN)
+    if not isinstance(chain, list) or not all(isinstance(item, bytes) for item in chain):
+        raise MalformedEnvelopeError("header x5chain is no array of byte strings")
+    return tuple(chain)
 
 
 def _read_parts(signed: bytes) -> tuple[bytes, bytes, bytes]:

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
-from eskin.identity.authority import Authority, Issued
+from eskin.identity.authority import Authority
 from eskin.identity.certificates import common_name, der, issuer_kind, new_key, thumbprint
 from eskin.identity.identity import Identity, load_certificates
 from eskin.identity.kinds import IdentityKind
+from eskin.identity.ledger import Issued
 from eskin.identity.numbered import numbered
-from eskin.identity.tls import client_context, server_context
+from eskin.identity.renewal import (
+    forget_past,
+    install,
+    is_due,
+    next_key,
+    past_identities,
+    settle,
+)
+from eskin.identity.tls import client_context, server_context, show
 from eskin.identity.trust import Trust
 
 __all__ = [
@@ -19,10 +28,17 @@ __all__ = [
     "client_context",
     "common_name",
     "der",
+    "forget_past",
+    "install",
+    "is_due",
     "issuer_kind",
     "load_certificates",
     "new_key",
+    "next_key",
     "numbered",
+    "past_identities",
     "server_context",
+    "settle",
+    "show",
     "thumbprint",
 ]

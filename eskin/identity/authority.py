@@ -1,26 +1,32 @@
 """The certificate authority: a root, and one issuing CA for each kind of identity.
 
-Its folder holds ``root.pem``, ``root.key``, and for each kind ``KIND.pem``, ``KIND.key``,
-``KIND.anchor.pem`` and ``KIND.crl.pem``; what was issued last in ``issued/NAME.pem``, and a
-``ledger.jsonl`` of everything issued and revoked. An *anchor* is the issuing CA's certificate
-signed by its own key: a TLS server that trusts only this one accepts that kind and no other, which
-the root as anchor could not say.
+Its folder holds ``root.pem``, ``root.key``, the issuing CAs (see `eskin.identity.issuer`), for each
+kind ``KIND.crl.pem``, what was issued last in ``issued/NAME.pem``, and a ``ledger.jsonl`` of
+everything issued and revoked. An *anchor* is an issuing CA's certificate signed by its own key: a
+TLS server that trusts only this one accepts that kind and no other, which the root as anchor could
+not say.
 """
 
 from __future__ import annotations
 
-import json
-from dataclasses import asdict, dataclass
+import time
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
 from cryptography import x509
-from cryptography.hazmat.primitives import hashes, serialization
 
 from eskin.errors import IdentityError
 from eskin.identity.certificates import ca_certificate, leaf_certificate, new_key, pem
 from eskin.identity.identity import load_certificates, load_key, save_key, write_whole
+from eskin.identity.issuer import (
+    LIST_LIFETIME,
+    ROOT_NAME,
+    found_issuer,
+    load_issuers,
+    retire_issuers,
+)
 from eskin.identity.kinds import IdentityKind
+from eskin.identity.ledger import Issued, Ledger
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,31 +34,9 @@ if TYPE_CHECKING:
 
     from cryptography.hazmat.primitives.asymmetric import ec
 
-ROOT_NAME: Final = "eskin root CA"
 ROOT_LIFETIME: Final = timedelta(days=3650)
-ISSUER_LIFETIME: Final = timedelta(days=1825)
 LEAF_LIFETIME: Final = timedelta(days=90)
-CRL_LIFETIME: Final = timedelta(days=7)
 _LEDGER: Final = "ledger.jsonl"
-
-
-@dataclass(frozen=True, slots=True)
-class Issued:
-    """One line of the ledger: a certificate that was issued, or its revocation.
-
-    Attributes:
-        serial: Serial number, hexadecimal.
-        kind: Kind of the identity.
-        name: Common name.
-        expires: RFC 3339.
-        revoked: RFC 3339, or ``None``.
-    """
-
-    serial: str
-    kind: str
-    name: str
-    expires: str
-    revoked: str | None = None
 
 
 class Authority:
@@ -69,11 +53,10 @@ class Authority:
                 f"{directory}: there is no CA; `eskin pki init --dir {directory}` makes one"
             )
         self._directory = directory
+        self._ledger = Ledger(directory / _LEDGER)
         self.root = load_certificates(directory / "root.pem")[0]
-        self._issuers = {
-            kind: load_certificates(directory / f"{kind}.pem")[0] for kind in IdentityKind
-        }
-        self._keys = {kind: load_key(directory / f"{kind}.key") for kind in IdentityKind}
+        for kind in IdentityKind:
+            load_issuers(directory, kind)
 
     @classmethod
     def open(cls, directory: Path) -> Self:
@@ -136,21 +119,24 @@ class Authority:
             IdentityError: The name is none of that kind.
         """
         kind.require_name(name)
+        # Read each time: another process may have made a new issuing CA.
+        issuer = load_issuers(self._directory, kind)[0]
         certificate = leaf_certificate(
             kind,
             name,
             key,
             hosts=hosts,
-            signer=self._keys[kind],
+            signer=issuer.key,
             not_before=now or datetime.now(UTC),
             lifetime=lifetime,
         )
-        chain = certificate, self._issuers[kind]
+        chain = certificate, issuer.certificate
         issued = self._directory / "issued"
         issued.mkdir(exist_ok=True)
         write_whole(issued / f"{name}.pem", pem(chain))
-        expires = certificate.not_valid_after_utc.isoformat()
-        self._record(Issued(f"{certificate.serial_number:x}", str(kind), name, expires))
+        serial, expires = f"{certificate.serial_number:x}", certificate.not_valid_after_utc
+        entry = Issued(serial, str(kind), name, expires.isoformat(), issuer=issuer.serial)
+        self._ledger.add(entry)
         return chain
 
     def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
@@ -161,13 +147,7 @@ class Authority:
 
     def issued(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""
-        latest: dict[str, Issued] = {}
-        path = self._directory / _LEDGER
-        if path.exists():
-            for line in path.read_text().splitlines():
-                entry = Issued(**json.loads(line))
-                latest[entry.serial] = entry
-        return list(latest.values())
+        return self._ledger.entries()
 
     def is_revoked(self, certificate: x509.Certificate) -> bool:
         """Whether a certificate was revoked."""
@@ -184,29 +164,80 @@ class Authority:
         if not standing:
             raise IdentityError(f"no standing certificate of {name!r}; see `eskin pki list`")
         now = datetime.now(UTC).isoformat()
-        revoked = [Issued(e.serial, e.kind, e.name, e.expires, now) for e in standing]
+        revoked = [entry.revoke(now) for entry in standing]
         for entry in revoked:
-            self._record(entry)
-        self.write_revocations(IdentityKind(standing[0].kind))
+            self._ledger.add(entry)
+        kind = IdentityKind(standing[0].kind)
+        self._await_next_second(kind)
+        self.write_revocations(kind)
         return revoked
 
+    def _await_next_second(self, kind: IdentityKind) -> None:
+        """OpenSSL takes the newer of two lists, and their times are whole seconds."""
+        signed = x509.load_pem_x509_crl(self.revocations_file(kind).read_bytes()).last_update_utc
+        wait = (signed + timedelta(seconds=1) - datetime.now(UTC)).total_seconds()
+        time.sleep(min(max(wait, 0.0), 1.0))
+
     def write_revocations(self, kind: IdentityKind) -> Path:
-        """Sign the kind's revocation list (RFC 5280, section 5) and give its path."""
-        now = datetime.now(UTC)
-        issuer = self._issuers[kind]
-        builder = x509.CertificateRevocationListBuilder(
-            issuer_name=issuer.subject, last_update=now, next_update=now + CRL_LIFETIME
-        )
-        for entry in self.issued():
-            if entry.kind == kind and entry.revoked is not None:
-                builder = builder.add_revoked_certificate(_revocation(entry))
-        signed = builder.sign(self._keys[kind], hashes.SHA256())
+        """Sign the kind's revocation list and give its path.
+
+        The file holds the certificate of each issuing CA, then the list that this one signed.
+        """
+        revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
+        issuers = load_issuers(self._directory, kind)
         path = self.revocations_file(kind)
-        write_whole(path, signed.public_bytes(serialization.Encoding.PEM))
+        lists = [issuer.revocation_list(revoked) for issuer in issuers]
+        write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
         return path
 
+    def refresh_revocations(self, kind: IdentityKind) -> Path:
+        """Sign the kind's list anew if a day has passed since, and give its path."""
+        path = self.revocations_file(kind)
+        signed = x509.load_pem_x509_crl(path.read_bytes()).next_update_utc
+        if signed is None or signed - datetime.now(UTC) < LIST_LIFETIME - timedelta(days=1):
+            self.write_revocations(kind)
+        return path
+
+    def rotate(self, kind: IdentityKind) -> None:
+        """Make a new issuing CA, which issues from now on; what the old one issued still passes.
+
+        Raises:
+            IdentityError: One is being replaced already, or the root's key is not here.
+        """
+        if len(load_issuers(self._directory, kind)) > 1:
+            raise IdentityError(
+                f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
+            )
+        found_issuer(self._directory, kind, load_key(self._directory / "root.key"))
+        self.write_revocations(kind)
+
+    def dependants(self, kind: IdentityKind) -> list[str]:
+        """Names whose newest standing certificate is from an issuing CA that is being replaced."""
+        current = load_issuers(self._directory, kind)[0].serial
+        now = datetime.now(UTC)
+        newest = {entry.name: entry for entry in self.issued() if entry.kind == kind}
+        return sorted(
+            entry.name
+            for entry in newest.values()
+            if entry.issuer != current
+            and entry.revoked is None
+            and datetime.fromisoformat(entry.expires) > now
+        )
+
+    def retire(self, kind: IdentityKind) -> None:
+        """End the issuing CA that was replaced, and all certificates of it.
+
+        Raises:
+            IdentityError: None is being replaced.
+        """
+        issuers = load_issuers(self._directory, kind)
+        if len(issuers) == 1:
+            raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
+        retire_issuers(self._directory, kind, issuers)
+        self.write_revocations(kind)
+
     def anchor_file(self, kind: IdentityKind) -> Path:
-        """The file with the kind's anchor, for a TLS server that takes only this kind."""
+        """The file with the kind's anchors, for a TLS server that takes only this kind."""
         return self._directory / f"{kind}.anchor.pem"
 
     def revocations_file(self, kind: IdentityKind) -> Path:
@@ -218,20 +249,6 @@ class Authority:
         """The file with the root's certificate."""
         return self._directory / "root.pem"
 
-    def _record(self, entry: Issued) -> None:
-        with (self._directory / _LEDGER).open("a") as ledger:
-            ledger.write(json.dumps(asdict(entry)) + "\n")
-
-
-def _revocation(entry: Issued) -> x509.RevokedCertificate:
-    revoked = datetime.fromisoformat(entry.revoked or "")
-    return (
-        x509.RevokedCertificateBuilder()
-        .serial_number(int(entry.serial, 16))
-        .revocation_date(revoked)
-        .build()
-    )
-
 
 def _create(directory: Path) -> None:
     """Make keys and certificates; the root's last, so that its presence means all is there."""
@@ -241,32 +258,18 @@ def _create(directory: Path) -> None:
             "new CA would disown all that was issued"
         )
     directory.mkdir(parents=True, exist_ok=True, mode=0o700)
-    now = datetime.now(UTC)
     root_key = new_key()
     for kind in IdentityKind:
-        key = new_key()
-        save_key(directory / f"{kind}.key", key)
-        for issuer, signer, file in (
-            (ROOT_NAME, root_key, f"{kind}.pem"),
-            (kind.issuer, key, f"{kind}.anchor.pem"),
-        ):
-            certificate = ca_certificate(
-                kind.issuer,
-                key.public_key(),
-                issuer=issuer,
-                signer=signer,
-                path_length=0,
-                not_before=now,
-                lifetime=ISSUER_LIFETIME,
-            )
-            write_whole(directory / file, pem([certificate]))
+        # What an interrupted attempt left is not kept beside it.
+        (directory / f"{kind}.pem").unlink(missing_ok=True)
+        found_issuer(directory, kind, root_key)
     root = ca_certificate(
         ROOT_NAME,
         root_key.public_key(),
         issuer=ROOT_NAME,
         signer=root_key,
         path_length=1,
-        not_before=now,
+        not_before=datetime.now(UTC),
         lifetime=ROOT_LIFETIME,
     )
     save_key(directory / "root.key", root_key)

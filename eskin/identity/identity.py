@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 KEY_FILE: Final = "key.pem"
 CHAIN_FILE: Final = "chain.pem"
 ROOT_FILE: Final = "root.pem"
+NEXT: Final = "next"
+"""Folder inside an identity's, with the key, and then the chain, that will replace its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,12 +53,16 @@ class Identity:
             IdentityError: A file is missing, is no PEM, or key and certificate do not belong
                 together.
         """
-        key = load_key(directory / KEY_FILE)
-        chain = load_certificates(directory / CHAIN_FILE)
-        root = load_certificates(directory / ROOT_FILE)[0]
-        if chain[0].public_key() != key.public_key():
-            raise IdentityError(f"{directory}: {KEY_FILE} does not belong to {CHAIN_FILE}")
-        return cls(directory, key, chain, root)
+        # A renewal replaces the key, then the chain, and keeps the new chain in NEXT meanwhile: one
+        # of the three fits, whenever it is looked at, or whenever it was cut off.
+        for chain_file in (CHAIN_FILE, f"{NEXT}/{CHAIN_FILE}", CHAIN_FILE):
+            key = load_key(directory / KEY_FILE)
+            if not (directory / chain_file).exists() and chain_file != CHAIN_FILE:
+                continue
+            chain = load_certificates(directory / chain_file)
+            if chain[0].public_key() == key.public_key():
+                return cls(directory, key, chain, load_certificates(directory / ROOT_FILE)[0])
+        raise IdentityError(f"{directory}: {KEY_FILE} does not belong to {CHAIN_FILE}")
 
     @classmethod
     def save(

@@ -31,7 +31,7 @@ def client_context(root_file: Path, identity: Identity | None = None) -> ssl.SSL
     except (OSError, ssl.SSLError) as error:
         raise IdentityError(f"{root_file}: no root certificate can be read: {error}") from error
     if identity is not None:
-        _show(context, identity)
+        show(context, identity)
     return context
 
 
@@ -47,14 +47,19 @@ def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLC
     """
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
-    _show(context, identity)
+    show(context, identity)
     if client_certificates:
         context.load_verify_locations(cafile=identity.directory / ROOT_FILE)
         context.verify_mode = ssl.CERT_REQUIRED
     return context
 
 
-def _show(context: ssl.SSLContext, identity: Identity) -> None:
+def show(context: ssl.SSLContext, identity: Identity) -> None:
+    """Show an identity in all handshakes from now on; a renewed one replaces the one before.
+
+    Raises:
+        IdentityError: Its files cannot be used.
+    """
     directory = identity.directory
     try:
         context.load_cert_chain(directory / CHAIN_FILE, directory / KEY_FILE)

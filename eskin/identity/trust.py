@@ -9,12 +9,14 @@ from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 
 from eskin.errors import IdentityError, UntrustedCertificateError
-from eskin.identity.certificates import common_name, issuer_kind, public_key
+from eskin.identity.certificates import common_name, issuer_kind, public_key, thumbprint
+from eskin.identity.revocations import read_lists
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from eskin.identity.kinds import IdentityKind
+    from eskin.identity.revocations import Lists
 
 
 class Trust:
@@ -33,26 +35,38 @@ class Trust:
     ) -> None:
         self._root = root
         self._clock = clock
-        self._revocations: dict[str, x509.CertificateRevocationList] = {}
+        self._lists: dict[IdentityKind, Lists] = {}
 
-    def revocations(self, data: bytes, issuer: x509.Certificate) -> None:
-        """Take over a kind's revocation list (PEM).
+    def revocations(self, kind: IdentityKind, data: bytes) -> None:
+        """Take over a kind's revocation list; from then on, nobody of it is trusted without one.
 
         Args:
-            data: The list.
-            issuer: The issuing CA's certificate, which the root must have signed.
+            kind: Whom it is about.
+            data: PEM: certificates of issuing CAs, and for each the list that it signed.
 
         Raises:
-            UntrustedCertificateError: It is no list, or not signed by that issuer.
+            UntrustedCertificateError: It is no list, not signed by an issuing CA of that kind, or
+                older than the one that stands.
         """
-        self._require_issued(issuer, self._root)
-        try:
-            listed = x509.load_pem_x509_crl(data)
-        except ValueError as error:
-            raise UntrustedCertificateError(f"no revocation list: {error}") from error
-        if not listed.is_signature_valid(public_key(issuer)):
-            raise UntrustedCertificateError("the revocation list is not signed by its issuer")
-        self._revocations[common_name(issuer)] = listed
+        self._lists[kind] = read_lists(
+            data, self._lists.get(kind, {}), lambda issuer: self._require_issuing(issuer, kind)
+        )
+
+    def issuer_of(self, leaf: x509.Certificate, kind: IdentityKind) -> x509.Certificate:
+        """The issuing CA of a certificate, among those whose revocation lists were taken over.
+
+        Raises:
+            UntrustedCertificateError: It is none of theirs.
+        """
+        for listed in self._lists.get(kind, {}).values():
+            try:
+                leaf.verify_directly_issued_by(listed.issuer)
+            except (InvalidSignature, ValueError, TypeError):
+                continue
+            return listed.issuer
+        raise UntrustedCertificateError(
+            f"{leaf.subject.rfc4514_string()} was issued by no {kind} CA that stands"
+        )
 
     def verify(self, chain: Sequence[bytes], kind: IdentityKind) -> x509.Certificate:
         """Verify a chain of DER certificates, the identity's own first.
@@ -68,7 +82,7 @@ class Trust:
         self._require_issued(issuer, self._root)
         self._require_issued(leaf, issuer)
         _require_kind(leaf, kind)
-        self._require_not_revoked(leaf, kind)
+        self._require_not_revoked(leaf, issuer, kind)
         return leaf
 
     def _require_issued(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
@@ -90,11 +104,27 @@ class Trust:
                     f"to {valid.not_valid_after_utc}; now is {now}"
                 )
 
-    def _require_not_revoked(self, leaf: x509.Certificate, kind: IdentityKind) -> None:
-        listed = self._revocations.get(kind.issuer)
-        if listed is None:
+    def _require_issuing(self, issuer: x509.Certificate, kind: IdentityKind) -> None:
+        self._require_issued(issuer, self._root)
+        if common_name(issuer) != kind.issuer:
+            raise UntrustedCertificateError(f"{common_name(issuer)!r} is no {kind} CA")
+
+    def _require_not_revoked(
+        self, leaf: x509.Certificate, issuer: x509.Certificate, kind: IdentityKind
+    ) -> None:
+        lists = self._lists.get(kind)
+        if lists is None:
             return
-        entry = listed.get_revoked_certificate_by_serial_number(leaf.serial_number)
+        listed = lists.get(thumbprint(issuer))
+        if listed is None:
+            raise UntrustedCertificateError(
+                f"the {kind} CA that issued {common_name(leaf)} does not stand any more"
+            )
+        if listed.expires < self._clock():
+            raise UntrustedCertificateError(
+                f"the revocation list of the {kind} CA should have been renewed by {listed.expires}"
+            )
+        entry = listed.revocations.get_revoked_certificate_by_serial_number(leaf.serial_number)
         if entry is not None:
             raise UntrustedCertificateError(
                 f"certificate of {common_name(leaf)} was revoked on {entry.revocation_date_utc}"

@@ -190,6 +190,13 @@ class Outbox:
             self.newest_status = self._introduction = None
             self._status_at = now
 
+    def introduce(self, now: int) -> None:
+        """The radio has a new certificate: a status is due at once, which carries it."""
+        with self._lock:
+            self.newest_status = None
+            if self._status_at is not None:
+                self._status_at = now
+
     def tell_status(self, now: int) -> bool:
         """Whether to record a status now; asked once, the next is due a period later.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import itertools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -63,12 +64,14 @@ class Cohort:
                 taxel,
                 number,
                 seeds=[member.seed for member in members],
+                companions=[settings.companions(taxel, member.seed) for member in members],
                 clocks=self._clocks,
                 nodes=self.nodes,
                 sampling=settings.sampling,
             )
             for number, taxel in enumerate(settings.taxel)
         ]
+        self._order = itertools.count()
         self._line_up()
 
     def __len__(self) -> int:
@@ -82,10 +85,10 @@ class Cohort:
     def advance(self, ticks: int) -> Iterator[Said]:
         """Take all frames that are complete by now."""
         while self.next_due <= ticks:
-            _, number = self._due[0]
+            number = self._due[0][2]
             taxel = self.taxels[number]
             yield taxel.sample()
-            heapq.heapreplace(self._due, (taxel.next.end, number))
+            heapq.heapreplace(self._due, (taxel.next.end, next(self._order), number))
 
     def pass_over(self, ticks: int) -> tuple[list[Said], int, tuple[int, int]]:
         """Give up all frames that begin before a moment.
@@ -118,5 +121,8 @@ class Cohort:
         return [Channel(*given) for taxel in self.taxels for given in taxel.described]
 
     def _line_up(self) -> None:
-        self._due = [(taxel.next.end, number) for number, taxel in enumerate(self.taxels)]
+        # As in a machine's queue of events: what is armed first comes first.
+        self._due = [
+            (taxel.next.end, next(self._order), number) for number, taxel in enumerate(self.taxels)
+        ]
         heapq.heapify(self._due)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from sensor_node.frontend.amplified import Amplified
 from sensor_node.machine.converter import Converter
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ def stacked(alike: Sequence[Kind]) -> Kind:
 
 def _stacked(values: list[Any]) -> Any:
     first = values[0]
-    if isinstance(first, Converter):
+    if isinstance(first, Converter | Amplified):
         return stacked(values)
     if isinstance(first, dict):
         return {key: _stacked([value[key] for value in values]) for key in first}

@@ -22,7 +22,7 @@ from sensor_node.frontend import build_frontend
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.machine.sheet import data_sheet
+from sensor_node.machine.sheet import coverage, data_sheet
 from sensor_node.physics import Signals, World, build_world
 from sensor_node.taxels import HarmonicSection, HybridSection, SwingSection, TouchSection
 
@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from sensor_node.machine.converter import Codes
     from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
+    from sensor_node.taxels.companion import Companion
 
 _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
 _BLOCK_BYTES: Final = 400
@@ -74,6 +75,7 @@ class TaxelRows:
         taxel: Its settings.
         number: Its place in the design.
         seeds: The nodes'.
+        companions: What it reads along in each node, by the names of its inputs.
         clocks: The nodes' clocks.
         nodes: Who they are.
         sampling: How samples become blocks.
@@ -85,6 +87,7 @@ class TaxelRows:
         number: int,
         *,
         seeds: Sequence[int],
+        companions: Sequence[Mapping[str, Companion]],
         clocks: Clocks,
         nodes: Nodes,
         sampling: SamplingSection,
@@ -92,13 +95,16 @@ class TaxelRows:
         randoms = [np.random.default_rng((seed, number)) for seed in seeds]
         worlds = [build_world(taxel, random) for random in randoms]
         self._world = stacked(worlds) if isinstance(taxel, _IN_COLUMNS) else _Worlds(worlds)
-        self._frontend = stacked([build_frontend(taxel, random) for random in randoms])
+        drawn = zip(randoms, companions, strict=True)
+        self._frontend = stacked([build_frontend(taxel, *each) for each in drawn])
         self._seeds = [
             (seed, number, boot) for seed, boot in zip(seeds, nodes.boots.tolist(), strict=True)
         ]
         self._clocks = clocks
         self._nodes = nodes
-        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel), compiled_inversion())
+        self._calibrated = CHAINS[taxel.chain](
+            data_sheet(taxel, companions[0]), compiled_inversion()
+        )
         self._schedule = build_schedule(taxel, sampling.block_samples)
         quantities = self._calibrated.quantities
         self.quantities = [quantity for quantity, _ in quantities]
@@ -109,7 +115,7 @@ class TaxelRows:
         self._design = Design(
             tuple(_names(*each) for each in zip(self.channels, units, strict=True)),
             np.array([taxel.prominence(name) or 0.0 for name in self.quantities]),
-            taxel.noise.coverage,
+            coverage(taxel, companions[0]),
             int(Encoding[sampling.encoding.upper()]),
             Timing(
                 schedule.origin,

@@ -24,7 +24,7 @@ PROGRAM: Final = 96 * 1024
 """Bytes kept for the firmware's modules, as MicroPython loads them."""
 CONNECTION: Final = 48 * 1024
 """Bytes kept for TLS: two records of 16 KiB and what a handshake needs."""
-_TAXEL: Final = 1024
+_TAXEL: Final = 1280
 """Bytes of a taxel's calibration, schedule and control unit."""
 _CHANNEL: Final = 768
 """Bytes of a channel's unit, rest and filter."""
@@ -38,6 +38,9 @@ _FLIGHT: Final = 32
 """Bytes of an entry in the index of messages under way."""
 _BOUND: Final = 8
 _CODE: Final = 2
+_STATED: Final = 2 * _BOUND
+_READ_ALONG: Final = 6 * _BOUND
+"""Bytes a sample of a pad: bounds of permittivity; those of temperature and humidity, too."""
 _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
 
 
@@ -79,14 +82,19 @@ def ram_budget(settings: NodeSettings) -> Budget:
     blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
     width = _WIDTHS[sampling.encoding]
     shapes = [
-        (n, len(CHAINS[taxel.chain].inputs), len(taxel.units))
+        (n, _inputs(taxel), len(taxel.units))
         for n, taxel in zip(blocks, settings.taxel, strict=True)
     ]
+    air = sum(
+        (_READ_ALONG if taxel.companions else _STATED) * n
+        for n, taxel in zip(blocks, settings.taxel, strict=True)
+        if taxel.chain == "pad"
+    )
     return Budget(
         program=PROGRAM,
         connection=CONNECTION,
         codes=sum(2 * _CODE * n * inputs for n, inputs, _ in shapes),
-        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
+        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes) + air,
         objects=sum(map(taxel_objects, settings.taxel)),
         messages=max(_messages(n, channels, width) for n, _, channels in shapes),
         window=_FLIGHT * settings.broker.window,
@@ -96,7 +104,13 @@ def ram_budget(settings: NodeSettings) -> Budget:
 def taxel_objects(taxel: AnyTaxel) -> int:
     """Bytes of a taxel's objects besides its buffers."""
     peaks = sum(taxel.prominence(quantity) is not None for quantity in taxel.units)
-    return _TAXEL + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
+    taxels = 1 + len(taxel.companions)
+    return _TAXEL * taxels + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
+
+
+def _inputs(taxel: AnyTaxel) -> int:
+    """Of the converter; those that a taxel reads along besides its own."""
+    return max(1, len(CHAINS[taxel.chain].inputs)) + len(taxel.companions)
 
 
 def _messages(n: int, channels: int, width: int) -> int:

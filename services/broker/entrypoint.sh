@@ -1,12 +1,9 @@
 #!/bin/sh
-# Enrol the broker and the client that checks its health, fetch whom each listener trusts, then run.
+# Enrol the broker and the client that checks its health, then run under a guard,
+# which fetches whom each listener trusts, and renews.
 set -eu
 enrol server server.broker /var/lib/eskin/identity
 enrol client client.health /var/lib/eskin/client.health
-mkdir -p /var/lib/eskin/anchors
-for kind in node gateway client; do
-  [ -e "/var/lib/eskin/anchors/$kind.pem" ] ||
-    eskin pki anchor --url https://authority:8444 --enrol-dir /enrol --kind "$kind" \
-      --out "/var/lib/eskin/anchors/$kind.pem"
-done
-exec "$@"
+mkdir -p -m 0700 /var/lib/eskin/anchors
+exec eskin pki guard --url https://authority:8444 --identity /var/lib/eskin/identity \
+  --also /var/lib/eskin/client.health --folder /var/lib/eskin/anchors -- "$@"

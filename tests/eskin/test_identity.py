@@ -76,7 +76,7 @@ def test_revoked_certificate_is_refused(identities: Identities) -> None:
     trust.verify(chain_of(lost), IdentityKind.NODE)
     authority.revoke("lost")
     crl = authority.write_revocations(IdentityKind.NODE)
-    trust.revocations(crl.read_bytes(), lost.chain[1])
+    trust.revocations(IdentityKind.NODE, crl.read_bytes())
     with pytest.raises(UntrustedCertificateError, match="was revoked"):
         trust.verify(chain_of(lost), IdentityKind.NODE)
     trust.verify(chain_of(identities.node), IdentityKind.NODE)
@@ -90,8 +90,8 @@ def test_revocation_list_of_another_signer_is_refused(
 ) -> None:
     crl = Authority.open(tmp_path).write_revocations(IdentityKind.NODE).read_bytes()
     trust = Trust(identities.authority.root)
-    with pytest.raises(UntrustedCertificateError, match="not signed by its issuer"):
-        trust.revocations(crl, identities.node.chain[1])
+    with pytest.raises(UntrustedCertificateError, match="not issued by our CA"):
+        trust.revocations(IdentityKind.NODE, crl)
 
 
 @pytest.mark.parametrize("chain", [[], [b""], [b"x", b"y"], [b"x"] * 3])
@@ -148,3 +148,20 @@ def test_tls_contexts_always_check_and_never_speak_below_1_2(identities: Identit
     both = [client, server_context(server, client_certificates=True)]
     assert [context.verify_mode.name for context in both] == ["CERT_REQUIRED"] * 2
     assert [context.minimum_version.name for context in both] == ["TLSv1_2"] * 2
+
+
+def test_older_or_overdue_revocation_list_is_refused(identities: Identities) -> None:
+    present = datetime.now(UTC)
+    moment = [present]
+    trust = Trust(identities.authority.root, clock=lambda: moment[0])
+    file = identities.authority.revocations_file(IdentityKind.NODE)
+    older = file.read_bytes()
+    identities.make(IdentityKind.NODE, "elder")
+    identities.authority.revoke("elder")
+    trust.revocations(IdentityKind.NODE, file.read_bytes())
+    with pytest.raises(UntrustedCertificateError, match="older than the one that stands"):
+        trust.revocations(IdentityKind.NODE, older)
+    trust.verify(chain_of(identities.node), IdentityKind.NODE)
+    moment[0] = present + timedelta(days=8)
+    with pytest.raises(UntrustedCertificateError, match="should have been renewed"):
+        trust.verify(chain_of(identities.node), IdentityKind.NODE)

@@ -223,7 +223,7 @@ def test_missing_or_forged_revocation_list_trusts_nobody(
     crl.write_bytes(strangers.authority.write_revocations(IdentityKind.NODE).read_bytes())
     inside.clock.seconds += 1.5
     introduce(inside, seal)
-    assert "not signed" in str(inside.revocations.fault)
+    assert "not issued by our CA" in str(inside.revocations.fault)
     crl.write_bytes(identities.authority.write_revocations(IdentityKind.NODE).read_bytes())
     inside.clock.seconds += 1.5
     introduce(inside, seal)

@@ -103,7 +103,7 @@ class Inside:
             records=self.records,
             complaints=Complaints(),
         )
-        sealers = Sealers(identities.site)
+        sealers = Sealers(lambda _: identities.site)
         answers = Answers(
             broker=self.broker,
             acknowledger=Acknowledger(sealers),

@@ -80,7 +80,7 @@ def test_brown_out_loses_nothing_that_flash_held_and_tells_the_gap(tmp_path: Pat
 
 
 def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, start_voltage=3.5, **STRONG)
+    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=4e-3, **STRONG)
     stages: list[int] = []
     while len(stages) < 400 and not (Shedding.SLEEP in stages and stages[-1] < Shedding.SLEEP):
         bench.run_to(bench.ticks / 1e9 + 0.25)

@@ -39,8 +39,10 @@ class Air:
 
     def permittivity(self, codes: "Sequence[Codes]", n: int) -> "tuple[Buffer, Buffer]":
         """Bounds of the permittivity over the data sheet's, from the codes of its inputs."""
-        if n > len(self._bounds[0]):
+        if n > len(self._bounds[4]):
             self._grow(n)
+        if not self.inputs:
+            return self._bounds[4], self._bounds[5]
         used = 0
         for k, sensor in enumerate(self._sensors):
             if sensor is not None:
@@ -51,8 +53,14 @@ class Air:
 
     def _grow(self, n: int) -> None:
         """Make buffers of n samples: what is stated, and the permittivity."""
-        self._bounds = [array("d", [value] * n) for value in self._stated]
-        self._bounds += [array("d", bytes(8 * n)) for _ in ("lower", "upper")]
+        length = n if self.inputs else 1
+        self._bounds = [array("d", [value] * length) for value in self._stated]
+        self._bounds += [array("d", bytes(8 * length)) for _ in ("lower", "upper")]
+        if not self.inputs:
+            # Nothing is read along: it is the same in all samples.
+            self._functions.measure_permittivity(1, self._slopes, *self._bounds)
+            for k in (4, 5):
+                self._bounds[k] = array("d", [self._bounds[k][0]] * n)
 
 
 def _sensor(

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 SECONDS = 6
+CONVERSIONS = 250 * (14 + 2) + 250 * 2 * 3 + 250 + 2 * 50
+"""A second: 14 pads, of which one reads the air along; 2 coils; an electrode; the air."""
 
 
 def nothing(_: int) -> None:
@@ -39,7 +41,10 @@ def hand() -> Sequence[Budget]:
 def test_frugal_modes_send_less_and_sense_as_much(hand: Sequence[Budget]) -> None:
     samples, adaptive, peaks = hand
     assert samples.work.sent > adaptive.work.sent > peaks.work.sent > 0
-    assert samples.work.conversions == peaks.work.conversions == 16 * 250 * SECONDS
+    # Frames that are not complete at the end are not counted.
+    most = CONVERSIONS * SECONDS
+    assert samples.work.conversions == peaks.work.conversions
+    assert 0.99 * most < samples.work.conversions <= most
     assert samples.work.span == SECONDS * 10**9
 
 

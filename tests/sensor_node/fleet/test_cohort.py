@@ -21,6 +21,11 @@ from tests.sensor_node.designs import KINDS, SECOND, START, settings, table, wai
 Said = dict[tuple[int, int], tuple[Any, ...]]
 
 
+def companions_of(kind: str) -> list[dict[str, Any]]:
+    """What a packaged taxel of the kind reads along."""
+    return [table(name) for name in ("thermometer", "hygrometer") if name in table(kind)]
+
+
 def alone(given: Any, folder: Path, member: Member, moments: list[int]) -> tuple[Any, Any]:
     """Messages and truth of one node that runs by itself."""
     flash = Flash(folder / "flash.sqlite", epoch=member.boot)
@@ -78,7 +83,7 @@ def test_same_bytes_and_truth_as_alone(
         design = settings(
             Path(folder),
             node={"name": "n", "profile": "custom"},
-            taxel=[table(kind)],
+            taxel=[table(kind), *companions_of(kind)],
             sampling={"block_samples": block, "encoding": encoding},
         )
         members = [Member(s, 1 + k, START + k) for k, s in enumerate(seeds)]

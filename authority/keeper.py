@@ -1,0 +1,110 @@
+"""A party's side of the CA service while it runs: renews in time, and brings what the CA says."""
+
+from __future__ import annotations
+
+import logging
+from datetime import UTC, datetime
+from functools import partial
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Self
+
+from authority.enrolment import fetch_revocations, fetch_site, renew
+from eskin.errors import IdentityError
+from eskin.identity import (
+    Identity,
+    common_name,
+    forget_past,
+    is_due,
+    load_certificates,
+    settle,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from eskin.identity import IdentityKind
+    from eskin.settings import RenewalSection
+
+log = logging.getLogger(__name__)
+
+
+class Keeper:
+    """Works in a thread while its block runs; without a CA service, not at all.
+
+    The parties look at their files by themselves, so it matters to nobody who renews them.
+
+    Args:
+        settings: The CA service.
+        identities: Folders to renew; the first one's root is believed.
+        site: File of the site's certificate, for a node.
+        lists: Files of revocation lists; ``None`` where a process has none.
+    """
+
+    def __init__(
+        self,
+        settings: RenewalSection,
+        identities: Sequence[Path],
+        *,
+        site: Path | None = None,
+        lists: Mapping[IdentityKind, Path | None] | None = None,
+    ) -> None:
+        self._url = settings.url
+        self._every = settings.every_s
+        self._identities = identities
+        self._site = site
+        self._lists = {kind: path for kind, path in (lists or {}).items() if path is not None}
+        self._faults: dict[str, str] = {}
+        self._stopping = Event()
+        self._thread = Thread(target=self._run, name="keeper", daemon=True)
+
+    def __enter__(self) -> Self:
+        if self._url:
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopping.set()
+        if self._url:
+            self._thread.join()
+
+    def look(self) -> None:
+        """Do what is due, once; what fails is said once, and tried again at the next look."""
+        for directory in self._identities:
+            self._attempt(f"renew {directory.name}", partial(self._renew, directory))
+        root = self._identities[0]
+        if self._site is not None:
+            self._attempt("site", partial(self._follow_site, root, self._site))
+        for kind, path in self._lists.items():
+            fetch = partial(fetch_revocations, self._url, root, kind, path)
+            self._attempt(f"revocations of {kind}s", fetch)
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            self.look()
+            self._stopping.wait(self._every)
+
+    def _attempt(self, what: str, do: Callable[[], object]) -> None:
+        try:
+            do()
+        except (IdentityError, OSError) as error:
+            if self._faults.get(what) != str(error):
+                log.warning("%s failed, trying again: %s", what, error)
+                self._faults[what] = str(error)
+        except Exception:  # the thread's outermost loop: a strange answer must not end renewals
+            log.exception("%s failed, trying again", what)
+        else:
+            self._faults.pop(what, None)
+
+    def _renew(self, directory: Path) -> None:
+        settle(directory)
+        now = datetime.now(UTC)
+        forget_past(directory, now)
+        if is_due(Identity.load(directory).certificate, now):
+            own = renew(self._url, directory)
+            log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
+
+    def _follow_site(self, directory: Path, site: Path) -> None:
+        name = common_name(load_certificates(site)[0])
+        if fetch_site(self._url, directory, name, site):
+            log.info("site's certificate renewed: name=%s", name)

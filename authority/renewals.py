@@ -1,0 +1,100 @@
+"""Renewing: who holds a certificate that still stands gets the next one, for a fresh key."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+from cryptography import x509
+
+from authority.requests import requested_key
+from eskin.envelope import Verifier, signer_chain
+from eskin.errors import EnvelopeError, IdentityError
+from eskin.identity import IdentityKind, Trust, common_name, issuer_kind
+from eskin.topics import RENEWAL
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eskin.identity import Authority
+
+
+class Renewals:
+    """Judges requests to renew.
+
+    Args:
+        authority: Issues.
+        lifetime: Of the certificates.
+        grace: How long after its end a certificate may still be renewed, as a node may sleep.
+        clock: The present.
+    """
+
+    def __init__(
+        self,
+        authority: Authority,
+        *,
+        lifetime: timedelta,
+        grace: timedelta,
+        clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+    ) -> None:
+        self._authority = authority
+        self._lifetime = lifetime
+        self._grace = grace
+        self._clock = clock
+
+    def renew(self, signed: bytes) -> tuple[x509.Certificate, ...]:
+        """Issue the next certificate.
+
+        The same key may be asked for again, as an answer may be lost: it gets the same certificate.
+
+        Args:
+            signed: COSE_Sign1 by the old key, of a certificate request (PKCS #10, DER) by the new.
+
+        Returns:
+            The certificate, then the issuing CA's.
+
+        Raises:
+            IdentityError: The old certificate is revoked, too old or not ours, or does not speak
+                for this request.
+        """
+        old = self._holder(signed)
+        kind, name = issuer_kind(old), common_name(old)
+        key = requested_key(self._opened(signed, old, kind, name))
+        latest = self._authority.latest(name)
+        if latest is not None and latest[0].public_key() == key:
+            return latest
+        return self._authority.issue(kind, name, key, hosts=_hosts(old), lifetime=self._lifetime)
+
+    def _holder(self, signed: bytes) -> x509.Certificate:
+        """The certificate that speaks, not verified yet, but neither revoked nor too old."""
+        try:
+            old = x509.load_der_x509_certificate(signer_chain(signed)[0])
+        except (EnvelopeError, ValueError, IndexError) as error:
+            raise IdentityError(f"no request to renew: {error}") from error
+        if self._authority.is_revoked(old):
+            raise IdentityError(f"{common_name(old)} was revoked; enrol it again")
+        if self._clock() > old.not_valid_after_utc + self._grace:
+            raise IdentityError(
+                f"certificate of {common_name(old)} ended on {old.not_valid_after_utc}, too long "
+                "ago to be renewed; enrol again"
+            )
+        return old
+
+    def _opened(self, signed: bytes, old: x509.Certificate, kind: IdentityKind, name: str) -> bytes:
+        # Judged at the end of its validity, where that has passed.
+        trust = Trust(
+            self._authority.root, clock=lambda: min(self._clock(), old.not_valid_after_utc)
+        )
+        try:
+            return Verifier(trust, kind=kind, name=name).verify(signed, topic=RENEWAL)
+        except EnvelopeError as error:
+            raise IdentityError(f"no request to renew of {name}: {error}") from error
+
+
+def _hosts(old: x509.Certificate) -> list[str]:
+    """A server's names and addresses, which it keeps."""
+    names = old.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    return [
+        *names.get_values_for_type(x509.DNSName),
+        *(str(address) for address in names.get_values_for_type(x509.IPAddress)),
+    ]

@@ -1,0 +1,136 @@
+"""Issuing CAs: one a kind, or two while one takes over from the other.
+
+A kind's file ``KIND.pem`` holds the certificates of its issuing CAs, the one that issues now first.
+Keys lie in ``KIND.key`` and ``KIND.SERIAL.key``. ``KIND.anchor.pem`` holds the same CAs, each
+signed by its own key.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Final
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+
+from eskin.errors import IdentityError
+from eskin.identity.certificates import ca_certificate, new_key, pem
+from eskin.identity.identity import load_certificates, load_key, save_key, write_whole
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from cryptography.hazmat.primitives.asymmetric import ec
+
+    from eskin.identity.kinds import IdentityKind
+    from eskin.identity.ledger import Issued
+
+ROOT_NAME: Final = "eskin root CA"
+ISSUER_LIFETIME: Final = timedelta(days=1825)
+LIST_LIFETIME: Final = timedelta(days=7)
+
+
+@dataclass(frozen=True, slots=True)
+class Issuer:
+    """One issuing CA.
+
+    Attributes:
+        certificate: Signed by the root.
+        key: Its private key.
+    """
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+    @property
+    def serial(self) -> str:
+        """Serial number of its certificate, hexadecimal."""
+        return f"{self.certificate.serial_number:x}"
+
+    def revocation_list(self, revoked: Iterable[Issued]) -> bytes:
+        """A revocation list (PEM; RFC 5280, section 5)."""
+        now = datetime.now(UTC)
+        builder = x509.CertificateRevocationListBuilder(
+            issuer_name=self.certificate.subject, last_update=now, next_update=now + LIST_LIFETIME
+        )
+        key = x509.AuthorityKeyIdentifier.from_issuer_public_key(self.key.public_key())
+        builder = builder.add_extension(key, critical=False)
+        for entry in revoked:
+            builder = builder.add_revoked_certificate(_revocation(entry))
+        return builder.sign(self.key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
+
+
+def load_issuers(directory: Path, kind: IdentityKind) -> tuple[Issuer, ...]:
+    """The issuing CAs of a kind, the one that issues now first.
+
+    Raises:
+        IdentityError: A certificate or its key is missing or cannot be read.
+    """
+    keys = [load_key(path) for path in sorted(directory.glob(f"{kind}.*key"))]
+    issuers = []
+    for certificate in load_certificates(directory / f"{kind}.pem"):
+        held = [key for key in keys if key.public_key() == certificate.public_key()]
+        if not held:
+            raise IdentityError(
+                f"{directory}: the key of a {kind} CA is missing; bring it back from a backup"
+            )
+        issuers.append(Issuer(certificate, held[0]))
+    return tuple(issuers)
+
+
+def found_issuer(directory: Path, kind: IdentityKind, root_key: ec.EllipticCurvePrivateKey) -> None:
+    """Make an issuing CA, which issues from now on; the one before stays beside it.
+
+    Who trusts a kind's anchors must trust the new one before it issues: so ``KIND.pem`` is last.
+    """
+    file, anchors = directory / f"{kind}.pem", directory / f"{kind}.anchor.pem"
+    before = load_certificates(file) if file.exists() else ()
+    key = new_key()
+    certificate = _certificate(kind, key, ROOT_NAME, root_key)
+    anchor = _certificate(kind, key, kind.issuer, key)
+    name = f"{kind}.{certificate.serial_number:x}.key" if before else f"{kind}.key"
+    save_key(directory / name, key)
+    trusted = load_certificates(anchors) if before else ()
+    write_whole(anchors, pem([anchor, *trusted]))
+    write_whole(file, pem([certificate, *before]))
+
+
+def retire_issuers(directory: Path, kind: IdentityKind, standing: Sequence[Issuer]) -> None:
+    """Keep only the issuing CA that issues now, and delete the other's key."""
+    current = standing[0]
+    anchors = load_certificates(directory / f"{kind}.anchor.pem")
+    kept = [a for a in anchors if a.public_key() == current.certificate.public_key()]
+    write_whole(directory / f"{kind}.pem", pem([current.certificate]))
+    write_whole(directory / f"{kind}.anchor.pem", pem(kept))
+    for path in directory.glob(f"{kind}.*key"):
+        if load_key(path).public_key() != current.key.public_key():
+            path.unlink()
+
+
+def _certificate(
+    kind: IdentityKind,
+    key: ec.EllipticCurvePrivateKey,
+    issuer: str,
+    signer: ec.EllipticCurvePrivateKey,
+) -> x509.Certificate:
+    return ca_certificate(
+        kind.issuer,
+        key.public_key(),
+        issuer=issuer,
+        signer=signer,
+        path_length=0,
+        not_before=datetime.now(UTC),
+        lifetime=ISSUER_LIFETIME,
+    )
+
+
+def _revocation(entry: Issued) -> x509.RevokedCertificate:
+    revoked = datetime.fromisoformat(entry.revoked or "")
+    return (
+        x509.RevokedCertificateBuilder()
+        .serial_number(int(entry.serial, 16))
+        .revocation_date(revoked)
+        .build()
+    )

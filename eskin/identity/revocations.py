@@ -1,0 +1,80 @@
+"""Reading revocation lists: certificates of issuing CAs, and what each of them signed."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from cryptography import x509
+
+from eskin.errors import UntrustedCertificateError
+from eskin.identity.certificates import common_name, public_key, thumbprint
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from datetime import datetime
+
+_LIST: Final = re.compile(b"-----BEGIN X509 CRL-----.+?-----END X509 CRL-----\n?", re.DOTALL)
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """One issuing CA's revocation list.
+
+    Attributes:
+        issuer: Its certificate.
+        revocations: The list.
+        expires: When another one should have come.
+    """
+
+    issuer: x509.Certificate
+    revocations: x509.CertificateRevocationList
+    expires: datetime
+
+
+Lists = dict[bytes, Listed]
+"""Lists of one kind, by the thumbprint of the issuing CA's certificate."""
+
+
+def read_lists(
+    data: bytes, standing: Mapping[bytes, Listed], require: Callable[[x509.Certificate], None]
+) -> Lists:
+    """Read and check the lists of one kind.
+
+    Args:
+        data: PEM.
+        standing: What it replaces; none of these may be newer.
+        require: Raises for a certificate that is no issuing CA of that kind.
+
+    Raises:
+        UntrustedCertificateError: Something is wrong with it; nothing of it is taken.
+    """
+    try:
+        issuers = x509.load_pem_x509_certificates(data)
+        found = [x509.load_pem_x509_crl(part) for part in _LIST.findall(data)]
+    except ValueError as error:
+        raise UntrustedCertificateError(f"no revocation list: {error}") from error
+    lists: Lists = {}
+    for issuer in issuers:
+        require(issuer)
+        listed = _signed_by(issuer, found)
+        before = standing.get(thumbprint(issuer))
+        if before is not None and _signed_at(listed) < _signed_at(before):
+            raise UntrustedCertificateError(
+                f"the revocation list of {common_name(issuer)!r} is older than the one that stands"
+            )
+        lists[thumbprint(issuer)] = listed
+    return lists
+
+
+def _signed_by(issuer: x509.Certificate, found: list[x509.CertificateRevocationList]) -> Listed:
+    for listed in found:
+        expires = listed.next_update_utc
+        if listed.is_signature_valid(public_key(issuer)) and expires is not None:
+            return Listed(issuer, listed, expires)
+    raise UntrustedCertificateError("the revocation list is not signed by its issuer")
+
+
+def _signed_at(listed: Listed) -> datetime:
+    return listed.revocations.last_update_utc
