@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from demo.layout import Layout
 
-PROFILES: Final = ("fingertip", "palm", "forearm")
+PROFILES: Final = ("fingertip", "palm", "forearm", "hand")
 """The nodes that come with eskin; the demo takes them in turn."""
 TRUTH_BYTES: Final = 4_000_000_000
 """About a day of a node at 1 kHz and six channels."""
@@ -44,7 +44,7 @@ class Ports:
 
 
 def node_names(count: int) -> list[str]:
-    """Names of so many nodes: fingertip, palm, forearm, fingertip-2, …."""
+    """Names of so many nodes: fingertip, palm, forearm, hand, fingertip-2, …."""
     return [
         PROFILES[i % len(PROFILES)] + (f"-{i // len(PROFILES) + 1}" if i >= len(PROFILES) else "")
         for i in range(count)

@@ -94,9 +94,10 @@ class Answers:
     def _publications(self, outcome: Outcome) -> Iterator[tuple[str, bytes, bool]]:
         now = self._clock()
         for node, message, live in outcome.messages:
-            if isinstance(message, Block):
+            shown = not isinstance(message, Block | Peak) or public.is_public(message)
+            if shown and isinstance(message, Block):
                 yield *public.live(node, message), False
-            elif isinstance(message, Peak | Gap):
+            elif shown and isinstance(message, Peak | Gap):
                 yield *public.event(node, message), False
             status = message if isinstance(message, Status) else None
             yield from self._presence.heard(node, status, live=live, now=now)

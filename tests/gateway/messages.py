@@ -23,19 +23,26 @@ EPOCH = 1_790_000_000 * 10**9
 CHANNEL = "t01.capacitance"
 
 
-def block(sequence: int, *, boot: int = 1, n: int = 100, coverage: float = 1.0) -> Block:
+def block(
+    sequence: int,
+    *,
+    boot: int = 1,
+    n: int = 100,
+    coverage: float = 1.0,
+    channel: str = CHANNEL,
+) -> Block:
     """A block of a wave, n samples at 1 ms."""
     start = EPOCH + sequence * n * 10**6
     wave = 1e-11 + 1e-12 * np.sin(np.arange(n) / 10.0 + sequence)
     tube = Tube((start, start + 500), 10**6, Interval(wave - 1e-14, wave + 1e-14), "F", coverage)
-    return Block.pack(Position(boot, sequence), CHANNEL, sequence * n * 10**6, tube, Encoding.F32)
+    return Block.pack(Position(boot, sequence), channel, sequence * n * 10**6, tube, Encoding.F32)
 
 
-def peak(sequence: int, *, boot: int = 1) -> Peak:
+def peak(sequence: int, *, boot: int = 1, channel: str = CHANNEL) -> Peak:
     """A possible peak of unbounded height."""
     return Peak(
         position=Position(boot, sequence),
-        channel=CHANNEL,
+        channel=channel,
         unit="F",
         time=(EPOCH, EPOCH + 7),
         verdict=Verdict.POSSIBLE,

@@ -68,6 +68,21 @@ def test_duplicate_is_acknowledged_again_and_neither_stored_nor_published_again(
 
 
 @pytest.mark.usefixtures("gateway")
+def test_what_tells_of_a_person_is_not_public(node: WireNode, listener: Listener) -> None:
+    biometric = "t01.bioelectric"
+    node.say(Stream.STATUS, status(0))
+    node.say(Stream.BLOCKS, block(1, channel=biometric))
+    node.say(Stream.EVENTS, peak(2, channel=biometric))
+    node.say(Stream.BLOCKS, block(3))
+    node.say(Stream.EVENTS, peak(4))
+    events = live_topic("fingertip", "events")
+    wait_until(lambda: bool(listener.on(events)), "the last event is public")
+    assert [orjson.loads(item)["sequence"] for item in listener.on(events)] == [4]
+    wait_until(lambda: bool(listener.on(live_topic("fingertip", CHANNEL))), "the block is public")
+    assert listener.on(live_topic("fingertip", biometric)) == []
+
+
+@pytest.mark.usefixtures("gateway")
 def test_public_topics_carry_hull_events_and_status(node: WireNode, listener: Listener) -> None:
     sent = block(1)
     node.say(Stream.STATUS, status(0))
