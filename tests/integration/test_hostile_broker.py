@@ -90,7 +90,7 @@ def test_hostile_broker_can_neither_read_nor_forge_nor_replay_nor_redirect(
             )
         malice.evil = False
         for bench in benches.values():
-            wait_until(lambda b=bench: b.flash.usage().messages == 0, "empty")  # type: ignore[misc]
+            wait_until(lambda b=bench: b.outbox.messages == 0, "empty")  # type: ignore[misc]
         wait_until(lambda: running.spool.statistics.messages == 0, "the cloud has all")
         for name in NAMES:
             require_exactly(said[name], [body for node, body in cloud.stored if node == name])
