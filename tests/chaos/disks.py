@@ -27,6 +27,10 @@ class Disk:
         self.folder = folder
         self._other = folder / "somebody-elses-file"
 
+    def unmount(self) -> None:
+        """Take it away, with all that is on it."""
+        subprocess.run(["umount", "--lazy", str(self.folder)], check=True)
+
     def fill(self) -> None:
         """Take all that is free."""
         for piece in (_PIECE, 4096, 1):

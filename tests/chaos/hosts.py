@@ -54,13 +54,14 @@ class Host:
 
     def lose(self, share: float) -> None:
         """Drop a share of the packets that come in, and of those that go out."""
-        for chain in ("INPUT", "OUTPUT"):
+        # Only what the cable carries: paho talks to itself over loopback.
+        for chain, cable in (("INPUT", "-i"), ("OUTPUT", "-o")):
             random = ("-m", "statistic", "--mode", "random", "--probability", f"{share:.3f}")
-            self._filter("-A", chain, *random, "-j", "DROP")
+            self._filter("-A", chain, cable, "eth0", *random, "-j", "DROP")
 
     def reset(self) -> None:
         """Answer whatever comes over TCP with a reset."""
-        reject = ("-p", "tcp", "-j", "REJECT", "--reject-with", "tcp-reset")
+        reject = ("-i", "eth0", "-p", "tcp", "-j", "REJECT", "--reject-with", "tcp-reset")
         self._filter("-A", "INPUT", *reject)
 
     def heal(self) -> None:

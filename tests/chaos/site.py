@@ -85,6 +85,8 @@ class Site:
 
     def __enter__(self) -> Self:
         for part in self.parts:
+            self._exits.callback(part.disk.unmount)
+        for part in self.parts:
             part.running.start()
             self._exits.callback(_end, part.running)
         return self
