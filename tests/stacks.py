@@ -65,6 +65,8 @@ class RealStack:
         self._running.enter_context(self.cloud)
         self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
         self._running.enter_context(self.gateway)
+        # Its imports are no part of what a block costs.
+        self.gateway.wait_for(lambda: "ready:" in self.gateway.output(), "the gateway is ready")
         return self
 
     def __exit__(
