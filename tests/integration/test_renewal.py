@@ -56,7 +56,7 @@ def sensor_node(folder: Path, own: Identities, broker: Mosquitto, url: str) -> R
     site.write_bytes((own.site.directory / CHAIN_FILE).read_bytes())
     config.write_text(
         '[node]\nname = "fingertip"\nprofile = "fingertip"\n'
-        f"[broker]\nport = {broker.node_port}\nresend_s = 1.0\n"
+        f"[broker]\nport = {broker.node_port}\nresend_s = 1.0\ndrain_s = 12\n"
         f'[identity]\ndirectory = "{own.node.directory}"\nsite = "{site}"\n'
         f'[flash]\npath = "{folder / "flash.sqlite"}"\n'
         f'[truth]\npath = "{folder / "truth.sqlite"}"\n'
@@ -86,8 +86,8 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
             before = len(cloud.stored)
             renewals(own, 2)
             wait_until(lambda: len(cloud.stored) > before + 5, "data arrive")
-            assert node.stop() == 0
-            wait_until(lambda: "waiting=0" in node.output(), "the node kept nothing")
+            assert node.stop(seconds=40) == 0
+            assert "waiting=0" in node.output(), node.output()
             require_each_once(cloud)
             before = len(cloud.stored)
             node.start()
