@@ -132,7 +132,7 @@ class MqttBroker:
         client.on_socket_register_write = _ignore
         properties = None
         if five:
-            properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho's
+            properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho has no annotations here
             properties.ReceiveMaximum = self._settings.inbox_messages
         client.connect_async(
             self._settings.host,

@@ -275,7 +275,7 @@ audit_log = Table(
 """Who did what, append only; ``digest`` chains each row to all before it."""
 
 for _verb in ("UPDATE", "DELETE"):
-    _refusal: ExecutableDDLElement = DDL(  # type: ignore[no-untyped-call] # SQLAlchemy's own gap
+    _refusal: ExecutableDDLElement = DDL(  # type: ignore[no-untyped-call]  # DDL() has no annotations
         f"CREATE TRIGGER audit_log_no_{_verb.lower()} BEFORE {_verb} ON audit_log "
         "BEGIN SELECT RAISE(ABORT, 'the audit log is append only'); END"
     )

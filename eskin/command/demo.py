@@ -145,10 +145,15 @@ def _table(found: Sequence[ChannelAudit]) -> Table:
             str(entry.samples),
             str(entry.violations),
             str(entry.allowed),
-            f"{entry.mean_width:.2e} {entry.unit} {entry.relative_width:6.2%}",
+            f"{entry.mean_width:.2e} {entry.unit} {_share(entry.relative_width)}",
             style=None if entry.passes else "bold red",
         )
     return table
+
+
+def _share(relative: float) -> str:
+    """A width relative to the truth; none where the truth is zero, or almost."""
+    return f"{relative:6.2%}" if relative < 10.0 else f"{'-':>6}"
 
 
 def _also(entry: ChannelAudit) -> str:

@@ -1,30 +1,11 @@
 // Measures what a node's control units keep in MicroPython's heap, a 32-bit port as microcontrollers have:
 // node memory.mjs FOLDER_OF_SENSOR_NODE JOB_FILE ANSWER_FILE
 // This port collects garbage only between two calls from outside, hence one call a step.
-import { loadMicroPython } from '@micropython/micropython-webassembly-pyscript/micropython.mjs';
-import { readdirSync, readFileSync, writeFileSync } from 'node:fs';
-import { fileURLToPath } from 'node:url';
+import { writeFileSync } from 'node:fs';
+import { loadPort } from './port.mjs';
 
 const [room, job, answer] = process.argv.slice(2);
-const port = await loadMicroPython({ stdout: console.error, linebuffer: true, heapsize: 1 << 24 });
-function copy(folder) {
-  port.FS.mkdir(`/sensor_node/${folder}`);
-  for (const entry of readdirSync(`${room}/${folder}`, { withFileTypes: true })) {
-    const name = `${folder}/${entry.name}`;
-    if (entry.isDirectory()) copy(name);
-    else if (name.endsWith('.py')) port.FS.writeFile(`/sensor_node/${name}`, readFileSync(`${room}/${name}`));
-  }
-}
-port.FS.mkdir('/sensor_node');
-port.FS.writeFile('/sensor_node/__init__.py', '');
-copy('firmware');
-const own = fileURLToPath(new URL('.', import.meta.url));
-port.FS.mkdir('/tests');
-port.FS.mkdir('/tests/micropython');
-for (const name of readdirSync(own).filter((name) => name.endsWith('.py'))) {
-  port.FS.writeFile(`/tests/micropython/${name}`, readFileSync(`${own}/${name}`));
-}
-port.FS.writeFile('/job.json', readFileSync(job));
+const port = await loadPort(room, job, { heapsize: 1 << 24 });
 
 function used() {
   port.runPython('gc.collect()');

@@ -50,12 +50,19 @@ class Taxel:
             self._adc = adjusted(self._converter, gains, trimmer(self.sheet, trim))
 
     def move(self, before: int, steps: int) -> "Bounds":
-        """Calculate with the plates at another step; gives the ratio of distances before to now."""
+        """Calculate with the plates at another step; gives the ratio of distances before to now.
+
+        Only taxels with an actuator have it: without steps, adaptation never moves a plate.
+        """
         raise NotImplementedError
 
     def _calibrate(self, sheet: "Sheet") -> None:
+        """Take from the data sheet what `measure` needs; each kind has its own."""
         raise NotImplementedError
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
-        """Fill buffers, a lower and an upper one for each quantity, from each input's codes."""
+        """Fill buffers, a lower and an upper one for each quantity, from each input's codes.
+
+        Each kind has its own; MicroPython knows no abstract classes.
+        """
         raise NotImplementedError
