@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import cbor2
 import httpx
@@ -14,7 +14,9 @@ from eskin.messages.fields import MOST_BYTES, MOST_COUNT, integer, items, load_a
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
+
+    import httpcore
 
     from gateway.warrants import Warrants
 
@@ -89,6 +91,7 @@ class HttpsDeliveries:
         self._client = httpx.AsyncClient(
             verify=context, trust_env=False, limits=httpx.Limits(max_keepalive_connections=0)
         )
+        self._stream: httpcore.AsyncNetworkStream | None = None
 
     async def fetch(self, held: Sequence[tuple[str, int, bool]], wait_s: float) -> Changes:
         """See `Deliveries.fetch`."""
@@ -101,6 +104,7 @@ class HttpsDeliveries:
                 content=body,
                 headers=self._warrants.headers(body),
                 timeout=timeout,
+                extensions={"trace": self._note},
             ) as answer:
                 if answer.status_code != httpx.codes.OK:
                     raise CloudError(
@@ -113,7 +117,14 @@ class HttpsDeliveries:
 
     async def close(self) -> None:
         """See `Deliveries.close`."""
+        # httpcore forgets the socket of a handshake that is cancelled.
+        if self._stream is not None:
+            await self._stream.aclose()
         await self._client.aclose()
+
+    async def _note(self, event: str, info: Mapping[str, Any]) -> None:
+        if event == "connection.connect_tcp.complete":
+            self._stream = info["return_value"]
 
 
 async def _read(answer: httpx.Response) -> bytes:

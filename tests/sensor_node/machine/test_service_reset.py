@@ -67,7 +67,11 @@ def test_service_goes_on_after_the_watchdog_and_stays_connected(
         def second() -> list[object]:
             return [m for p, m in sorted(peer.messages.items()) if p.boot == 2]
 
-        wait_until(lambda: any(isinstance(m, Status) for m in second()), "a status of boot 2")
+        # Nothing says that they come in the order in which they were recorded.
+        wait_until(
+            lambda: {Gap, Result, Status} <= {type(m) for m in second()},
+            "gap, result and status of boot 2",
+        )
         said = second()
     gap, result = said[:2]
     assert isinstance(gap, Gap)
