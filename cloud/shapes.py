@@ -130,6 +130,12 @@ def node_shape(row: Row, *, channels: int, health: str) -> Json:
     }
 
 
+def taxel_shapes(row: Row) -> list[Json]:
+    """A node's taxels, by name."""
+    places = orjson.loads(row["places"] or "[]")
+    return [{"id": taxel, "position_m": [x, y]} for taxel, x, y in sorted(places)]
+
+
 def _energy_shape(row: Row) -> Json:
     return {
         "stored": _interval(row["stored_lo"], row["stored_hi"]),

@@ -20,6 +20,7 @@ from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.events import NEVER
 from sensor_node.machine.machine import Machine
+from sensor_node.skin_map import skin_map
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -92,6 +93,7 @@ class Node:
             )
             for number, taxel in enumerate(settings.taxel)
         ]
+        self._map = skin_map(settings.taxel)
         self.energy: EnergyKeeper | None = None
         if settings.energy.on:
             self.energy = EnergyKeeper(self, settings, seed=seed)
@@ -184,6 +186,7 @@ class Node:
                 [channel for taxel in self.taxels for channel in taxel.channels],
                 int(self.machine.cause),
                 energy=None if self.energy is None else self.energy.manager.told,
+                places=self._map,
             )
             batch.take([status])
         return Position(self._outbox.boot, status.sequence)

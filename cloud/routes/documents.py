@@ -85,6 +85,13 @@ class NodeDocument(BaseModel):
     channels: int
 
 
+class TaxelDocument(BaseModel):
+    """Where a taxel sits: x and y of its centre in m, on a flat map of the skin."""
+
+    id: str
+    position_m: tuple[float, float]
+
+
 class ChannelDocument(BaseModel):
     """A channel."""
 

@@ -18,8 +18,9 @@ from cloud.routes.documents import (
     NodeDocument,
     NoQuery,
     PageDocument,
+    TaxelDocument,
 )
-from cloud.shapes import channel_shape, node_shape, page
+from cloud.shapes import channel_shape, node_shape, page, taxel_shapes
 from cloud.state import Cloud
 from eskin.moment import SECOND
 
@@ -69,6 +70,21 @@ def get_channels(
         find_node(connection, node)
         rows, following = list_channels(connection, node, query.cursor)
     return as_json(page([channel_shape(row) for row in rows], following))
+
+
+@router.get(
+    "/nodes/{node}/taxels",
+    response_model=PageDocument[TaxelDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_taxels(
+    cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """The taxels of a node that sit somewhere on its skin, by name."""
+    del query
+    with cloud.store.read() as connection:
+        row = find_node(connection, node)
+    return as_json(page(taxel_shapes(row), None))
 
 
 def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import orjson
+
 from cloud.store.schema import nodes
 
 if TYPE_CHECKING:
@@ -96,6 +98,7 @@ def status_row(
         "used": status.used,
         "capacity": status.capacity,
         "gaps": status.gaps,
+        "places": _places(status),
     } | _energy(status)
     ledger.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:
@@ -103,6 +106,12 @@ def status_row(
     cause = "" if status.cause is None else f", {status.cause.label}"
     detail = f"started: boot {place.boot}, {status.profile}{cause}"
     return event_row(node, "status", place, status.time, detail=detail, data=data)
+
+
+def _places(status: Status) -> str | None:
+    """Where its taxels sit, as JSON; nothing where none sits somewhere."""
+    places = [[place.taxel, place.x, place.y] for place in status.places]
+    return orjson.dumps(places).decode() if places else None
 
 
 def _energy(status: Status) -> Row:

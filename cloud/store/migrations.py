@@ -11,7 +11,7 @@ from cloud.store.schema import audit_log, commands, feed, metadata, nodes, state
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 
 def _first(connection: Connection) -> None:
@@ -29,14 +29,28 @@ def _third(connection: Connection) -> None:
 
 
 def _fourth(connection: Connection) -> None:
+    _add_to_nodes(connection, ENERGY)
+
+
+def _fifth(connection: Connection) -> None:
+    _add_to_nodes(connection, ("places",))
+
+
+def _add_to_nodes(connection: Connection, names: Sequence[str]) -> None:
     standing = {column["name"] for column in inspect(connection).get_columns(nodes.name)}
-    for name in ENERGY:
+    for name in names:
         if name not in standing:
             kind = nodes.c[name].type.compile(connection.dialect)
             connection.execute(text(f"ALTER TABLE {nodes.name} ADD COLUMN {name} {kind}"))
 
 
-MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second, _third, _fourth)
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
+    _first,
+    _second,
+    _third,
+    _fourth,
+    _fifth,
+)
 CURRENT: Final = len(MIGRATIONS)
 
 

@@ -90,5 +90,6 @@ def _fresh(node: str, position: Position, now: int) -> Row:
             "capacity",
             "gaps",
             *ENERGY,
+            "places",
         )
     )

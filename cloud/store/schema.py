@@ -72,8 +72,12 @@ nodes = Table(
     Column("charge_hi", Double),
     Column("sustained", Integer),
     Column("shedding", Integer),
+    Column("places", Text),
 )
-"""Each node with its latest position and its latest status."""
+"""Each node with its latest position and its latest status.
+
+``places`` is JSON: ``[taxel, x, y]`` of each taxel on the map of its skin, in m.
+"""
 
 channels = Table(
     "channels",

@@ -14,7 +14,15 @@ from eskin.messages.gap import Gap
 from eskin.messages.head import Kind, Position
 from eskin.messages.peak import Peak
 from eskin.messages.result import Outcome, Result
-from eskin.messages.status import ChannelInfo, Energy, ResetCause, Shedding, Status, Sustained
+from eskin.messages.status import (
+    ChannelInfo,
+    Energy,
+    Place,
+    ResetCause,
+    Shedding,
+    Status,
+    Sustained,
+)
 from eskin.messages.vocabulary import CommandName, Mode
 
 __all__ = [
@@ -31,6 +39,7 @@ __all__ = [
     "Mode",
     "Outcome",
     "Peak",
+    "Place",
     "Position",
     "ResetCause",
     "Result",

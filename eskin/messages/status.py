@@ -16,12 +16,16 @@ from eskin.messages.head import (
     read_position,
     require_channel,
 )
+from eskin.messages.vocabulary import TAXEL
 
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset((*range(1, 14), 16))
+_FIELDS: Final = frozenset((*range(1, 14), 16, 17))
 _MOST_CHANNELS: Final = 1000
+_MOST_PLACES: Final = 1000
+_FARTHEST: Final = 100.0
+"""Of a place from the map's origin, in m."""
 
 
 class ResetCause(IntEnum):
@@ -94,6 +98,21 @@ class ChannelInfo:
 
 
 @dataclass(frozen=True, slots=True)
+class Place:
+    """Where a taxel's centre sits on a flat map of the skin.
+
+    Attributes:
+        taxel: Its id.
+        x: In m.
+        y: In m.
+    """
+
+    taxel: str
+    x: float
+    y: float
+
+
+@dataclass(frozen=True, slots=True)
 class Status:
     """How a node fares.
 
@@ -110,6 +129,7 @@ class Status:
         channels: What it measures.
         cause: Why it started; ``None`` where it does not say.
         energy: What it knows of its energy; ``None`` where it has a supply that never ends.
+        places: Where taxels sit, of those that sit somewhere.
     """
 
     position: Position
@@ -124,6 +144,7 @@ class Status:
     channels: tuple[ChannelInfo, ...]
     cause: ResetCause | None = None
     energy: Energy | None = None
+    places: tuple[Place, ...] = ()
 
     def encode(self) -> bytes:
         """Write as CBOR."""
@@ -135,6 +156,7 @@ class Status:
             | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
             | cause
             | ({} if self.energy is None else {16: self.energy.encode()})
+            | ({17: [[p.taxel, p.x, p.y] for p in self.places]} if self.places else {})
         )
 
     @classmethod
@@ -163,6 +185,7 @@ class Status:
             channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
             cause=_cause(fields),
             energy=_energy(fields) if fields.has(16) else None,
+            places=_places(fields) if fields.has(17) else (),
         )
 
 
@@ -185,6 +208,24 @@ def _energy(fields: Fields) -> Energy:
         Sustained(integer(found[4], "field 16, verdict", 0, max(Sustained))),
         Shedding(integer(found[5], "field 16, shedding", 0, max(Shedding))),
     )
+
+
+def _places(fields: Fields) -> tuple[Place, ...]:
+    places = tuple(_place(item) for item in fields.items(17, _MOST_PLACES))
+    if not places or len({place.taxel for place in places}) < len(places):
+        raise MessageError("field 17 names no taxel, or one twice")
+    return places
+
+
+def _place(value: object) -> Place:
+    found = items(value, "field 17", 3)
+    if len(found) != 3:
+        raise MessageError(f"field 17 holds {len(found)} items a taxel; expected 3")
+    taxel = text(found[0], "field 17, taxel", 31)
+    if TAXEL.fullmatch(taxel) is None:
+        raise MessageError(f"field 17 speaks of {taxel!r}; expected a taxel such as t01")
+    x, y = (real(part, "field 17", -_FARTHEST, _FARTHEST) for part in found[1:])
+    return Place(taxel, x, y)
 
 
 def _channel(value: object) -> ChannelInfo:

@@ -191,13 +191,15 @@ class Scribe:
         cause: int,
         *,
         energy: "Energy | None" = None,
+        places: "Sequence[tuple[str, float, float]]" = (),
     ) -> Record:
         """How the node fares, and why it started.
 
         ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
-        stored in J, bounds of the state of charge, verdict, stage of shedding.
+        stored in J, bounds of the state of charge, verdict, stage of shedding. ``places``: taxels
+        with x and y in m on a flat map of the skin.
         """
-        out, sequence = self._begin(STATUS, 13 if energy is None else 14)
+        out, sequence = self._begin(STATUS, 13 + (energy is not None) + bool(places))
         _integers(out, 4, time)
         _text(out, 5, profile)
         _text(out, 6, description)
@@ -221,6 +223,14 @@ class Scribe:
                 out.real(bound)
             out.integer(verdict)
             out.integer(stage)
+        if places:
+            out.integer(17)
+            out.array(len(places))
+            for taxel, x, y in places:
+                out.array(3)
+                out.text(taxel)
+                out.real(x)
+                out.real(y)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":

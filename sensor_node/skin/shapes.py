@@ -75,7 +75,8 @@ class CylinderShape(_Shape):
         normals = np.stack([np.sin(angles), np.zeros(len(angles)), np.cos(angles)], axis=1)
         positions = radius * normals
         positions[:, 1] = rows * self.pitch_m
-        return Skin(positions, normals, self.pitch_m)
+        unrolled = self.pitch_m * np.stack([columns, rows], axis=1)
+        return Skin(positions, normals, self.pitch_m, unrolled)
 
 
 class HandShape(_Shape):
@@ -107,15 +108,16 @@ class HandShape(_Shape):
         flat = _grid(size[0] // self.pitch_mm, size[1] // self.pitch_mm, pitch)
         corner = np.array([left, low, 0.0]) * _MILLIMETRE
         inside = flat.positions + np.array([pitch / 2, pitch / 2, 0.0])
+        unrolled = (corner + inside)[:, :2]
         if not bent:
-            return Skin(corner + inside, flat.normals, pitch)
+            return Skin(corner + inside, flat.normals, pitch, unrolled)
         width = size[0] * _MILLIMETRE
         radius, angles = width / _BENT, (inside[:, 0] / width - 0.5) * _BENT
         normals = np.stack([np.sin(angles), np.zeros(len(flat)), np.cos(angles)], axis=1)
         axis = np.stack(
             [np.full(len(flat), width / 2), inside[:, 1], np.full(len(flat), -radius)], axis=1
         )
-        return Skin(corner + axis + radius * normals, normals, pitch)
+        return Skin(corner + axis + radius * normals, normals, pitch, unrolled)
 
 
 Shape: TypeAlias = Annotated[FlatShape | CylinderShape | HandShape, Field(discriminator="shape")]
@@ -126,7 +128,7 @@ def _grid(columns: int, rows: int, pitch: float) -> Skin:
     y, x = np.divmod(np.arange(rows * columns), columns)
     positions = pitch * np.stack([x, y, np.zeros(len(x))], axis=1)
     normals = np.tile([0.0, 0.0, 1.0], (len(x), 1))
-    return Skin(positions, normals, pitch)
+    return Skin(positions, normals, pitch, positions[:, :2])
 
 
 def _limited(columns: int, info: ValidationInfo) -> int:

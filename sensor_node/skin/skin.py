@@ -32,11 +32,13 @@ class Skin:
         positions: Their centres in m, (n, 3).
         normals: Unit vectors out of the skin, (n, 3).
         pitch: Distance of two neighbours along the surface, in m.
+        unrolled: The centres in m on a flat map of the surface, (n, 2).
     """
 
     positions: Floats
     normals: Floats
     pitch: float
+    unrolled: Floats
 
     @classmethod
     def join(cls, parts: Sequence[Skin]) -> Self:
@@ -45,6 +47,7 @@ class Skin:
             np.concatenate([part.positions for part in parts]),
             np.concatenate([part.normals for part in parts]),
             parts[0].pitch,
+            np.concatenate([part.unrolled for part in parts]),
         )
 
     def __len__(self) -> int:

@@ -31,6 +31,8 @@ def _whole_period(hertz: float) -> float:
 
 Rate: TypeAlias = Annotated[float, Field(gt=0, le=1e6), AfterValidator(_whole_period)]
 
+Place: TypeAlias = Annotated[float, Field(strict=True, ge=-100, le=100, allow_inf_nan=False)]
+
 
 def unit(alias: str, default: Any = ..., **limits: Any) -> Any:
     """A field whose key in the file carries a unit that is no Python name."""
@@ -59,6 +61,13 @@ class TaxelSection(Section):
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$", description="such as t01")
     noise: Noise = Field(description="disturbance of the measurement")
+    position: tuple[Place, Place] | None = unit(
+        "position_m",
+        None,
+        strict=False,
+        description="x and y of its centre on a flat map of the skin; a pad or a coil takes its "
+        "scenario's",
+    )
     adc_bits: int = Field(default=12, ge=4, le=24, description="the converter's resolution")
     adc_gain_error: Tolerance = 0.0
     adc_offset_error: float = Field(default=0.0, ge=0, le=1000, description="in steps")

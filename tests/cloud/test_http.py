@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from eskin.messages import Encoding, Energy, Shedding, Sustained
+from eskin.messages import Encoding, Energy, Place, Shedding, Sustained
 from tests.cloud.clouds import batch, problem, put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
 
@@ -120,6 +120,19 @@ async def test_nodes_tell_their_energy(stand: Stand) -> None:
         "self_sustaining": "possible",
         "shedding": "peaks",
     }
+
+
+async def test_taxels_stand_where_the_latest_status_says(stand: Stand) -> None:
+    put(stand.cloud.store, status(6, boot=3))
+    asked = f"/api/v1/nodes/{NODE}/taxels"
+    assert (await stand.get(asked)).json() == {"items": [], "next": None}
+    told = (Place("t02", 0.01, 0.0), Place("t01", 0.0, -0.5))
+    put(stand.cloud.store, replace(status(7, boot=3), places=told))
+    assert (await stand.get(asked)).json()["items"] == [
+        {"id": "t01", "position_m": [0.0, -0.5]},
+        {"id": "t02", "position_m": [0.01, 0.0]},
+    ]
+    assert (await stand.get("/api/v1/nodes/nobody/taxels")).status_code == 404
 
 
 async def test_silent_node_is_late_then_offline(stand: Stand) -> None:

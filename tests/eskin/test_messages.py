@@ -22,6 +22,7 @@ from eskin.messages import (
     Gap,
     Message,
     Peak,
+    Place,
     Position,
     ResetCause,
     Status,
@@ -109,6 +110,10 @@ EXAMPLES: list[Message] = [
         (ChannelInfo("t01.current", "A", 1_000_000, 1.0),),
     ),
     Status(Position(3, 7), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), ResetCause.WATCHDOG),
+    Status(
+        Position(3, 8), (1, 2), "hand", "a hand", 10**9, 1, 2, 3, 4, (), ResetCause.POWER_ON, None,
+        (Place("t00", 0.01, -0.02), Place("t01", 0.03, 0.0)),
+    ),
 ]  # fmt: skip
 
 
@@ -202,3 +207,20 @@ def test_messages_are_as_the_documented_cddl_says(message: Message) -> None:
     schema.validate_cbor(message.encode())
     with pytest.raises(pycddl.ValidationError):
         schema.validate_cbor(dump(cbor2.loads(message.encode()) | {77: 1}))
+
+
+@pytest.mark.parametrize(
+    ("places", "reason"),
+    [
+        ([], "no taxel"),
+        ([["t00", 0.0, 0.0], ["t00", 1.0, 0.0]], "one twice"),
+        ([["t00", 0.0]], "2 items"),
+        ([["T 0", 0.0, 0.0]], "'T 0'"),
+        ([["t00", 0, 0.0]], "expected a float"),
+        ([["t00", 0.0, 101.0]], "101.0"),
+    ],
+)
+def test_places_that_are_none_are_refused(places: list[object], reason: str) -> None:
+    fields = cbor2.loads(EXAMPLES[-1].encode()) | {17: places}
+    with pytest.raises(MessageError, match=reason):
+        decode_message(dump(fields))

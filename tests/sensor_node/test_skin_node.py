@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pytest
 
-from eskin.messages import Block, Peak, decode_message
+from eskin.messages import Block, Peak, Place, Status, decode_message
 from eskin.peaks import Verdict
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import Bench
@@ -47,4 +48,19 @@ def test_taxels_of_a_node_live_the_same_contact(tmp_path: Path) -> None:
         tops[name] = int(values[1000:1500].argmax()) + 1000
     assert presses
     assert max(tops.values()) - min(tops.values()) <= 10, tops
+    bench.close()
+
+
+@pytest.mark.parametrize(
+    ("profile", "place", "number"),
+    [("hand", Place("t01", 0.03, 0.01), 16), ("fingertip", Place("t03", 0.004, 0.007), 3)],
+)
+def test_status_tells_where_taxels_sit(
+    tmp_path: Path, profile: str, place: Place, number: int
+) -> None:
+    bench = Bench(tmp_path, profile)
+    bench.node.record_status()
+    (status,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
+    assert place in status.places
+    assert len(status.places) == number
     bench.close()

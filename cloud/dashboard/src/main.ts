@@ -3,6 +3,7 @@ import "./style/tokens.css";
 import "./style/layout.css";
 import "./style/chart.css";
 import "./style/parts.css";
+import "./style/skin.css";
 import { Client } from "./api/client";
 import { Palette } from "./chart/palette";
 import { ThemeChoice } from "./state/theme";

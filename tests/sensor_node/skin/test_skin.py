@@ -82,3 +82,16 @@ def test_names_have_as_many_digits_as_the_last_needs() -> None:
     assert SKINS["flat"].names[:2] == ("t00", "t01")
     assert HandShape(shape="hand").build().names[-1] == "t8399"
     assert SKINS["flat"].numbers["t34"] == 34
+
+
+@pytest.mark.parametrize("name", SKINS)
+def test_map_lays_neighbours_a_pitch_apart_but_where_it_is_cut(name: str) -> None:
+    skin = SKINS[name]
+    cut = 0
+    for number in range(len(skin)):
+        for other in beside(skin, number):
+            apart = np.linalg.norm(skin.unrolled[number] - skin.unrolled[other])
+            cut += apart != pytest.approx(skin.pitch)
+    # A cylinder is cut along one line, from both sides of which each ring's ends see each other.
+    assert cut == (2 * 4 if name == "cylinder" else 0)
+    assert len(np.unique(skin.unrolled.round(9), axis=0)) == len(skin)

@@ -1,4 +1,4 @@
-import type { ChannelItem, EventItem, NodeItem, NodeState, Page, SegmentItem, SeriesAnswer } from "./contract";
+import type { ChannelItem, EventItem, NodeItem, NodeState, Page, SegmentItem, SeriesAnswer, TaxelItem } from "./contract";
 import { Failure, isAbort } from "./failure";
 import type { Instant } from "../time/instant";
 
@@ -50,6 +50,10 @@ export class Client {
 
   channels(node: string, signal: AbortSignal): Promise<ChannelItem[]> {
     return this.all<ChannelItem>(`/nodes/${part(node)}/channels`, {}, signal).then((list) => list.items);
+  }
+
+  taxels(node: string, signal: AbortSignal): Promise<TaxelItem[]> {
+    return this.all<TaxelItem>(`/nodes/${part(node)}/taxels`, {}, signal).then((list) => list.items);
   }
 
   state(node: string, signal: AbortSignal): Promise<NodeState> {

@@ -35,6 +35,12 @@ export interface NodeItem {
   readonly channels: number;
 }
 
+/** A taxel that sits somewhere: x and y of its centre in m, on a flat map of the skin. */
+export interface TaxelItem {
+  readonly id: string;
+  readonly position_m: readonly [number, number];
+}
+
 export interface ChannelItem {
   readonly id: string;
   readonly taxel: string;

@@ -8,6 +8,7 @@ import { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
 import { element } from "./element";
 import { notice } from "./notice";
+import { SkinPicture } from "./skin-picture";
 
 export interface SectionOptions {
   readonly context: Context;
@@ -29,6 +30,7 @@ export class NodeSection {
   channels: readonly ChannelItem[] = [];
   private readonly grid = element("div", { class: "grid" });
   private readonly edge = new LiveEdge();
+  private readonly picture: SkinPicture | null;
   private readonly loading = new AbortController();
   private loadedAt: number | null = null;
   private retry: ReturnType<typeof setTimeout> | null = null;
@@ -36,13 +38,15 @@ export class NodeSection {
   constructor(private readonly options: SectionOptions) {
     const { context, node, channel } = options;
     const href = printPlace({ ...context.place(), node, channel: null, question: null });
+    this.picture = channel === null ? new SkinPicture(context, node) : null;
     const head = channel === null ? element("h2", { class: "section-head" }, element("a", { href }, node)) : null;
-    this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.grid);
+    this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.picture?.root, this.grid);
     this.grid.append(notice("loading", "Loading channels…", ""));
     void this.load();
   }
 
   apply(view: View): void {
+    this.picture?.apply(view);
     for (const panel of this.panels.values()) panel.apply(view);
   }
 
@@ -56,11 +60,13 @@ export class NodeSection {
       this.loadedAt = null;
       void this.load();
     }
+    this.picture?.frame(at);
     for (const panel of this.panels.values()) panel.frame(at);
   }
 
   /** Takes a live block; a channel that is new makes the section ask for the list again. */
   take(block: SeriesAnswer, at: number): void {
+    this.picture?.take(block, at);
     const panel = this.panels.get(block.channel);
     if (panel) panel.take(block, at);
     else if (this.options.channel === null && this.retry === null) this.loadAgain(1_000);
@@ -97,6 +103,7 @@ export class NodeSection {
 
   destroy(): void {
     this.loading.abort();
+    this.picture?.destroy();
     if (this.retry !== null) clearTimeout(this.retry);
     for (const panel of this.panels.values()) panel.destroy();
     this.root.remove();
@@ -130,6 +137,7 @@ export class NodeSection {
   private showPanels(): void {
     const { channel: only, node } = this.options;
     const wanted = this.channels.filter((channel) => only === null || channel.id === only);
+    this.picture?.show(this.channels);
     const fresh = wanted.filter((channel) => !this.panels.has(channel.id));
     if (this.panels.size === 0) this.grid.replaceChildren();
     for (const channel of wanted) {

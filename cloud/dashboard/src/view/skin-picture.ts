@@ -1,0 +1,180 @@
+import type { ChannelItem, SeriesAnswer, TaxelItem } from "../api/contract";
+import { isAbort } from "../api/failure";
+import { formatInterval } from "../interval/format";
+import { readInterval, type Interval } from "../interval/interval";
+import { judge, levelOf, quantitiesOf, type Contact } from "../skin/contact";
+import { layOut, PITCH } from "../skin/layout";
+import { printPlace, type View } from "../state/place";
+import type { Context } from "./context";
+import { element, setText } from "./element";
+import { LevelField } from "./level-field";
+import { drawing, taxelMark } from "./taxel-mark";
+
+const REPAINT_MS = 100;
+const STALE_MS = 4_000;
+const SETTLE_MS = 250;
+/** In the past, what is shown is what was measured in so many ns before the window's end. */
+const LOOK_BACK = 250_000_000n;
+interface Known {
+  readonly interval: Interval;
+  readonly at: number;
+}
+
+/** Joins a block's intervals to their hull; a missing sample makes nothing of it, an unbounded side counts. */
+export function hullOf({ lo, hi }: Pick<SeriesAnswer, "lo" | "hi">): Interval | null {
+  let hull: Interval | null = null;
+  for (const [index, low] of lo.entries()) {
+    const high = hi[index] ?? null;
+    if (low === null && high === null) continue;
+    const one = readInterval({ lo: low, hi: high });
+    hull = hull === null ? one : { lo: Math.min(hull.lo, one.lo), hi: Math.max(hull.hi, one.hi) };
+  }
+  return hull;
+}
+
+/** A node's skin as a picture: each taxel where it sits, touched certainly, possibly or not. */
+export class SkinPicture {
+  readonly root = element("figure", { class: "skin", hidden: true, "data-testid": "skin" });
+  private readonly summary = element("figcaption", { class: "skin-summary", "data-testid": "skin-summary" });
+  private readonly choice = element("select", { "aria-label": "quantity", "data-testid": "skin-quantity" });
+  private readonly level: LevelField;
+  private readonly known = new Map<string, Known>();
+  private readonly marks = new Map<string, SVGElement>();
+  private channels: readonly ChannelItem[] = [];
+  private taxels: readonly TaxelItem[] = [];
+  private loading = new AbortController();
+  private timer: ReturnType<typeof setTimeout> | null = null;
+  private paintedAt = 0;
+  private view: View;
+
+  constructor(private readonly context: Context, private readonly node: string) {
+    this.view = context.place().view;
+    this.level = new LevelField(() => this.paint());
+    this.choice.addEventListener("change", () => this.choose());
+    void this.load();
+  }
+
+  /** Takes over the list of channels, once it is known or has grown. */
+  show(channels: readonly ChannelItem[]): void {
+    this.channels = channels;
+    this.offer();
+  }
+
+  /** Shows another window: the newest data, or the past at the window's end. */
+  apply(view: View): void {
+    const before = this.view;
+    this.view = view;
+    if (view.kind === "live" && before.kind === "live") return;
+    this.known.clear();
+    if (this.timer !== null) clearTimeout(this.timer);
+    if (view.kind === "history") this.timer = setTimeout(() => void this.look(), SETTLE_MS);
+  }
+
+  /** Takes a live block. */
+  take(block: SeriesAnswer, at: number): void {
+    if (this.view.kind !== "live") return;
+    const interval = hullOf(block);
+    if (interval === null) this.known.delete(block.channel);
+    else this.known.set(block.channel, { interval, at });
+  }
+
+  frame(at: number): void {
+    if (this.root.hidden || at - this.paintedAt < REPAINT_MS) return;
+    this.paintedAt = at;
+    this.paint();
+  }
+
+  destroy(): void {
+    this.loading.abort();
+    if (this.timer !== null) clearTimeout(this.timer);
+  }
+
+  private async load(): Promise<void> {
+    try {
+      this.taxels = await this.context.client.taxels(this.node, this.loading.signal);
+    } catch (error) {
+      if (isAbort(error)) return;
+      // The charts beneath tell of the same failure; they list their channels again, and so does this.
+      this.timer = setTimeout(() => void this.load(), STALE_MS);
+      return;
+    }
+    this.offer();
+  }
+
+  /** Offers the quantities that the skin has, and draws it, where it has any. */
+  private offer(): void {
+    const quantities = quantitiesOf(this.channels, new Set(this.taxels.map(({ id }) => id)));
+    const shown = [...this.choice.options].map(({ value }) => value);
+    if (quantities.length === 0 || quantities.join() === shown.join()) return;
+    this.choice.replaceChildren(...quantities.map((name) => element("option", { value: name }, name.replaceAll("_", " "))));
+    const controls = element("div", { class: "fields" }, "Touched where", this.choice, "is above", this.level.root);
+    this.root.replaceChildren(controls, this.draw(), this.summary);
+    this.root.hidden = false;
+    this.choose();
+    if (this.view.kind === "history") void this.look();
+  }
+
+  private choose(): void {
+    const channel = this.channels.find(({ quantity }) => quantity === this.choice.value);
+    this.level.set(levelOf(this.channels, this.choice.value), channel?.unit ?? "1");
+    if (this.view.kind === "history") void this.look();
+    this.paint();
+  }
+
+  private draw(): SVGSVGElement {
+    const { spots, width, height } = layOut(this.taxels);
+    const svg = drawing(width, height);
+    svg.setAttribute("aria-label", `The skin of ${this.node}: ${spots.length} taxels`);
+    this.marks.clear();
+    for (const { taxel, x, y } of spots) {
+      const mark = taxelMark(taxel, { x, y, radius: 0.42 * PITCH });
+      mark.addEventListener("click", (event) => {
+        event.preventDefault();
+        this.context.go({ ...this.context.place(), node: this.node, channel: this.channelOf(taxel), question: null });
+      });
+      this.marks.set(taxel, mark);
+      svg.append(mark);
+    }
+    return svg;
+  }
+
+  private channelOf(taxel: string): string {
+    return `${taxel}.${this.choice.value}`;
+  }
+
+  /** Asks what was measured at the end of a window in the past. */
+  private async look(): Promise<void> {
+    const { view } = this;
+    if (view.kind !== "history") return;
+    const window = { start: view.to - LOOK_BACK, end: view.to, points: 1 };
+    const names = new Set(this.channels.map(({ id }) => id));
+    const wanted = this.taxels.map(({ id }) => this.channelOf(id)).filter((channel) => names.has(channel));
+    const ask = async (channel: string): Promise<void> => {
+      const interval = hullOf(await this.context.client.series({ node: this.node, channel }, window, this.loading.signal));
+      if (this.view === view && interval !== null) this.known.set(channel, { interval, at: Infinity });
+    };
+    // What cannot be had stays unknown, which the picture shows.
+    await Promise.allSettled(wanted.map(ask));
+    this.paint();
+  }
+
+  private paint(): void {
+    const counts: Record<Contact, number> = { certain: 0, possible: 0, none: 0, unknown: 0 };
+    const now = performance.now();
+    const unit = this.channels.find(({ quantity }) => quantity === this.choice.value)?.unit ?? "1";
+    for (const [taxel, mark] of this.marks) {
+      const known = this.known.get(this.channelOf(taxel));
+      const interval = known && now - known.at < STALE_MS ? known.interval : null;
+      const contact = judge(interval, this.level.value);
+      counts[contact] += 1;
+      mark.dataset["contact"] = contact;
+      mark.setAttribute("href", printPlace({ ...this.context.place(), node: this.node, channel: this.channelOf(taxel), question: null }));
+      const text = `${taxel}: ${contact}${interval ? `, ${formatInterval(interval, unit)}` : ""}`;
+      if (mark.getAttribute("aria-label") !== text) {
+        mark.setAttribute("aria-label", text);
+        mark.querySelector("title")!.textContent = text;
+      }
+    }
+    setText(this.summary, `Contact: ${counts.certain} certain, ${counts.possible} possible, ${counts.none} none${counts.unknown > 0 ? `, ${counts.unknown} unknown` : ""}.`);
+  }
+}
