@@ -33,7 +33,8 @@ def hulls(demo: RunningDemo, end: int) -> dict[str, tuple[float, float]]:
     found = {}
     for taxel in ("t01", "t02", "t03"):
         series = demo.get(f"/series/fingertip/{taxel}.capacitance?{window}")
-        found[taxel] = min(series["lo"]), max(series["hi"])
+        known = [(lo, hi) for lo, hi in zip(series["lo"], series["hi"], strict=True) if lo != hi]
+        found[taxel] = min(lo for lo, _ in known), max(hi for _, hi in known)
     return found
 
 
