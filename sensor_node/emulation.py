@@ -17,6 +17,7 @@ from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.machine.sheet import coverage, data_sheet
 from sensor_node.physics import build_world
+from sensor_node.physics.pad import PadWorld
 from sensor_node.physics.touch import TouchWorld
 from sensor_node.truth import TrueBlock
 
@@ -97,6 +98,7 @@ class EmulatedTaxel:
         )
         self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
         self.next: Frame = self.control_unit.schedule.frame(0)
+        self._adjust()
 
     @property
     def name(self) -> str:
@@ -224,7 +226,7 @@ class EmulatedTaxel:
         """Set the hardware as the control unit has chosen, for the next frame."""
         chosen = self.control_unit.adaptation
         self._frontend.adjust(chosen.gain, chosen.trim)
-        if isinstance(self._world, TouchWorld):
+        if isinstance(self._world, TouchWorld | PadWorld):
             self._world.move(chosen.plate)
 
     def _seconds(self, frame: Frame) -> Floats:

@@ -179,11 +179,11 @@ class ControlUnit:
         settings, records = self.adaptation, []
         self._taxel.adjust(settings.gain, settings.trim)
         if settings.plate != plate:
-            ratio = self._taxel.move(plate, settings.plate)
+            ratios = self._taxel.move(plate, settings.plate)
             for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
-                if quantity in self._taxel.plated:
+                if quantity in ratios:
                     records += unit.skip(0)
-                    unit.baseline.scale(ratio)
+                    unit.baseline.scale(ratios[quantity])
         return records
 
     def _restart(self, smoothing: float) -> "list[Record]":

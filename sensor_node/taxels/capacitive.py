@@ -6,6 +6,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from eskin.settings import Section
 from sensor_node.replay import Recorded
 from sensor_node.scenario.fit import (
     Staged,
@@ -34,6 +35,16 @@ class RcSection(TaxelSection):
     @classmethod
     def _adc_range(cls, value: float, info: ValidationInfo) -> float:
         return above(info, value, "adc_min_A", "adc_min")
+
+
+class Actuated(Section):
+    """Plates that an actuator moves apart."""
+
+    actuator_steps: int = Field(
+        default=0, ge=0, le=100, description="steps by which the plates can be moved apart"
+    )
+    actuator_step_m: Positive = Field(default=2.5e-4, description="size of one, at rest")
+    actuator_step_tolerance: Tolerance = Field(default=2e-3, description="of what a step adds")
 
 
 class CapacitiveSection(RcSection):
@@ -67,7 +78,7 @@ class RecordedCapacitanceSection(Recorded, CapacitiveSection):
     kind: Literal["recorded_capacitance"]
 
 
-class PadSection(Staged, CapacitiveSection):
+class PadSection(Staged, Actuated, CapacitiveSection):
     """Capacitive taxel of a skin, pressed as a scenario has it. Noise: in A, before the ADC.
 
     Two plates with an elastic layer between them; docs/scenarios.md has its model.
@@ -129,7 +140,7 @@ class PadSection(Staged, CapacitiveSection):
         return self
 
 
-class TouchSection(RcSection):
+class TouchSection(Actuated, RcSection):
     """Touch that covers a plate (eq. 2, 10). Noise: on the area, in m²."""
 
     chain: ClassVar[str] = "touch"
@@ -141,11 +152,6 @@ class TouchSection(RcSection):
     area_tolerance: Tolerance = 0.02
     plate_distance_m: Positive = 1e-3
     plate_distance_tolerance: Tolerance = 2e-3
-    actuator_steps: int = Field(
-        default=0, ge=0, le=100, description="steps by which the plates can be moved apart"
-    )
-    actuator_step_m: Positive = Field(default=2.5e-4, description="size of one")
-    actuator_step_tolerance: Tolerance = Field(default=2e-3, description="of what a step adds")
     relative_permittivity: float = Field(default=1.0, ge=1)
     supply: Positive = unit("supply_V", 5.0)
     supply_tolerance: Tolerance = 1e-3

@@ -40,12 +40,15 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     recorder = Recorder(monkeypatch)
     changes = {"gain_least": 0.25, "gain_tolerance": 1e-3, "trimmer_steps": 300}
     moved = table("touch", adaptive=True, adc_min_A=1.2e-4, actuator_steps=4, **changes)
-    bench = Bench(tmp_path, "palm", taxel=(moved,), sampling={"block_samples": 50})
+    pad = table("pad", adaptive=True, adc_min_A=8.5e-4, actuator_steps=4, gain_most=1.0)
+    pad = {key: pad[key] for key in pad if key not in ("thermometer", "hygrometer")}
+    bench = Bench(tmp_path, "palm", taxel=(moved, pad), sampling={"block_samples": 50})
     bench.run_to(3.0)
     said = [body.hex() for body in bench.bodies()]
-    settings = bench.node.taxels[0].control_unit.adaptation
+    chosen = [taxel.control_unit.adaptation for taxel in bench.node.taxels]
     bench.close()
-    assert (settings.gain, settings.trim) != (1.0, 0)
+    assert (chosen[0].gain, chosen[0].trim) != (1.0, 0)
+    assert chosen[1].plate > 0
     assert under_micropython(recorder.job, tmp_path) == said
 
 
