@@ -133,9 +133,9 @@ next one is measured; [settings](settings.md) has the keys.
   in which twice of it would fit with room, it doubles.
 - **Trimmer** (`trimmer_steps`, `trimmer_step`): an offset taken away before the converter. It
   follows the drifting rest, and stays where something touches.
-- **Plates** (`actuator_steps`, `actuator_step_m`; `kind = "touch"` and `"pad"`): they move apart where
-  the gain is at its least and a touch still covers or presses too much, and back when it has gone.
-  Between a pad's plates the layer swells: what it is at rest is d0, and `d = d0 / (1 + p/E)` stays.
+- **Plates** (`actuator_steps`, `actuator_step_m`; of `touch` and `pad`): they move apart where the
+  gain is at its least and a touch still covers or presses too much, and back when it has gone.
+  Between a pad's plates the layer swells: d0 is what it is at rest, and `d = d0 / (1 + p/E)` stays.
 
 Each setting has its tolerance, belongs to a frame, and is part of the calculation: intervals
 enclose the truth through every change, and a contact that stays is never trimmed away. Frames
