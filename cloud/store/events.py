@@ -71,8 +71,7 @@ def peak_row(node: str, peak: Peak, data: bytes) -> Row:
 
 def gap_row(node: str, gap: Gap, data: bytes) -> Row:
     """A gap's row."""
-    detail = f"{gap.reason}: {gap.messages} messages and {gap.samples} samples lost"
-    return event_row(node, "gap", gap.position, gap.time, detail=detail, data=data)
+    return event_row(node, "gap", gap.position, gap.time, detail=gap.detail, data=data)
 
 
 def status_row(

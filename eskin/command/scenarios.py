@@ -118,8 +118,11 @@ unbounded side stays unbounded.
 
 A node looks for broken taxels in windows of 20 s: *dead* is certain where no sample of a window was
 bounded, *stuck* where a taxel stayed still while the four nearest of its kind moved by more than
-their uncertainty. It tells of each once, as a gap event with the reason `t05 certainly stuck`. The
-faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
+their uncertainty. It tells of each as a gap event with the reason `t05 certainly stuck`. From then
+on the taxel still tells what its line carries (capacitance, current, frequency, inductance), but no
+cause of it (distances, areas, pressure), and its neighbours do not believe it; a gap a window
+counts the samples that are left out. This ends with a window in which the fault is impossible.
+The faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
 others move.
 
 ## Adaptive control

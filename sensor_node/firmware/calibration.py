@@ -122,17 +122,9 @@ def plates(sheet: "Sheet") -> "Bounds":
     return product(permittivity, part(sheet, "plate_area"))
 
 
-def pressed(sheet: "Sheet", steps: int) -> "tuple[Bounds, Bounds, Bounds, Bounds, float, float]":
-    """A pad: ε0·εr·A, A, distance at rest, elasticity, greatest pressure, what neighbours give."""
-    most = sheet["pressure_max"]
-    return (
-        plates(sheet),
-        part(sheet, "plate_area"),
-        distance(sheet, steps),
-        part(sheet, "elasticity"),
-        most,
-        up(sheet["crosstalk"] * most),
-    )
+def pressed(sheet: "Sheet", steps: int) -> "tuple[Bounds, Bounds, Bounds]":
+    """A pad: ε0·εr·A, distance at rest, elasticity."""
+    return plates(sheet), distance(sheet, steps), part(sheet, "elasticity")
 
 
 def platinum(sheet: "Sheet") -> "Bounds":

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sensor_node.firmware.calibration import EPSILON_0
+from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE
 from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
-from sensor_node.firmware.inversion.pad import REFERENCE_TEMPERATURE
 from sensor_node.physics.parameters import draw_actuator, draw_part
 from sensor_node.physics.signals import Signals
 from sensor_node.scenario import Stage, read_scenario

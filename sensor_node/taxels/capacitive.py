@@ -14,6 +14,7 @@ from sensor_node.scenario.fit import (
     require_crosstalk,
     require_pressure,
     require_room,
+    require_sound,
 )
 from sensor_node.taxels.section import Positive, Rate, TaxelSection, Tolerance, above, unit
 
@@ -107,6 +108,12 @@ class PadSection(Staged, Actuated, CapacitiveSection):
     crosstalk: float = Field(
         default=0.1, ge=0, le=0.5, description="share of its neighbours' pressure that it feels"
     )
+    doubtful_neighbours: int = Field(
+        default=1,
+        ge=0,
+        le=8,
+        description="how many of its neighbours may be stuck without the node's knowledge",
+    )
     thermometer: str | None = Field(
         default=None, description="id of the node's taxel that it reads the temperature from"
     )
@@ -132,6 +139,7 @@ class PadSection(Staged, Actuated, CapacitiveSection):
         require_pressure(self.scenario, self.pressure_max_Pa)
         require_room(self.scenario, self.plate_area_m2)
         require_crosstalk(self.scenario, self.crosstalk)
+        require_sound(self.scenario, self.place, self.doubtful_neighbours)
         require_air(
             self.scenario,
             (self.temperature_min, self.temperature_max),

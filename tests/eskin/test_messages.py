@@ -117,6 +117,18 @@ def test_message_comes_back_equal(message: Message) -> None:
     assert decode_message(message.encode()) == message
 
 
+@pytest.mark.parametrize(
+    ("messages", "samples", "said"),
+    [
+        (0, 0, "t05 certainly stuck"),
+        (0, 1, "t05 certainly stuck: 1 sample lost"),
+        (1, 200, "t05 certainly stuck: 1 message and 200 samples lost"),
+    ],
+)
+def test_gap_tells_people_what_was_lost_if_anything(messages: int, samples: int, said: str) -> None:
+    assert Gap(Position(3, 5), "t05 certainly stuck", (1, 2), messages, samples, ()).detail == said
+
+
 def test_acknowledgement_comes_back_equal() -> None:
     ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)))
     assert Acknowledgement.decode(ack.encode()) == ack

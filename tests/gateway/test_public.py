@@ -74,7 +74,7 @@ def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
 
 def test_gap_says_what_was_lost() -> None:
     said = orjson.loads(public.event("n", gap(4))[1])
-    assert said["detail"] == "flash full: 2 messages given up, 200 samples lost"
+    assert said["detail"] == "flash full: 2 messages and 200 samples lost"
 
 
 def test_presence_publishes_changes_and_every_status_and_nothing_else() -> None:

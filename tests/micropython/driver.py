@@ -101,8 +101,17 @@ def work(
         return getattr(unit, step["call"])(*values) or []
     if "skip" in step:
         return unit.skip(step["skip"])
-    codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
-    return unit.process(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
+    if "tell" in step:
+        unit.broken = step["broken"]
+        return unit.tell()
+    if "codes" in step:
+        codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
+        unit.measure(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
+    elif "separate" in step:
+        unit.separate()
+    else:
+        unit.surround([units[k] for k in step["around"]], step["of"])
+    return []
 
 
 def times(step: "Table") -> "tuple[int, int]":

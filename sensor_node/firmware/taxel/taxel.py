@@ -28,6 +28,11 @@ class Taxel:
     amplified = 1
     """How many of them, the first ones, are behind the amplifier and the trimmer."""
 
+    derived: "tuple[str, ...]" = ()
+    """Quantities that are told of a cause, which a broken taxel does not feel any more."""
+    inverted: "Sequence[int]" = ()
+    """Of each sensor that is read along, how many codes had to be calculated so far."""
+
     def __init__(self, sheet: "Sheet", functions: "ModuleType" = inversion) -> None:
         self.sheet = sheet
         self._functions = functions
@@ -63,4 +68,22 @@ class Taxel:
 
         Each kind has its own; MicroPython knows no abstract classes.
         """
+        raise NotImplementedError
+
+    def surround(self, neighbours: int) -> None:
+        """Sit among so many neighbours in the skin; most kinds do not feel them."""
+
+    def separate(
+        self, n: int, bounds: "Sequence[Buffer]", around: "Sequence[tuple[Buffer, Buffer]]"
+    ) -> None:
+        """Take back what neighbours hand on, out of what was measured.
+
+        Args:
+            n: Samples.
+            bounds: What `measure` filled.
+            around: What neighbours feel at the same instants, as far as it is known.
+        """
+
+    def felt(self, bounds: "Sequence[Buffer]") -> "tuple[Buffer, Buffer]":
+        """What it hands on a share of; only taxels with neighbours have it."""
         raise NotImplementedError

@@ -17,6 +17,7 @@ class TouchTaxel(Taxel):
 
     quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
     inputs = ("current",)
+    derived = ("area",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)

@@ -127,6 +127,7 @@ def test_same_bytes_of_every_taxel_that_lives_a_scenario(
     taxels = [table(kind, **changes) for kind in kinds]
     taxels[0]["adc_min"] = 0.4
     taxels[-1] |= {"place": "t05", "temperature_min_Cel": -40.0}
+    taxels += [taxels[-1] | {"id": f"n{place}", "place": place} for place in ("t06", "t09")]
     bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"encoding": "f64"})
     bench.run_to(10.0)
     bench.node.finish()
@@ -135,7 +136,7 @@ def test_same_bytes_of_every_taxel_that_lives_a_scenario(
     assert under_micropython(recorder.job, tmp_path) == said
     blocks = [decode_message(bytes.fromhex(body)) for body in said]
     channels = {block.channel for block in blocks if isinstance(block, Block)}
-    assert len(channels) == 1 + 1 + 1 + 5 + 5
+    assert len(channels) == 1 + 1 + 1 + 5 + 3 * 5
 
 
 def test_same_energy_as_in_the_emulated_node(
