@@ -97,6 +97,12 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
             for c in message.channels
         ],
     }
+    if message.faults is not None:
+        item["faults"] = [
+            {"taxel": each.taxel}
+            | {"dead": each.dead.name.lower(), "stuck": each.stuck.name.lower()}
+            for each in message.faults
+        ]
     if message.energy is not None:
         item["energy"] = _energy(message.energy)
     return live_topic(node, "status"), orjson.dumps(item)

@@ -1,4 +1,4 @@
-"""The node's look at its own taxels: which of them are certainly broken."""
+"""The node's look at its own taxels: which of them are broken, certainly or possibly."""
 
 from __future__ import annotations
 
@@ -34,7 +34,8 @@ class Examiner:
         scribe: Writes its messages.
 
     Attributes:
-        verdicts: Of each taxel, whether it was dead and whether it was stuck in the last window.
+        faults: Taxels that may be broken, by the last window: name, whether it is dead, whether it
+            is stuck; none known before the first window is over.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class Examiner:
         self._self_test = SelfTest(neighbours(designs))
         self._tested = 0
         self._broken: dict[str, int] = {}
-        self.verdicts: list[tuple[int, int]] = []
+        self.faults: list[tuple[str, int, int]] | None = None
 
     def watch(self, number: int, ticks: int) -> list[Record]:
         """See a taxel's latest frame, which ended at some ticks; tells what a window has shown."""
@@ -60,10 +61,15 @@ class Examiner:
     def _examine(self, ticks: int) -> list[Record]:
         time = self._clock.enclosure(self._tested)[0], self._clock.enclosure(ticks)[1]
         self._tested = ticks
-        self.verdicts = self._self_test.examine()
-        said = []
-        for taxel, found in zip(self._taxels, self.verdicts, strict=True):
+        said: list[Record] = []
+        self.faults = []
+        for taxel, found in zip(self._taxels, self._self_test.examine(), strict=True):
             said += self._judge(taxel, found, time)
+            # What was certain once, and not refuted since, is certain.
+            known = self._broken.get(taxel.name)
+            dead, stuck = (CERTAIN if fault == known else found[fault] for fault in (0, 1))
+            if (dead, stuck) != (IMPOSSIBLE, IMPOSSIBLE):
+                self.faults.append((taxel.name, dead, stuck))
         return said
 
     def _judge(

@@ -176,6 +176,7 @@ class Node:
                 [channel for taxel in self.taxels for channel in taxel.channels],
                 int(self.machine.cause),
                 energy=None if self.energy is None else self.energy.manager.told,
+                faults=self._examiner.faults,
             )
             batch.take([status])
         return Position(self._outbox.boot, status.sequence)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, Final
 
 from cloud.store.schema import nodes
@@ -95,6 +96,7 @@ def status_row(
         "used": status.used,
         "capacity": status.capacity,
         "gaps": status.gaps,
+        "faults": _faults(status),
     } | _energy(status)
     ledger.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:
@@ -102,6 +104,18 @@ def status_row(
     cause = "" if status.cause is None else f", {status.cause.label}"
     detail = f"started: boot {place.boot}, {status.profile}{cause}"
     return event_row(node, "status", place, status.time, detail=detail, data=data)
+
+
+def _faults(status: Status) -> str | None:
+    """Which taxels may be broken; nothing before the node's first self-test."""
+    if status.faults is None:
+        return None
+    return json.dumps(
+        [
+            {"taxel": each.taxel, "dead": each.dead.name.lower(), "stuck": each.stuck.name.lower()}
+            for each in status.faults
+        ]
+    )
 
 
 def _energy(status: Status) -> Row:

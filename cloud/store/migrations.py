@@ -11,7 +11,7 @@ from cloud.store.schema import audit_log, commands, feed, metadata, nodes, state
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
 
 def _first(connection: Connection) -> None:
@@ -29,14 +29,25 @@ def _third(connection: Connection) -> None:
 
 
 def _fourth(connection: Connection) -> None:
+    _add(connection, ENERGY)
+
+
+def _fifth(connection: Connection) -> None:
+    _add(connection, ("faults",))
+
+
+def _add(connection: Connection, columns: Sequence[str]) -> None:
+    """Add columns to the nodes, unless they stand there from the first."""
     standing = {column["name"] for column in inspect(connection).get_columns(nodes.name)}
-    for name in ENERGY:
+    for name in columns:
         if name not in standing:
             kind = nodes.c[name].type.compile(connection.dialect)
             connection.execute(text(f"ALTER TABLE {nodes.name} ADD COLUMN {name} {kind}"))
 
 
-MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second, _third, _fourth)
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
+    *(_first, _second, _third, _fourth, _fifth),
+)
 CURRENT: Final = len(MIGRATIONS)
 
 

@@ -122,6 +122,8 @@ their uncertainty. It tells of each as a gap event with the reason `t05 certainl
 on the taxel still tells what its line carries (capacitance, current, frequency, inductance), but no
 cause of it (distances, areas, pressure), and its neighbours do not believe it; a gap a window
 counts the samples that are left out. This ends with a window in which the fault is impossible.
+What is only *possible* is told with the node's status: of each taxel, whether it is certainly,
+possibly or impossibly dead, and stuck. After a window without a touch all may be stuck.
 The faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
 others move.
 

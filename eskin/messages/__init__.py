@@ -14,7 +14,16 @@ from eskin.messages.gap import Gap
 from eskin.messages.head import Kind, Position
 from eskin.messages.peak import Peak
 from eskin.messages.result import Outcome, Result
-from eskin.messages.status import ChannelInfo, Energy, ResetCause, Shedding, Status, Sustained
+from eskin.messages.status import (
+    ChannelInfo,
+    Energy,
+    Fault,
+    ResetCause,
+    Shedding,
+    Status,
+    Sustained,
+    TaxelFaults,
+)
 from eskin.messages.vocabulary import CommandName, Mode
 
 __all__ = [
@@ -25,6 +34,7 @@ __all__ = [
     "CommandName",
     "Encoding",
     "Energy",
+    "Fault",
     "Gap",
     "Kind",
     "Message",
@@ -37,6 +47,7 @@ __all__ = [
     "Shedding",
     "Status",
     "Sustained",
+    "TaxelFaults",
     "decode_message",
 ]
 

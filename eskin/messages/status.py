@@ -20,8 +20,9 @@ from eskin.messages.head import (
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset((*range(1, 14), 16))
+_FIELDS: Final = frozenset((*range(1, 14), 16, 17))
 _MOST_CHANNELS: Final = 1000
+_MOST_TAXELS: Final = 100
 
 
 class ResetCause(IntEnum):
@@ -76,6 +77,29 @@ class Energy:
         return [*self.stored, *self.charge, int(self.verdict), int(self.shedding)]
 
 
+class Fault(IntEnum):
+    """Whether a taxel is broken, as far as its node can tell."""
+
+    IMPOSSIBLE = 0
+    POSSIBLE = 1
+    CERTAIN = 2
+
+
+@dataclass(frozen=True, slots=True)
+class TaxelFaults:
+    """A taxel that may be broken, by the latest window of its node's self-test.
+
+    Attributes:
+        taxel: Its name.
+        dead: Whether its line is open.
+        stuck: Whether it stays where it is.
+    """
+
+    taxel: str
+    dead: Fault
+    stuck: Fault
+
+
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
     """What a node says of one of its channels.
@@ -110,6 +134,7 @@ class Status:
         channels: What it measures.
         cause: Why it started; ``None`` where it does not say.
         energy: What it knows of its energy; ``None`` where it has a supply that never ends.
+        faults: Taxels that may be broken; ``None`` before its first self-test.
     """
 
     position: Position
@@ -124,6 +149,7 @@ class Status:
     channels: tuple[ChannelInfo, ...]
     cause: ResetCause | None = None
     energy: Energy | None = None
+    faults: tuple[TaxelFaults, ...] | None = None
 
     def encode(self) -> bytes:
         """Write as CBOR."""
@@ -135,6 +161,7 @@ class Status:
             | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
             | cause
             | ({} if self.energy is None else {16: self.energy.encode()})
+            | ({} if self.faults is None else {17: [_encoded(each) for each in self.faults]})
         )
 
     @classmethod
@@ -163,6 +190,7 @@ class Status:
             channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
             cause=_cause(fields),
             energy=_energy(fields) if fields.has(16) else None,
+            faults=_faults(fields) if fields.has(17) else None,
         )
 
 
@@ -185,6 +213,24 @@ def _energy(fields: Fields) -> Energy:
         Sustained(integer(found[4], "field 16, verdict", 0, max(Sustained))),
         Shedding(integer(found[5], "field 16, shedding", 0, max(Shedding))),
     )
+
+
+def _encoded(faults: TaxelFaults) -> list[str | int]:
+    return [faults.taxel, int(faults.dead), int(faults.stuck)]
+
+
+def _faults(fields: Fields) -> tuple[TaxelFaults, ...]:
+    return tuple(_fault(value) for value in fields.items(17, _MOST_TAXELS))
+
+
+def _fault(value: object) -> TaxelFaults:
+    found = items(value, "field 17", 3)
+    if len(found) != 3:
+        raise MessageError(f"field 17 holds {len(found)} items a taxel; expected 3")
+    dead, stuck = (Fault(integer(each, "field 17, fault", 0, max(Fault))) for each in found[1:])
+    if dead is stuck is Fault.IMPOSSIBLE:
+        raise MessageError("field 17 names a taxel that cannot be broken")
+    return TaxelFaults(text(found[0], "field 17, taxel", 31), dead, stuck)
 
 
 def _channel(value: object) -> ChannelInfo:

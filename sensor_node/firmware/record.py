@@ -191,13 +191,15 @@ class Scribe:
         cause: int,
         *,
         energy: "Energy | None" = None,
+        faults: "Sequence[tuple[str, int, int]] | None" = None,
     ) -> Record:
         """How the node fares, and why it started.
 
         ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
-        stored in J, bounds of the state of charge, verdict, stage of shedding.
+        stored in J, bounds of the state of charge, verdict, stage of shedding. ``faults``: taxels
+        that may be broken, whether they are dead and whether they are stuck.
         """
-        out, sequence = self._begin(STATUS, 13 if energy is None else 14)
+        out, sequence = self._begin(STATUS, 13 + (energy is not None) + (faults is not None))
         _integers(out, 4, time)
         _text(out, 5, profile)
         _text(out, 6, description)
@@ -221,6 +223,14 @@ class Scribe:
                 out.real(bound)
             out.integer(verdict)
             out.integer(stage)
+        if faults is not None:
+            out.integer(17)
+            out.array(len(faults))
+            for name, dead, stuck in faults:
+                out.array(3)
+                out.text(name)
+                out.integer(dead)
+                out.integer(stuck)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":

@@ -19,12 +19,14 @@ from eskin.messages import (
     Block,
     ChannelInfo,
     Encoding,
+    Fault,
     Gap,
     Message,
     Peak,
     Position,
     ResetCause,
     Status,
+    TaxelFaults,
     decode_message,
 )
 from eskin.messages.fields import dump
@@ -109,6 +111,11 @@ EXAMPLES: list[Message] = [
         (ChannelInfo("t01.current", "A", 1_000_000, 1.0),),
     ),
     Status(Position(3, 7), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), ResetCause.WATCHDOG),
+    Status(
+        Position(3, 8), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (),
+        faults=(TaxelFaults("t01", Fault.CERTAIN, Fault.POSSIBLE),),
+    ),
+    Status(Position(3, 9), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), faults=()),
 ]  # fmt: skip
 
 
@@ -127,6 +134,15 @@ def test_message_comes_back_equal(message: Message) -> None:
 )
 def test_gap_tells_people_what_was_lost_if_anything(messages: int, samples: int, said: str) -> None:
     assert Gap(Position(3, 5), "t05 certainly stuck", (1, 2), messages, samples, ()).detail == said
+
+
+@pytest.mark.parametrize(
+    "given", [["t01", 0, 0], ["t01", 3, 0], ["t01", 1], ["", 1, 1], ["t01", -1, 1], 5]
+)
+def test_faults_that_make_no_sense_are_refused(given: object) -> None:
+    told = cbor2.loads(EXAMPLES[-2].encode()) | {17: [given]}
+    with pytest.raises(MessageError):
+        decode_message(cbor2.dumps(told, canonical=True))
 
 
 def test_acknowledgement_comes_back_equal() -> None:

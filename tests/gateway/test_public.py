@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Position
+from eskin.messages import Block, Encoding, Fault, Position, TaxelFaults
 from eskin.moment import parse_moment
 from eskin.tube import Tube
 from gateway import public
@@ -45,6 +46,13 @@ def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n
     assert parse_moment(said["t0"]) == EPOCH
     assert parse_moment(said["t1"]) == EPOCH + early + (n - 1) * 1_000_003
     assert (said["unit"], said["n"], said["coverage"]) == ("F", n, 1.0)
+
+
+def test_status_tells_which_taxels_may_be_broken() -> None:
+    told = replace(status(1), faults=(TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),))
+    said = orjson.loads(public.status("n", told, online=True)[1])
+    assert said["faults"] == [{"taxel": "t05", "dead": "impossible", "stuck": "certain"}]
+    assert "faults" not in orjson.loads(public.status("n", status(1), online=True)[1])
 
 
 def test_unbounded_side_is_null() -> None:

@@ -93,7 +93,8 @@ def work(
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
         energy = manager.told if manager and step["lives"] else None
-        return [scribe.status(times(step), *told, energy=energy)]
+        faults = step["faults"]
+        return [scribe.status(times(step), *told, energy=energy, faults=faults)]
     unit = units[step["taxel"]]
     if "call" in step:
         given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip

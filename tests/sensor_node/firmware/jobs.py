@@ -114,6 +114,7 @@ class Recorder:
         ) -> Record:
             given: dict[str, Any] = {"status": profile, "description": description}
             given |= {"storage": storage, "cause": cause, "lives": energy.get("energy") is not None}
+            given["faults"] = energy.get("faults")
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
             told = time, profile, description, uptime, storage, channels, cause

@@ -44,11 +44,17 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     pad = {key: pad[key] for key in pad if key not in ("thermometer", "hygrometer")}
     bench = Bench(tmp_path, "palm", taxel=(moved, pad), sampling={"block_samples": 50})
     bench.run_to(3.0)
+    plate = bench.node.taxels[1].control_unit.adaptation.plate
+    # As if a self-test had found it: it tells no cause any more, and the status says so.
+    bench.node.taxels[1].control_unit.broken = True
+    bench.node._examiner.faults = [("t00", 0, 2), ("t01", 1, 0)]
+    bench.node.record_status()
+    bench.run_to(4.0)
     said = [body.hex() for body in bench.bodies()]
-    chosen = [taxel.control_unit.adaptation for taxel in bench.node.taxels]
+    settings = bench.node.taxels[0].control_unit.adaptation
     bench.close()
-    assert (chosen[0].gain, chosen[0].trim) != (1.0, 0)
-    assert chosen[1].plate > 0
+    assert (settings.gain, settings.trim) != (1.0, 0)
+    assert plate > 0
     assert under_micropython(recorder.job, tmp_path) == said
 
 

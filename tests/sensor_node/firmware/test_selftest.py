@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.messages import Block, Gap, decode_message
+from eskin.messages import Block, Fault, Gap, Status, TaxelFaults, decode_message
 from sensor_node.examiner import SELF_TEST
 from sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, POSSIBLE, SelfTest, Window
 from sensor_node.profile import Profile
@@ -182,11 +182,16 @@ def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) 
     bench = Bench(tmp_path, "hand", taxel=[pad], sampling={"block_samples": 25})
     unit = bench.node.taxels[0].control_unit
     bench.run_to(45.0)
+    assert bench.node._examiner.faults == [("t00", CERTAIN, POSSIBLE)]
     assert list(broken(bench)) == ["t00"]  # it saturated all the time: as an open line does
     unit._taxel._adc = (1e-7, 1e-7, 0.0, 0.0, 0.0)  # as if the contact had gone
     unit._taxel._last = 1 << 20
     bench.run_to(82.0)
     assert list(broken(bench)) == []
+    assert bench.node._examiner.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
+    bench.node.record_status()
+    (told,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
+    assert told.faults == (TaxelFaults("t00", Fault.IMPOSSIBLE, Fault.POSSIBLE),)
     gaps = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Gap)]
     assert {gap.reason for gap in gaps} == {"t00 certainly dead"}
     assert [gap.samples for gap in gaps] == [0, 3 * 25 * 20, 3 * 25 * 20, 3 * 25 * 20]
