@@ -145,9 +145,12 @@ next one is measured; [settings](settings.md) has the keys.
 Each setting has its tolerance, belongs to a frame, and is part of the calculation: intervals
 enclose the truth through every change, and a contact that stays is never trimmed away. Frames
 (`sampling.block_samples`) are what it reacts in: within one, a sudden touch may still saturate,
-and then says so. A trimmer makes up for a converter whose range does not begin at 0. The profile
-hand leaves it off: there the tolerances of parts, not the converter's steps, make the intervals of
-capacitance wide.
+and then says so. The processor's time would allow for more, a few hundred instructions at the
+moment that a comparator of the converter tells of a code near an end. But all of a frame's buffer
+is calculated with one setting when it is full; a frame in pieces would need the setting, and what
+the next choice is made from, for each piece. Fewer samples in a block react sooner. A trimmer
+makes up for a converter whose range does not begin at 0. The profile hand leaves it off: there
+the tolerances of parts, not the converter's steps, make the intervals of capacitance wide.
 """
 
 
