@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -126,6 +127,7 @@ def node_shape(row: Row, *, channels: int, health: str) -> Json:
         "outbox": None if row["messages"] is None else outbox,
         "gaps": row["gaps"] or 0,
         "energy": None if row["shedding"] is None else _energy_shape(row),
+        "faults": None if row["faults"] is None else json.loads(row["faults"]),
         "channels": channels,
     }
 

@@ -70,7 +70,7 @@ def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
         "sequence": position.sequence,
         "detail": None,
     }
-    item |= _peak(message) if isinstance(message, Peak) else {"detail": _detail(message)}
+    item |= _peak(message) if isinstance(message, Peak) else {"detail": message.detail}
     return live_topic(node, "events"), orjson.dumps(item)
 
 
@@ -97,6 +97,12 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
             for c in message.channels
         ],
     }
+    if message.faults is not None:
+        item["faults"] = [
+            {"taxel": each.taxel}
+            | {"dead": each.dead.name.lower(), "stuck": each.stuck.name.lower()}
+            for each in message.faults
+        ]
     if message.energy is not None:
         item["energy"] = _energy(message.energy)
     return live_topic(node, "status"), orjson.dumps(item)
@@ -126,7 +132,3 @@ def _peak(peak: Peak) -> dict[str, Any]:
 
 def _interval(bounds: tuple[float, float]) -> dict[str, float]:
     return {"lo": bounds[0], "hi": bounds[1]}
-
-
-def _detail(gap: Gap) -> str:
-    return f"{gap.reason}: {gap.messages} messages given up, {gap.samples} samples lost"

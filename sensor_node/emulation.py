@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from array import array
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -12,16 +13,15 @@ from eskin.messages import Encoding, Position
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.record import BLOCK
 from sensor_node.firmware.taxel import CHAINS
-from sensor_node.frontend import build_frontend
 from sensor_node.machine.crystal import BILLION
+from sensor_node.machine.ledger import operations
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.machine.sheet import coverage, data_sheet
-from sensor_node.physics import build_world
-from sensor_node.physics.touch import TouchWorld
+from sensor_node.machine.sheet import data_sheet
+from sensor_node.sensing import Sensing
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
     from types import ModuleType
 
     from eskin.interval import Floats
@@ -50,6 +50,7 @@ class EmulatedTaxel:
         sampling: How samples become blocks.
         functions: The firmware's arithmetic, or its compiled copy.
         companions: What it reads along, by the names of its inputs.
+        coverage: Probability that its intervals hold the truth.
     """
 
     def __init__(
@@ -57,20 +58,20 @@ class EmulatedTaxel:
         taxel: AnyTaxel,
         *,
         companions: Mapping[str, Companion],
+        coverage: float,
         seed: tuple[int, ...],
         clock: Clock,
         sampling: SamplingSection,
         functions: ModuleType,
     ) -> None:
         self._taxel = taxel
-        self.chains = [taxel.chain, *(each.taxel.chain for each in companions.values())]
+        self._inverted: list[int] = []
         self._seed = seed
         self._sampling = sampling
         self._functions = functions
-        parts = np.random.default_rng(seed)
-        self._world = build_world(taxel, parts)
-        self._frontend = build_frontend(taxel, parts, companions)
+        self._sensing = Sensing(taxel, seed, companions)
         self._companions = companions
+        self._coverage = coverage
         self._clock = clock
 
     def boot(self, number: int, scribe: Scribe) -> None:
@@ -88,15 +89,17 @@ class EmulatedTaxel:
             taxel.id,
             self._calibrated,
             schedule=build_schedule(taxel, self._sampling.block_samples),
-            coverage=coverage(taxel, self._companions),
+            coverage=self._coverage,
             prominences=_prominences(taxel),
             longest=round(taxel.longest_region_s * BILLION),
             encoding=int(Encoding[self._sampling.encoding.upper()]),
             clock=self._clock.known,
             scribe=scribe,
         )
+        self._inverted = list(self._calibrated.inverted)
         self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
         self.next: Frame = self.control_unit.schedule.frame(0)
+        self._adjust()
 
     @property
     def name(self) -> str:
@@ -107,6 +110,14 @@ class EmulatedTaxel:
     def inputs(self) -> int:
         """Of the converter, each of them read at each sample."""
         return len(self._calibrated.inputs)
+
+    def operations(self, n: int) -> int:
+        """Operations of its inversion with the n samples of its latest frame."""
+        before, self._inverted = self._inverted, list(self._calibrated.inverted)
+        chains = [each.taxel.chain for each in self._companions.values()]
+        counts = [now - then for then, now in zip(before, self._inverted, strict=True)]
+        new = dict(zip(chains, counts, strict=True))
+        return operations(self._taxel.chain, n, self.control_unit.known_neighbours, new)
 
     @property
     def channels(self) -> list[Channel]:
@@ -120,8 +131,7 @@ class EmulatedTaxel:
             FirmwareError: The firmware failed.
         """
         frame = self.next
-        random = np.random.default_rng((*self._seed, self._boot, frame.start))
-        signals = self._world.signals(self._seconds(frame), random)
+        signals, random = self._sense(frame)
         records: list[Record] = []
         true_blocks: list[TrueBlock] = []
         for begin, end, present in signals.runs(frame.n):
@@ -135,19 +145,67 @@ class EmulatedTaxel:
         self.next = self.control_unit.schedule.frame(frame.number + 1)
         return records, true_blocks
 
+    def take(self) -> None:
+        """Measure the next frame, which has no gaps, and say nothing yet.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        signals, random = self._sense(self.next)
+        digitised = self._sensing.digitise(signals.sensed, random)
+        self._truth = signals.truth | digitised.truth
+        with self._watched():
+            self.control_unit.measure(self.next, self._codes(digitised))
+
+    def separate(self) -> None:
+        """Take back what neighbours have handed on, which are measured, too.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        with self._watched():
+            self.control_unit.separate()
+
+    def tell(self) -> tuple[list[Record], list[TrueBlock]]:
+        """What the node says of the frame that was taken, and the truth behind its blocks.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        frame = self.next
+        with self._watched():
+            records = self.control_unit.tell()
+        self.next = self.control_unit.schedule.frame(frame.number + 1)
+        return records, self._told(frame, records, self._truth)
+
+    def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
+        random = np.random.default_rng((*self._seed, self._boot, frame.start))
+        return self._sensing.signals(self._seconds(frame), random), random
+
     def _measure(
         self, frame: Frame, signals: Signals, random: np.random.Generator
     ) -> tuple[list[Record], list[TrueBlock]]:
-        digitised = self._frontend.digitise(signals.sensed, random)
+        digitised = self._sensing.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        ends = [self._codes(self._frontend.digitise(end, random)) for end in signals.ends]
-        try:
+        ends = [self._codes(self._sensing.digitise(end, random)) for end in signals.ends]
+        with self._watched():
             records = self.control_unit.process(frame, *(ends or [self._codes(digitised)]))
+        return records, self._told(frame, records, truth)
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        try:
+            yield
         except Exception as error:
             raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
+
+    def _told(
+        self, frame: Frame, records: list[Record], truth: Mapping[str, Floats]
+    ) -> list[TrueBlock]:
+        """The truth behind blocks; the hardware is set for the next frame."""
         self._adjust()
         time = self._clock.true_time(frame.start)
-        return records, [
+        return [
             TrueBlock(
                 Position(self._boot, record.sequence),
                 record.channel,
@@ -212,9 +270,10 @@ class EmulatedTaxel:
         return self.control_unit.skip(lost), lost * len(self.channels)
 
     def missed(self, ticks: int) -> int:
-        """Samples that were due before a moment and not taken, over all channels."""
+        """Samples that were due before a moment and not told, over all channels."""
         due = self.control_unit.schedule.before(ticks)
-        return max(0, due - self.next.first) * len(self.channels)
+        left_out = self.control_unit.left_out
+        return max(0, due - self.next.first) * len(self.channels) + left_out
 
     def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
@@ -222,10 +281,7 @@ class EmulatedTaxel:
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
-        chosen = self.control_unit.adaptation
-        self._frontend.adjust(chosen.gain, chosen.trim)
-        if isinstance(self._world, TouchWorld):
-            self._world.move(chosen.plate)
+        self._sensing.adjust(self.control_unit.adaptation)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the emulation began, or since the burst's trigger."""

@@ -1,10 +1,10 @@
-"""The node's look at its own taxels: which of them are certainly broken."""
+"""The node's look at its own taxels: which of them are broken, certainly or possibly."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sensor_node.firmware.selftest import CERTAIN, SelfTest
+from sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, SelfTest
 from sensor_node.machine.crystal import BILLION
 from sensor_node.neighbours import neighbours
 
@@ -18,37 +18,73 @@ if TYPE_CHECKING:
 
 SELF_TEST: Final = 20 * BILLION
 """Ticks of a window in which stuck and dead taxels are looked for."""
+_FAULTS: Final = ("dead", "stuck")
 
 
 class Examiner:
-    """Lets the firmware's self-test see each frame, and tells of what is broken, once in a boot.
+    """Lets the firmware's self-test see each frame, and tells of what is broken.
+
+    What is certainly broken tells of no cause any more, until a window shows that it cannot be; a
+    gap a window counts the samples that are left out.
 
     Args:
-        taxels: The node's, in their order.
+        designs: The settings of the node's taxels.
+        taxels: The same, emulated.
         clock: What the node knows of time.
         scribe: Writes its messages.
+
+    Attributes:
+        faults: Taxels that may be broken, by the last window: name, whether it is dead, whether it
+            is stuck; none known before the first window is over.
     """
 
-    def __init__(self, taxels: Sequence[AnyTaxel], clock: Clock, scribe: Scribe) -> None:
-        self._names = [taxel.id for taxel in taxels]
+    def __init__(
+        self,
+        designs: Sequence[AnyTaxel],
+        taxels: Sequence[EmulatedTaxel],
+        clock: Clock,
+        scribe: Scribe,
+    ) -> None:
+        self._taxels = taxels
         self._clock = clock
         self._scribe = scribe
-        self._self_test = SelfTest(neighbours(taxels))
+        self._self_test = SelfTest(neighbours(designs))
         self._tested = 0
-        self._broken: set[str] = set()
+        self._broken: dict[str, int] = {}
+        self.faults: list[tuple[str, int, int]] | None = None
 
-    def watch(self, number: int, taxel: EmulatedTaxel, ticks: int) -> list[Record]:
+    def watch(self, number: int, ticks: int) -> list[Record]:
         """See a taxel's latest frame, which ended at some ticks; tells what a window has shown."""
-        taxel.show(number, self._self_test)
+        self._taxels[number].show(number, self._self_test)
         return self._examine(ticks) if ticks - self._tested >= SELF_TEST else []
 
     def _examine(self, ticks: int) -> list[Record]:
         time = self._clock.enclosure(self._tested)[0], self._clock.enclosure(ticks)[1]
         self._tested = ticks
+        said: list[Record] = []
+        self.faults = []
+        for taxel, found in zip(self._taxels, self._self_test.examine(), strict=True):
+            said += self._judge(taxel, found, time)
+            # What was certain once, and not refuted since, is certain.
+            known = self._broken.get(taxel.name)
+            dead, stuck = (CERTAIN if fault == known else found[fault] for fault in (0, 1))
+            if (dead, stuck) != (IMPOSSIBLE, IMPOSSIBLE):
+                self.faults.append((taxel.name, dead, stuck))
+        return said
+
+    def _judge(
+        self, taxel: EmulatedTaxel, found: tuple[int, int], time: tuple[int, int]
+    ) -> list[Record]:
+        unit, known = taxel.control_unit, self._broken.get(taxel.name)
+        fault = found.index(CERTAIN) if known is None and CERTAIN in found else known
+        if fault is None:
+            return []
         said = []
-        for name, (dead, stuck) in zip(self._names, self._self_test.examine(), strict=True):
-            if CERTAIN in (dead, stuck) and name not in self._broken:
-                self._broken.add(name)
-                kind = "dead" if dead == CERTAIN else "stuck"
-                said.append(self._scribe.gap(f"{name} certainly {kind}", time, 0))
+        if known is None or unit.left_out:
+            reason = f"{taxel.name} certainly {_FAULTS[fault]}"
+            said.append(self._scribe.gap(reason, time, unit.left_out))
+        self._broken[taxel.name], unit.broken, unit.left_out = fault, True, 0
+        if found[fault] == IMPOSSIBLE:
+            del self._broken[taxel.name]
+            unit.broken = False
         return said

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
 from sensor_node.scenario import read_scenario
+from sensor_node.skin.skin import NOBODY
 from sensor_node.taxels import CoilSection, PadSection
 
 if TYPE_CHECKING:
@@ -16,6 +17,37 @@ if TYPE_CHECKING:
 
 _AROUND: Final = 4
 """So many surround a taxel: no contact moves all of them and leaves it out."""
+
+
+class Patch(NamedTuple):
+    """Where a pad sits in its skin.
+
+    Attributes:
+        neighbours: How many sit beside it, whether the node measures them or not.
+        around: Numbers of the node's pads among them.
+    """
+
+    neighbours: int
+    around: list[int]
+
+
+def patches(taxels: Sequence[AnyTaxel]) -> dict[int, Patch]:
+    """Of each pad of a node, by its number, where it sits: what it feels crosstalk of."""
+    found: dict[int, Patch] = {}
+    skins: dict[str, dict[str, int]] = {}
+    for number, taxel in enumerate(taxels):
+        if isinstance(taxel, PadSection):
+            skins.setdefault(taxel.scenario, {}).setdefault(taxel.place, number)
+    for scenario, places in skins.items():
+        skin = read_scenario(scenario).skin.build()
+        for number, taxel in enumerate(taxels):
+            if isinstance(taxel, PadSection) and taxel.scenario == scenario:
+                beside = skin.neighbours[skin.numbers[taxel.place]]
+                names = [skin.names[k] for k in beside[beside != NOBODY].tolist()]
+                found[number] = Patch(
+                    len(names), [places[name] for name in names if name in places]
+                )
+    return found
 
 
 def neighbours(taxels: Sequence[AnyTaxel]) -> list[list[int]]:

@@ -12,7 +12,6 @@ import numpy as np
 
 from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
-from sensor_node.emulation import EmulatedTaxel
 from sensor_node.energy_keeper import EnergyKeeper
 from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
@@ -20,6 +19,7 @@ from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.events import NEVER
 from sensor_node.machine.machine import Machine
+from sensor_node.scan import Scan, build_taxels
 from sensor_node.skin_map import skin_map
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Record
     from sensor_node.machine.clock import Clock
     from sensor_node.machine.events import Timer
+    from sensor_node.scan import Taken
     from sensor_node.settings import NodeSettings
     from sensor_node.truth import TrueBlock, Truth
 
@@ -82,21 +83,10 @@ class Node:
         self._working = threading.RLock()
         self.machine = Machine(timeout=round(settings.machine.watchdog_s * BILLION))
         self.at_start: Callable[[], None] | None = None
-        self.taxels = [
-            EmulatedTaxel(
-                taxel,
-                seed=(seed, number),
-                clock=clock,
-                sampling=settings.sampling,
-                functions=functions,
-                companions=settings.companions(taxel, seed),
-            )
-            for number, taxel in enumerate(settings.taxel)
-        ]
+        self.taxels = build_taxels(settings, seed=seed, clock=clock, functions=functions)
+        self._scan = Scan(settings.taxel, self.taxels)
         self._map = skin_map(settings.taxel)
-        self.energy: EnergyKeeper | None = None
-        if settings.energy.on:
-            self.energy = EnergyKeeper(self, settings, seed=seed)
+        self.energy = EnergyKeeper(self, settings, seed=seed) if settings.energy.on else None
         self._boot()
 
     @property
@@ -186,6 +176,7 @@ class Node:
                 [channel for taxel in self.taxels for channel in taxel.channels],
                 int(self.machine.cause),
                 energy=None if self.energy is None else self.energy.manager.told,
+                faults=self._examiner.faults,
                 places=self._map,
             )
             batch.take([status])
@@ -201,7 +192,10 @@ class Node:
         for number, taxel in enumerate(self.taxels):
             taxel.boot(self._outbox.boot, self._outbox.scribe)
             self._interrupts.append(self.machine.interrupt(partial(self._sample, number)))
-        self._examiner = Examiner(self._settings.taxel, self._clock.known, self._outbox.scribe)
+        self._scan.boot()
+        self._examiner = Examiner(
+            self._settings.taxel, self.taxels, self._clock.known, self._outbox.scribe
+        )
         self._line_up()
         self.states.take(states.STARTED, 0)
 
@@ -225,25 +219,34 @@ class Node:
 
     def _sample(self, number: int) -> None:
         """A frame of a taxel is complete: its interrupt."""
-        machine, taxel = self.machine, self.taxels[number]
-        frame, ticks = taxel.next, machine.now - machine.booted
+        machine, ticks = self.machine, self.machine.now - self.machine.booted
         self.states.take(states.DUE, ticks)
         try:
-            records, truth = taxel.sample()
+            taken = self._scan.take(number)
         except FirmwareError as error:
             log.error("firmware hangs, the watchdog will reset it: %s", error)  # noqa: TRY400 - says all
             self.states.take(states.FAILED, ticks)
             machine.halt()
             return
         machine.kick()
-        machine.ledger.charge_frame(
-            frame, chains=taxel.chains, inputs=taxel.inputs, channels=len(taxel.channels)
-        )
         self.states.take(states.IDLE, ticks)
-        self._batch.take(records)
-        self._batch.take(self._examiner.watch(number, taxel, frame.end))
-        self._true_blocks += truth
-        machine.arm(self._interrupts[number], machine.booted + taxel.next.end)
+        for each in taken:
+            self._finish(each, wakes=each is taken[0])
+
+    def _finish(self, taken: Taken, *, wakes: bool) -> None:
+        """A frame is worked off."""
+        machine, taxel = self.machine, self.taxels[taken.number]
+        machine.ledger.charge_frame(
+            taken.frame,
+            operations=taxel.operations(taken.frame.n),
+            inputs=taxel.inputs,
+            channels=len(taxel.channels),
+            wakes=wakes,
+        )
+        self._batch.take(taken.records)
+        self._batch.take(self._examiner.watch(taken.number, taken.frame.end))
+        self._true_blocks += taken.truth
+        machine.arm(self._interrupts[taken.number], machine.booted + taxel.next.end)
 
     def _resume(self) -> None:
         if self.states.state == states.SHED:

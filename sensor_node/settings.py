@@ -11,6 +11,8 @@ from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.settings import RenewalSection, Section, Settings
 from sensor_node.machine.power.section import EnergySection
+from sensor_node.machine.sheet import coverage
+from sensor_node.neighbours import patches
 from sensor_node.profile import Profile, profile_names
 from sensor_node.scenario.fit import Played
 from sensor_node.taxels import AnyTaxel, Taxel
@@ -245,3 +247,12 @@ class NodeSettings(Settings):
             role: Companion(self.taxel[numbers[name]], (seed, numbers[name]))
             for role, name in taxel.companions.items()
         }
+
+    def coverages(self) -> list[float]:
+        """Of each taxel, the probability that a sample's interval holds the truth, at least."""
+        each = [(taxel, self.companions(taxel, 0)) for taxel in self.taxel]
+        found = patches(self.taxel)
+        return [
+            coverage(*own, [each[k] for k in found[number].around] if number in found else ())
+            for number, own in enumerate(each)
+        ]

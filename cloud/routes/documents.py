@@ -68,6 +68,14 @@ class EnergyDocument(BaseModel):
     shedding: Literal["none", "adaptive", "peaks", "sleep"]
 
 
+class FaultDocument(BaseModel):
+    """A taxel that may be broken, by the latest window of its node's self-test."""
+
+    taxel: str
+    dead: Literal["certain", "possible", "impossible"]
+    stuck: Literal["certain", "possible", "impossible"]
+
+
 class NodeDocument(BaseModel):
     """A node."""
 
@@ -82,6 +90,7 @@ class NodeDocument(BaseModel):
     outbox: OutboxDocument | None
     gaps: int
     energy: EnergyDocument | None
+    faults: list[FaultDocument] | None
     channels: int
 
 

@@ -73,8 +73,7 @@ def peak_row(node: str, peak: Peak, data: bytes) -> Row:
 
 def gap_row(node: str, gap: Gap, data: bytes) -> Row:
     """A gap's row."""
-    detail = f"{gap.reason}: {gap.messages} messages and {gap.samples} samples lost"
-    return event_row(node, "gap", gap.position, gap.time, detail=detail, data=data)
+    return event_row(node, "gap", gap.position, gap.time, detail=gap.detail, data=data)
 
 
 def status_row(
@@ -98,6 +97,7 @@ def status_row(
         "used": status.used,
         "capacity": status.capacity,
         "gaps": status.gaps,
+        "faults": _faults(status),
         "places": _places(status),
     } | _energy(status)
     ledger.change(nodes, node)
@@ -108,8 +108,19 @@ def status_row(
     return event_row(node, "status", place, status.time, detail=detail, data=data)
 
 
+def _faults(status: Status) -> str | None:
+    """Which taxels may be broken; nothing before the node's first self-test."""
+    if status.faults is None:
+        return None
+    faults = [
+        {"taxel": each.taxel, "dead": each.dead.name.lower(), "stuck": each.stuck.name.lower()}
+        for each in status.faults
+    ]
+    return orjson.dumps(faults).decode()
+
+
 def _places(status: Status) -> str | None:
-    """Where its taxels sit, as JSON; nothing where none sits somewhere."""
+    """Where its taxels sit; nothing where none sits somewhere."""
     places = [[place.taxel, place.x, place.y] for place in status.places]
     return orjson.dumps(places).decode() if places else None
 

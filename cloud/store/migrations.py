@@ -29,27 +29,28 @@ def _third(connection: Connection) -> None:
 
 
 def _fourth(connection: Connection) -> None:
-    _add_to_nodes(connection, ENERGY)
+    _add(connection, ENERGY)
 
 
 def _fifth(connection: Connection) -> None:
-    _add_to_nodes(connection, ("places",))
+    _add(connection, ("faults",))
 
 
-def _add_to_nodes(connection: Connection, names: Sequence[str]) -> None:
+def _sixth(connection: Connection) -> None:
+    _add(connection, ("places",))
+
+
+def _add(connection: Connection, columns: Sequence[str]) -> None:
+    """Add columns to the nodes, unless they stand there from the first."""
     standing = {column["name"] for column in inspect(connection).get_columns(nodes.name)}
-    for name in names:
+    for name in columns:
         if name not in standing:
             kind = nodes.c[name].type.compile(connection.dialect)
             connection.execute(text(f"ALTER TABLE {nodes.name} ADD COLUMN {name} {kind}"))
 
 
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
-    _first,
-    _second,
-    _third,
-    _fourth,
-    _fifth,
+    *(_first, _second, _third, _fourth, _fifth, _sixth),
 )
 CURRENT: Final = len(MIGRATIONS)
 

@@ -72,6 +72,7 @@ nodes = Table(
     Column("charge_hi", Double),
     Column("sustained", Integer),
     Column("shedding", Integer),
+    Column("faults", Text),  # JSON, as the API tells it
     Column("places", Text),
 )
 """Each node with its latest position and its latest status.

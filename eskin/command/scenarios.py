@@ -118,8 +118,13 @@ unbounded side stays unbounded.
 
 A node looks for broken taxels in windows of 20 s: *dead* is certain where no sample of a window was
 bounded, *stuck* where a taxel stayed still while the four nearest of its kind moved by more than
-their uncertainty. It tells of each once, as a gap event with the reason `t05 certainly stuck`. The
-faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
+their uncertainty. It tells of each as a gap event with the reason `t05 certainly stuck`. From then
+on the taxel still tells what its line carries (capacitance, current, frequency, inductance), but no
+cause of it (distances, areas, pressure), and its neighbours do not believe it; a gap a window
+counts the samples that are left out. This ends with a window in which the fault is impossible.
+What is only *possible* is told with the node's status: of each taxel, whether it is certainly,
+possibly or impossibly dead, and stuck. After a window without a touch all may be stuck.
+The faults of a scenario (`[[fault]]`) are found at the end of the first whole window in which the
 others move.
 
 ## Adaptive control
@@ -133,15 +138,19 @@ next one is measured; [settings](settings.md) has the keys.
   in which twice of it would fit with room, it doubles.
 - **Trimmer** (`trimmer_steps`, `trimmer_step`): an offset taken away before the converter. It
   follows the drifting rest, and stays where something touches.
-- **Plates** (`actuator_steps`, `actuator_step_m`; `kind = "touch"` only): they move apart where the
-  gain is at its least and a touch still covers too much, and back when it has gone.
+- **Plates** (`actuator_steps`, `actuator_step_m`; of `touch` and `pad`): they move apart where the
+  gain is at its least and a touch still covers or presses too much, and back when it has gone.
+  Between a pad's plates the layer swells: d0 is what it is at rest, and `d = d0 / (1 + p/E)` stays.
 
 Each setting has its tolerance, belongs to a frame, and is part of the calculation: intervals
 enclose the truth through every change, and a contact that stays is never trimmed away. Frames
 (`sampling.block_samples`) are what it reacts in: within one, a sudden touch may still saturate,
-and then says so. A trimmer makes up for a converter whose range does not begin at 0. The profile
-hand leaves it off: there the tolerances of parts, not the converter's steps, make the intervals of
-capacitance wide.
+and then says so. The processor's time would allow for more, a few hundred instructions at the
+moment that a comparator of the converter tells of a code near an end. But all of a frame's buffer
+is calculated with one setting when it is full; a frame in pieces would need the setting, and what
+the next choice is made from, for each piece. Fewer samples in a block react sooner. A trimmer
+makes up for a converter whose range does not begin at 0. The profile hand leaves it off: there
+the tolerances of parts, not the converter's steps, make the intervals of capacitance wide.
 """
 
 

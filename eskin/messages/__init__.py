@@ -17,11 +17,13 @@ from eskin.messages.result import Outcome, Result
 from eskin.messages.status import (
     ChannelInfo,
     Energy,
+    Fault,
     Place,
     ResetCause,
     Shedding,
     Status,
     Sustained,
+    TaxelFaults,
 )
 from eskin.messages.vocabulary import CommandName, Mode
 
@@ -33,6 +35,7 @@ __all__ = [
     "CommandName",
     "Encoding",
     "Energy",
+    "Fault",
     "Gap",
     "Kind",
     "Message",
@@ -46,6 +49,7 @@ __all__ = [
     "Shedding",
     "Status",
     "Sustained",
+    "TaxelFaults",
     "decode_message",
 ]
 

@@ -36,6 +36,13 @@ class Gap:
     samples: int
     lost: tuple[tuple[int, int, int], ...]
 
+    @property
+    def detail(self) -> str:
+        """For people: the reason, and what was lost, if anything."""
+        counts = ((self.messages, "message"), (self.samples, "sample"))
+        lost = [f"{count} {what}{'s' * (count != 1)}" for count, what in counts if count]
+        return f"{self.reason}: {' and '.join(lost)} lost" if lost else self.reason
+
     def encode(self) -> bytes:
         """Write as CBOR."""
         return dump(

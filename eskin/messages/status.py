@@ -21,8 +21,9 @@ from eskin.messages.vocabulary import TAXEL
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset((*range(1, 14), 16, 17))
+_FIELDS: Final = frozenset((*range(1, 14), 16, 17, 18))
 _MOST_CHANNELS: Final = 1000
+_MOST_TAXELS: Final = 100
 _MOST_PLACES: Final = 1000
 _FARTHEST: Final = 100.0
 """Of a place from the map's origin, in m."""
@@ -80,6 +81,29 @@ class Energy:
         return [*self.stored, *self.charge, int(self.verdict), int(self.shedding)]
 
 
+class Fault(IntEnum):
+    """Whether a taxel is broken, as far as its node can tell."""
+
+    IMPOSSIBLE = 0
+    POSSIBLE = 1
+    CERTAIN = 2
+
+
+@dataclass(frozen=True, slots=True)
+class TaxelFaults:
+    """A taxel that may be broken, by the latest window of its node's self-test.
+
+    Attributes:
+        taxel: Its name.
+        dead: Whether its line is open.
+        stuck: Whether it stays where it is.
+    """
+
+    taxel: str
+    dead: Fault
+    stuck: Fault
+
+
 @dataclass(frozen=True, slots=True)
 class ChannelInfo:
     """What a node says of one of its channels.
@@ -129,6 +153,7 @@ class Status:
         channels: What it measures.
         cause: Why it started; ``None`` where it does not say.
         energy: What it knows of its energy; ``None`` where it has a supply that never ends.
+        faults: Taxels that may be broken; ``None`` before its first self-test.
         places: Where taxels sit, of those that sit somewhere.
     """
 
@@ -144,6 +169,7 @@ class Status:
     channels: tuple[ChannelInfo, ...]
     cause: ResetCause | None = None
     energy: Energy | None = None
+    faults: tuple[TaxelFaults, ...] | None = None
     places: tuple[Place, ...] = ()
 
     def encode(self) -> bytes:
@@ -156,7 +182,8 @@ class Status:
             | {8: self.messages, 9: self.used, 10: self.capacity, 11: self.gaps, 12: channels}
             | cause
             | ({} if self.energy is None else {16: self.energy.encode()})
-            | ({17: [[p.taxel, p.x, p.y] for p in self.places]} if self.places else {})
+            | ({} if self.faults is None else {17: [_encoded(each) for each in self.faults]})
+            | ({18: [[p.taxel, p.x, p.y] for p in self.places]} if self.places else {})
         )
 
     @classmethod
@@ -185,7 +212,8 @@ class Status:
             channels=tuple(_channel(item) for item in fields.items(12, _MOST_CHANNELS)),
             cause=_cause(fields),
             energy=_energy(fields) if fields.has(16) else None,
-            places=_places(fields) if fields.has(17) else (),
+            faults=_faults(fields) if fields.has(17) else None,
+            places=_places(fields) if fields.has(18) else (),
         )
 
 
@@ -211,21 +239,39 @@ def _energy(fields: Fields) -> Energy:
 
 
 def _places(fields: Fields) -> tuple[Place, ...]:
-    places = tuple(_place(item) for item in fields.items(17, _MOST_PLACES))
+    places = tuple(_place(item) for item in fields.items(18, _MOST_PLACES))
     if not places or len({place.taxel for place in places}) < len(places):
-        raise MessageError("field 17 names no taxel, or one twice")
+        raise MessageError("field 18 names no taxel, or one twice")
     return places
 
 
 def _place(value: object) -> Place:
+    found = items(value, "field 18", 3)
+    if len(found) != 3:
+        raise MessageError(f"field 18 holds {len(found)} items a taxel; expected 3")
+    taxel = text(found[0], "field 18, taxel", 31)
+    if TAXEL.fullmatch(taxel) is None:
+        raise MessageError(f"field 18 speaks of {taxel!r}; expected a taxel such as t01")
+    x, y = (real(part, "field 18", -_FARTHEST, _FARTHEST) for part in found[1:])
+    return Place(taxel, x, y)
+
+
+def _encoded(faults: TaxelFaults) -> list[str | int]:
+    return [faults.taxel, int(faults.dead), int(faults.stuck)]
+
+
+def _faults(fields: Fields) -> tuple[TaxelFaults, ...]:
+    return tuple(_fault(value) for value in fields.items(17, _MOST_TAXELS))
+
+
+def _fault(value: object) -> TaxelFaults:
     found = items(value, "field 17", 3)
     if len(found) != 3:
         raise MessageError(f"field 17 holds {len(found)} items a taxel; expected 3")
-    taxel = text(found[0], "field 17, taxel", 31)
-    if TAXEL.fullmatch(taxel) is None:
-        raise MessageError(f"field 17 speaks of {taxel!r}; expected a taxel such as t01")
-    x, y = (real(part, "field 17", -_FARTHEST, _FARTHEST) for part in found[1:])
-    return Place(taxel, x, y)
+    dead, stuck = (Fault(integer(each, "field 17, fault", 0, max(Fault))) for each in found[1:])
+    if dead is stuck is Fault.IMPOSSIBLE:
+        raise MessageError("field 17 names a taxel that cannot be broken")
+    return TaxelFaults(text(found[0], "field 17, taxel", 31), dead, stuck)
 
 
 def _channel(value: object) -> ChannelInfo:

@@ -94,7 +94,7 @@ def adjusted(
 
 
 def distance(sheet: "Sheet", steps: int) -> "Bounds":
-    """Distance of the plates in m, with their actuator at one of its steps."""
+    """Distance of the plates at rest in m, with their actuator at one of its steps."""
     lo, hi = part(sheet, "plate_distance")
     if steps > 0:
         step = part(sheet, "actuator_step")
@@ -122,17 +122,9 @@ def plates(sheet: "Sheet") -> "Bounds":
     return product(permittivity, part(sheet, "plate_area"))
 
 
-def pressed(sheet: "Sheet") -> "tuple[Bounds, Bounds, Bounds, Bounds, float, float]":
-    """A pad: ε0·εr·A, A, distance at rest, elasticity, greatest pressure, what neighbours give."""
-    most = sheet["pressure_max"]
-    return (
-        plates(sheet),
-        part(sheet, "plate_area"),
-        part(sheet, "plate_distance"),
-        part(sheet, "elasticity"),
-        most,
-        up(sheet["crosstalk"] * most),
-    )
+def pressed(sheet: "Sheet", steps: int) -> "tuple[Bounds, Bounds, Bounds]":
+    """A pad: ε0·εr·A, distance at rest, elasticity."""
+    return plates(sheet), distance(sheet, steps), part(sheet, "elasticity")
 
 
 def platinum(sheet: "Sheet") -> "Bounds":

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from sensor_node.firmware.clock import Clock
-    from sensor_node.firmware.inversion import Codes
+    from sensor_node.firmware.inversion import Buffer, Codes
     from sensor_node.firmware.record import Record, Scribe
     from sensor_node.firmware.schedule import Frame, Schedule
     from sensor_node.firmware.taxel import Taxel
@@ -34,6 +34,11 @@ class ControlUnit:
         encoding: How blocks write their bounds.
         clock: What the node knows of time.
         scribe: Writes its messages.
+
+    Attributes:
+        broken: Whether the taxel is certainly stuck or dead: it tells of no cause then.
+        left_out: Samples that it has not told for this, until somebody says so and sets it to 0.
+        known_neighbours: How many were measured at the instants of its last frame.
     """
 
     def __init__(
@@ -56,6 +61,12 @@ class ControlUnit:
         self.shed = 0
         self.smoothing = 0.0
         self.schedule = self.designed = schedule
+        self.known_neighbours = 0
+        self.broken = False
+        self.left_out = 0
+        self._around: Sequence[ControlUnit] = ()
+        self._frame: Frame | None = None
+        self._adjustable: list[Codes] = []
         self._taxel = taxel
         self._prominences = prominences
         self._encoding = encoding
@@ -88,20 +99,63 @@ class ControlUnit:
     ) -> "list[Record]":
         """Measure one frame: each channel's block, and the peaks that are decided now.
 
+        Taxels that are sampled at the same instants do its three steps together, one by one.
+        """
+        self.measure(frame, codes, other)
+        self.separate()
+        return self.tell()
+
+    def surround(self, around: "Sequence[ControlUnit]", neighbours: int) -> None:
+        """Sit among so many neighbours in the skin, some of which are measured by the node."""
+        self._around = around
+        self._taxel.surround(neighbours)
+
+    def measure(
+        self, frame: "Frame", codes: "Sequence[Codes]", other: "Sequence[Codes]" = ()
+    ) -> None:
+        """Calculate a frame's samples back, as if the taxel were alone.
+
         Where the input was an interval, there are codes of its one end and of its other one; what
         is told encloses both.
         """
+        self._frame = frame
         self._taxel.measure(codes, frame.n, self._bounds)
-        adjustable = list(codes[: self._taxel.amplified])
+        self._adjustable = list(codes[: self._taxel.amplified])
         if other:
             self._enclose(other, frame.n)
-            adjustable += other[: self._taxel.amplified]
+            self._adjustable += other[: self._taxel.amplified]
+
+    def separate(self) -> None:
+        """Take back what neighbours hand on that are measured at the same instants."""
+        if self._frame is None:
+            return
+        around = [unit.felt() for unit in self._around if unit.measures(self._frame)]
+        self.known_neighbours = len(around)
+        self._taxel.separate(self._frame.n, self._bounds, around)
+
+    def measures(self, frame: "Frame") -> bool:
+        """Whether it has measured at a frame's instants, and is to be believed of them."""
+        return self._frame is not None and self._frame.meets(frame) and not self.broken
+
+    def felt(self) -> "tuple[Buffer, Buffer]":
+        """What it hands on a share of, at its frame's instants."""
+        return self._taxel.felt(self._bounds)
+
+    def tell(self) -> "list[Record]":
+        """What is to be said of the frame that was measured."""
         records: list[Record] = []
-        for unit in self.units:
-            records += unit.tell(frame, self.mode_now, self._encoding)
+        frame, self._frame = self._frame, None
+        if frame is None:
+            return records
+        for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
+            if self.broken and quantity in self._taxel.derived:
+                records += unit.skip(frame.n)
+                self.left_out += frame.n
+            else:
+                records += unit.tell(frame, self.mode_now, self._encoding)
         if self.adaptive:
             plate = self.adaptation.plate
-            self.adaptation.adapt(adjustable, frame.n, rests=self._rests())
+            self.adaptation.adapt(self._adjustable, frame.n, rests=self._rests())
             records += self._adjust(plate)
         return records
 
@@ -179,11 +233,11 @@ class ControlUnit:
         settings, records = self.adaptation, []
         self._taxel.adjust(settings.gain, settings.trim)
         if settings.plate != plate:
-            ratio = self._taxel.move(plate, settings.plate)
+            ratios = self._taxel.move(plate, settings.plate)
             for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
-                if quantity in self._taxel.plated:
+                if quantity in ratios:
                     records += unit.skip(0)
-                    unit.baseline.scale(ratio)
+                    unit.baseline.scale(ratios[quantity])
         return records
 
     def _restart(self, smoothing: float) -> "list[Record]":

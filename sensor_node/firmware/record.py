@@ -191,15 +191,18 @@ class Scribe:
         cause: int,
         *,
         energy: "Energy | None" = None,
+        faults: "Sequence[tuple[str, int, int]] | None" = None,
         places: "Sequence[tuple[str, float, float]]" = (),
     ) -> Record:
         """How the node fares, and why it started.
 
         ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
-        stored in J, bounds of the state of charge, verdict, stage of shedding. ``places``: taxels
+        stored in J, bounds of the state of charge, verdict, stage of shedding. ``faults``: taxels
+        that may be broken, whether they are dead and whether they are stuck. ``places``: taxels
         with x and y in m on a flat map of the skin.
         """
-        out, sequence = self._begin(STATUS, 13 + (energy is not None) + bool(places))
+        parts = 13 + (energy is not None) + (faults is not None) + bool(places)
+        out, sequence = self._begin(STATUS, parts)
         _integers(out, 4, time)
         _text(out, 5, profile)
         _text(out, 6, description)
@@ -223,8 +226,16 @@ class Scribe:
                 out.real(bound)
             out.integer(verdict)
             out.integer(stage)
-        if places:
+        if faults is not None:
             out.integer(17)
+            out.array(len(faults))
+            for name, dead, stuck in faults:
+                out.array(3)
+                out.text(name)
+                out.integer(dead)
+                out.integer(stuck)
+        if places:
+            out.integer(18)
             out.array(len(places))
             for taxel, x, y in places:
                 out.array(3)

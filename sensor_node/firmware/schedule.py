@@ -39,6 +39,10 @@ class Frame:
             closes=self.closes and end == self.n,
         )
 
+    def meets(self, other: "Frame") -> bool:
+        """Whether another taxel's frame has its samples at the same instants."""
+        return (self.start, self.n, self.dt) == (other.start, other.n, other.dt)
+
     @property
     def end(self) -> int:
         """Ticks at which the frame is complete."""

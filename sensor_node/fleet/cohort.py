@@ -13,10 +13,12 @@ from sensor_node.firmware.record import Channel
 from sensor_node.fleet.clocks import Clocks
 from sensor_node.fleet.taxel import TaxelRows
 from sensor_node.fleet.telling import Nodes
+from sensor_node.neighbours import patches
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from sensor_node.firmware.schedule import Frame
     from sensor_node.fleet.taxel import Said
     from sensor_node.settings import NodeSettings
 
@@ -59,19 +61,25 @@ class Cohort:
             drift=round(settings.clock.drift_ppm * 1e3),
         )
         self.nodes = Nodes(self._clocks.readings, boots, np.zeros(len(members), np.int64))
+        coverages = settings.coverages()
         self.taxels = [
             TaxelRows(
                 taxel,
                 number,
                 seeds=[member.seed for member in members],
                 companions=[settings.companions(taxel, member.seed) for member in members],
+                coverage=coverages[number],
                 clocks=self._clocks,
                 nodes=self.nodes,
                 sampling=settings.sampling,
             )
             for number, taxel in enumerate(settings.taxel)
         ]
+        self._patches = patches(settings.taxel)
+        for number, patch in self._patches.items():
+            self.taxels[number].surround(patch.neighbours)
         self._order = itertools.count()
+        self._due: list[tuple[int, int, int]] = []
         self._line_up()
 
     def __len__(self) -> int:
@@ -86,9 +94,26 @@ class Cohort:
         """Take all frames that are complete by now."""
         while self.next_due <= ticks:
             number = self._due[0][2]
+            if number in self._patches:
+                yield from self._sample_skin(self.taxels[number].next)
+                continue
             taxel = self.taxels[number]
             yield taxel.sample()
             heapq.heapreplace(self._due, (taxel.next.end, next(self._order), number))
+
+    def _sample_skin(self, frame: Frame) -> list[Said]:
+        """Take the frames of all pads at the same instants, as `sensor_node.scan.Scan` does."""
+        together = [k for k in self._patches if self.taxels[k].next.meets(frame)]
+        for k in together:
+            self.taxels[k].take()
+        for k in together:
+            around = [each for each in self._patches[k].around if each in together]
+            self.taxels[k].separate([self.taxels[each] for each in around])
+        said = [self.taxels[k].tell() for k in together]
+        self._due = [each for each in self._due if each[2] not in together]
+        self._due += [(self.taxels[k].next.end, next(self._order), k) for k in together]
+        heapq.heapify(self._due)
+        return said
 
     def pass_over(self, ticks: int) -> tuple[list[Said], int, tuple[int, int]]:
         """Give up all frames that begin before a moment.

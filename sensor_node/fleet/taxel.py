@@ -22,7 +22,7 @@ from sensor_node.frontend import build_frontend
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.machine.sheet import coverage, data_sheet
+from sensor_node.machine.sheet import data_sheet
 from sensor_node.physics import Signals, World, build_world
 from sensor_node.taxels import HarmonicSection, HybridSection, SwingSection, TouchSection
 
@@ -76,6 +76,7 @@ class TaxelRows:
         number: Its place in the design.
         seeds: The nodes'.
         companions: What it reads along in each node, by the names of its inputs.
+        coverage: Probability that its intervals hold the truth.
         clocks: The nodes' clocks.
         nodes: Who they are.
         sampling: How samples become blocks.
@@ -88,6 +89,7 @@ class TaxelRows:
         *,
         seeds: Sequence[int],
         companions: Sequence[Mapping[str, Companion]],
+        coverage: float,
         clocks: Clocks,
         nodes: Nodes,
         sampling: SamplingSection,
@@ -115,7 +117,7 @@ class TaxelRows:
         self._design = Design(
             tuple(_names(*each) for each in zip(self.channels, units, strict=True)),
             np.array([taxel.prominence(name) or 0.0 for name in self.quantities]),
-            coverage(taxel, companions[0]),
+            coverage,
             int(Encoding[sampling.encoding.upper()]),
             Timing(
                 schedule.origin,
@@ -141,17 +143,43 @@ class TaxelRows:
 
     def sample(self) -> Said:
         """Take the next frame of all nodes."""
+        self.take()
+        self.separate(())
+        return self.tell()
+
+    def surround(self, neighbours: int) -> None:
+        """Sit among so many neighbours in the skin."""
+        self._calibrated.surround(neighbours)
+
+    def take(self) -> None:
+        """Measure the next frame of all nodes, as if the taxel were alone; say nothing yet."""
         frame = self.next
         random = Choir((*seed, frame.start) for seed in self._seeds)
         signals = self._world.signals(self._seconds(frame), random)
         digitised = self._frontend.digitise(signals.sensed, random)
-        truth = signals.truth | digitised.truth
-        lows, highs = self._measured(digitised.codes, frame.n)
+        self._truth = signals.truth | digitised.truth
+        self._measure(digitised.codes, frame.n)
+
+    def separate(self, around: Sequence[TaxelRows]) -> None:
+        """Take back what neighbours hand on that are measured at the same instants, too."""
+        felt = [each.felt for each in around]
+        self._calibrated.separate(len(self._bounds[0]), self._bounds, felt)
+
+    @property
+    def felt(self) -> tuple[Any, Any]:
+        """What it hands on a share of, at the instants of the frame that is measured."""
+        return self._calibrated.felt(self._bounds)
+
+    def tell(self) -> Said:
+        """What all nodes say of the frame that is measured."""
+        frame = self.next
+        shape = len(self._seeds), frame.n
+        lows, highs = (np.stack([b.reshape(shape) for b in self._bounds[k::2]]) for k in (0, 1))
         output = self._room(frame.n, blocks=True)
         given = self._design, self._nodes, self._searches, output
         written = tell(frame.start, frame.closes, lows, highs, *given)
         self.next = self._schedule.frame(frame.number + 1)
-        columns = tuple(np.asarray(truth[quantity]) for quantity in self.quantities)
+        columns = tuple(np.asarray(self._truth[quantity]) for quantity in self.quantities)
         return self._said(frame, output, written, columns)
 
     def skip(self, ticks: int) -> tuple[Said, int]:
@@ -168,14 +196,12 @@ class TaxelRows:
         written = skip(lost, self._design, self._nodes, self._searches, output)
         return self._said(frame, output, written, ()), lost * len(self.channels)
 
-    def _measured(self, codes: Mapping[str, Codes], n: int) -> tuple[Floats, Floats]:
-        """Lower and upper bounds, channels × nodes × samples; one data sheet holds for all."""
-        shape = len(self.quantities), len(self._seeds), n
-        lows, highs = np.empty(shape), np.empty(shape)
+    def _measure(self, codes: Mapping[str, Codes], n: int) -> None:
+        """Fill a lower and an upper bound a channel, nodes × samples; one data sheet for all."""
+        size = len(self._seeds) * n
         given: list[Any] = [codes[name].ravel() for name in self._calibrated.inputs]
-        bounds: list[Any] = [each[k].ravel() for k in range(shape[0]) for each in (lows, highs)]
-        self._calibrated.measure(given, shape[1] * n, bounds)
-        return lows, highs
+        self._bounds: list[Any] = [np.empty(size) for _ in range(2 * len(self.quantities))]
+        self._calibrated.measure(given, size, self._bounds)
 
     def _room(self, n: int, *, blocks: bool) -> Output:
         """Room for the most that a frame can bring; what is not used costs no memory."""

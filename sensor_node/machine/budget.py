@@ -14,17 +14,18 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
 from sensor_node.firmware.taxel import CHAINS
+from sensor_node.firmware.taxel.air import SLOTS
 from sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
     from sensor_node.settings import NodeSettings
     from sensor_node.taxels import AnyTaxel
 
-PROGRAM: Final = 96 * 1024
+PROGRAM: Final = 104 * 1024
 """Bytes kept for the firmware's modules, as MicroPython loads them."""
 CONNECTION: Final = 48 * 1024
 """Bytes kept for TLS: two records of 16 KiB and what a handshake needs."""
-_TAXEL: Final = 1280
+_TAXEL: Final = 1344
 """Bytes of a taxel's calibration, schedule and control unit."""
 _CHANNEL: Final = 768
 """Bytes of a channel's unit, rest and filter."""
@@ -38,9 +39,8 @@ _FLIGHT: Final = 32
 """Bytes of an entry in the index of messages under way."""
 _BOUND: Final = 8
 _CODE: Final = 2
-_STATED: Final = 2 * _BOUND
-_READ_ALONG: Final = 6 * _BOUND
-"""Bytes a sample of a pad: bounds of permittivity; those of temperature and humidity, too."""
+_MEMORY: Final = SLOTS * (4 + 2 * _BOUND) + 3 * 16
+"""Bytes in which a pad remembers what a sensor's codes mean: code, bounds, three arrays' heads."""
 _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
 
 
@@ -85,16 +85,11 @@ def ram_budget(settings: NodeSettings) -> Budget:
         (n, _inputs(taxel), len(taxel.units))
         for n, taxel in zip(blocks, settings.taxel, strict=True)
     ]
-    air = sum(
-        (_READ_ALONG if taxel.companions else _STATED) * n
-        for n, taxel in zip(blocks, settings.taxel, strict=True)
-        if taxel.chain == "pad"
-    )
     return Budget(
         program=PROGRAM,
         connection=CONNECTION,
         codes=sum(2 * _CODE * n * inputs for n, inputs, _ in shapes),
-        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes) + air,
+        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
         objects=sum(map(taxel_objects, settings.taxel)),
         messages=max(_messages(n, channels, width) for n, _, channels in shapes),
         window=_FLIGHT * settings.broker.window,
@@ -104,8 +99,9 @@ def ram_budget(settings: NodeSettings) -> Budget:
 def taxel_objects(taxel: AnyTaxel) -> int:
     """Bytes of a taxel's objects besides its buffers."""
     peaks = sum(taxel.prominence(quantity) is not None for quantity in taxel.units)
-    taxels = 1 + len(taxel.companions)
-    return _TAXEL * taxels + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
+    along = len(taxel.companions)
+    of_taxels = _TAXEL * (1 + along) + _MEMORY * along
+    return of_taxels + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
 
 
 def _inputs(taxel: AnyTaxel) -> int:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from eskin.kernels.compiled import kernel, part
 from sensor_node.firmware import arctangent, inversion, logarithm, rounding
 from sensor_node.firmware.inversion import (
+    air,
     amplified,
     capacitive,
     codes,
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 _MODULES = (
     *(rounding, logarithm, arctangent),
-    *(codes, amplified, capacitive, inductive, touch, eddy, temperature, humidity, pad),
+    *(codes, amplified, capacitive, inductive, touch, eddy, temperature, humidity, air, pad),
 )
 """All that calculates; no two have different things of one name."""
 

@@ -38,6 +38,7 @@ class Inversion:
         n = len(given[0])
         bounds = [array("d", bytes(8 * n)) for _ in range(2 * len(self._taxel.quantities))]
         self._taxel.measure(given, n, bounds)
+        self._taxel.separate(n, bounds, ())
         return {
             quantity: Interval(np.array(bounds[2 * k]), np.array(bounds[2 * k + 1]))
             for k, (quantity, _) in enumerate(self._taxel.quantities)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sensor_node.machine.work import Work
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Mapping
 
     from sensor_node.firmware.schedule import Frame
 
@@ -24,17 +24,36 @@ OPERATIONS: Final = {
     "touch": 121,
     "inductive": 267,
     "hybrid": 134,
-    "pad": 146,
+    "pad": 183,
+    "neighbour": 10,
+    "remembered": 13,
+    "new": 24,
     "coil": 554,
     "thermometer": 625,
     "hygrometer": 137,
     "bioelectric": 67,
 }
-"""Chain to the operations and comparisons of its inversion with one sample, at most; counted."""
+"""Operations and comparisons with one sample at most, counted: of each chain's inversion; of a pad
+besides, for each neighbour whose pressure is known, for each sensor of the air that is read along,
+and where its code is new, after its chain's inversion."""
 OF_CHANNEL: Final = 40
 """The same for each channel: rest, two passes for peaks, encoding."""
 OF_FRAME: Final = 40_000
 """Instructions of a frame besides: interrupts, messages, flash driver."""
+
+
+def operations(chain: str, n: int, neighbours: int, new: Mapping[str, int]) -> int:
+    """Of the inversion of a frame.
+
+    Args:
+        chain: The taxel's.
+        n: Samples.
+        neighbours: How many were measured at the same instants.
+        new: Of each sensor that is read along, its chain, and how many codes were new.
+    """
+    known = OPERATIONS["neighbour"] * neighbours + OPERATIONS["remembered"] * len(new)
+    inverted = sum(times * (OPERATIONS[each] + OPERATIONS["new"]) for each, times in new.items())
+    return n * (OPERATIONS[chain] + known) + inverted
 
 
 class Ledger:
@@ -55,14 +74,22 @@ class Ledger:
         self._awake = self._off = self._begin = 0
 
     def charge_frame(
-        self, frame: Frame, *, chains: Iterable[str], inputs: int, channels: int
+        self, frame: Frame, *, operations: int, inputs: int, channels: int, wakes: bool = True
     ) -> None:
-        """Count a frame that was sampled and worked off, by the chains that were inverted."""
-        a_sample = sum(OPERATIONS[chain] for chain in chains) + OF_CHANNEL * channels
-        instructions = OF_FRAME + frame.n * a_sample * OPERATION
+        """Count a frame that was sampled and worked off.
+
+        Args:
+            frame: Which one.
+            operations: Of its inversion.
+            inputs: Conversions of a sample.
+            channels: Blocks that it makes.
+            wakes: Whether the machine wakes for its samples, and not for those of another taxel
+                at the same instants.
+        """
+        instructions = OF_FRAME + (operations + frame.n * OF_CHANNEL * channels) * OPERATION
         self._instructions += instructions
         self._conversions += frame.n * inputs
-        sampling = frame.n * min(frame.dt, _WAKE_NS + inputs * _CONVERSION_NS)
+        sampling = frame.n * min(frame.dt, _WAKE_NS * wakes + inputs * _CONVERSION_NS)
         self._awake += sampling + instructions * 1_000_000_000 // CLOCK_HZ
 
     def charge_hang(self, span: int) -> None:

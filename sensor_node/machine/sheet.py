@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 from sensor_node.noise import joint_coverage
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from sensor_node.taxels import AnyTaxel
     from sensor_node.taxels.companion import Companion
@@ -34,6 +34,22 @@ def data_sheet(
     return sheet
 
 
-def coverage(taxel: AnyTaxel, companions: Mapping[str, Companion]) -> float:
-    """Probability that a sample's interval holds the truth, with all that the taxel reads along."""
-    return joint_coverage([taxel.coverage, *(each.taxel.coverage for each in companions.values())])
+def coverage(
+    taxel: AnyTaxel,
+    companions: Mapping[str, Companion],
+    around: Sequence[tuple[AnyTaxel, Mapping[str, Companion]]] = (),
+) -> float:
+    """Probability that a sample's interval holds the truth.
+
+    Args:
+        taxel: What is measured.
+        companions: What it reads along.
+        around: Its neighbours whose readings are taken into account, and what they read along.
+    """
+    return joint_coverage(
+        [
+            each.coverage
+            for one, along in ((taxel, companions), *around)
+            for each in (one, *(companion.taxel for companion in along.values()))
+        ]
+    )

@@ -6,6 +6,9 @@ gives ``C = ε·A·[(1-s)/d0 + s/d] = C0·(1 + P/E)`` with the mean pressure ``P
 capacitance is linear in it (eq. 2, 9 and 10 of the paper at once), and the plates' mean distance
 (harmonic over the plate) is ``d0 / (1 + P/E)``.
 
+An actuator that moves the plates apart does so by what lies between them: it swells, and keeps its
+law. So d0 is what stands between the plates at rest, wherever the actuator stands.
+
 The permittivity follows the surroundings: ``ε = ε0·εr·[1 + a·(T - 20 °C) + b·(H - 50 %)]``.
 """
 
@@ -16,9 +19,9 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sensor_node.firmware.calibration import EPSILON_0
+from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE
 from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
-from sensor_node.firmware.inversion.pad import REFERENCE_TEMPERATURE
-from sensor_node.physics.parameters import draw_part
+from sensor_node.physics.parameters import draw_actuator, draw_part
 from sensor_node.physics.signals import Signals
 from sensor_node.scenario import Stage, read_scenario
 from sensor_node.skin import break_off
@@ -54,14 +57,20 @@ class Pads:
         faults: Sequence[FaultSection],
     ) -> None:
         parts = [_draw(taxel, random) for taxel, random in zip(taxels, randoms, strict=True)]
-        area, permittivity, self._distance, self._elasticity = np.array(parts).T[:, :, None]
-        self._area = area
-        self._rest = EPSILON_0 * permittivity * area / self._distance
+        self._area, permittivity, self._near, self._elasticity = np.array(parts).T[:, :, None]
+        self._charge = EPSILON_0 * permittivity * self._area
+        self._apart = [draw_actuator(*each) for each in zip(taxels, randoms, strict=True)]
+        self.move(0)
         self._per_kelvin = np.array([[taxel.permittivity_per_K] for taxel in taxels])
         self._per_percent = np.array([[taxel.permittivity_per_percent] for taxel in taxels])
         rows = {taxel.place: row for row, taxel in enumerate(taxels)}
         self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
+        self._stuck: dict[float, Floats] = {}
         self._stage = stage
+
+    def move(self, steps: int) -> None:
+        """Move the plates of all to one of their actuators' steps."""
+        self._distance = self._near + np.array([[apart[steps]] for apart in self._apart])
 
     def truth(self, seconds: Floats) -> tuple[dict[str, Floats], Stimulus]:
         """What is at some times, each quantity an array of pads × times, and what caused it.
@@ -81,7 +90,7 @@ class Pads:
                 capacitance,
                 seconds,
                 self._faults,
-                intact=lambda then: self._capacitance(self._stage.stimulus(then)),
+                intact=self._kept,
                 dead=_OPEN_LINE,
             )
         truth = {
@@ -93,13 +102,21 @@ class Pads:
         }
         return truth, stimulus
 
+    def _kept(self, then: Floats) -> Floats:
+        """What stuck taxels keep, from before their plates moved on."""
+        moment = float(then[0])
+        if moment not in self._stuck:
+            self._stuck[moment] = self._capacitance(self._stage.stimulus(then))
+        return self._stuck[moment]
+
     def _capacitance(self, stimulus: Stimulus) -> Floats:
         ambient = (
             1.0
             + self._per_kelvin * (stimulus.temperature - REFERENCE_TEMPERATURE)
             + self._per_percent * (stimulus.humidity - REFERENCE_HUMIDITY)
         )
-        return np.asarray(self._rest * ambient * (1.0 + stimulus.felt / self._elasticity))
+        rest = self._charge / self._distance
+        return np.asarray(rest * ambient * (1.0 + stimulus.felt / self._elasticity))
 
 
 class PadWorld:
@@ -109,6 +126,10 @@ class PadWorld:
         script = read_scenario(taxel.scenario)
         stage = Stage(script, [taxel.place])
         self._pads = Pads([taxel], [random], stage=stage, faults=script.fault)
+
+    def move(self, steps: int) -> None:
+        """Move the plates to one of their actuator's steps."""
+        self._pads.move(steps)
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
         """True capacitance in F, contact area in m², distances in m, pressure in Pa.

@@ -9,11 +9,19 @@ import numpy as np
 if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.noise import GaussianNoise, UniformNoise
+    from sensor_node.taxels.capacitive import Actuated
 
 
 def draw_part(random: np.random.Generator, value: float, tolerance: float) -> float:
     """A true part, uniformly from inside its tolerance."""
     return value * (1.0 + tolerance * float(random.uniform(-1.0, 1.0)))
+
+
+def draw_actuator(taxel: Actuated, random: np.random.Generator) -> Floats:
+    """By how much each step of the actuator, from none on, takes plates at rest apart, in m."""
+    levels = taxel.actuator_step_m * np.arange(taxel.actuator_steps + 1)
+    errors = taxel.actuator_step_tolerance * random.uniform(-1.0, 1.0, taxel.actuator_steps)
+    return np.asarray(levels * np.concatenate([[1.0], 1.0 + errors]))
 
 
 def draw_noise(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from sensor_node.firmware.calibration import EPSILON_0
-from sensor_node.physics.parameters import draw_noise, draw_part
+from sensor_node.physics.parameters import draw_actuator, draw_noise, draw_part
 from sensor_node.physics.signals import Signals, raised_sine
 
 if TYPE_CHECKING:
@@ -29,8 +29,7 @@ class TouchWorld:
         self._permittivity = EPSILON_0 * taxel.relative_permittivity
         self._stimulus = taxel.stimulus
         self._noise = taxel.noise
-        errors = taxel.actuator_step_tolerance * random.uniform(-1, 1, taxel.actuator_steps + 1)
-        self._apart = taxel.actuator_step_m * np.arange(taxel.actuator_steps + 1) * (1.0 + errors)
+        self._apart = draw_actuator(taxel, random)
         self._steps = 0
 
     def move(self, steps: int) -> None:

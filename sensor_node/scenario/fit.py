@@ -9,6 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from eskin.errors import ScenarioError
 from eskin.settings import Section
 from sensor_node.scenario.file import read_scenario
+from sensor_node.skin.skin import NOBODY
 
 _ROUNDING: Final = 1e-9
 
@@ -80,6 +81,26 @@ def require_crosstalk(scenario: str, bound: float) -> None:
     most = read_scenario(scenario).skin.crosstalk
     if most > bound:
         raise ValueError(f"crosstalk = {bound!r} is less than the scenario's skin has, {most!r}")
+
+
+def require_sound(scenario: str, place: str, doubtful: int) -> None:
+    """Refuse more stuck taxels around a place than a taxel's data sheet allows for.
+
+    Raises:
+        ValueError: There are.
+    """
+    script = read_scenario(scenario)
+    stuck = {fault.taxel for fault in script.fault if fault.kind == "stuck"}
+    if len(stuck) <= doubtful:
+        return
+    skin = script.skin.build()
+    around = skin.neighbours[skin.numbers[place]]
+    found = sorted(stuck & {skin.names[number] for number in around[around != NOBODY]})
+    if len(found) > doubtful:
+        raise ValueError(
+            f"{' and '.join(found)} beside {place} get stuck in the scenario, "
+            f"doubtful_neighbours is {doubtful}"
+        )
 
 
 def require_air(

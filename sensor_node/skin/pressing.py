@@ -14,8 +14,8 @@ import numpy as np
 
 from eskin.interval import Interval
 from sensor_node.firmware.calibration import EPSILON_0
+from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE
 from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
-from sensor_node.firmware.inversion.pad import REFERENCE_TEMPERATURE
 
 if TYPE_CHECKING:
     from sensor_node.taxels import PadSection

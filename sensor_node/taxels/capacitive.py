@@ -6,6 +6,7 @@ from typing import ClassVar, Literal, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from eskin.settings import Section
 from sensor_node.replay import Recorded
 from sensor_node.scenario.fit import (
     Staged,
@@ -13,6 +14,7 @@ from sensor_node.scenario.fit import (
     require_crosstalk,
     require_pressure,
     require_room,
+    require_sound,
 )
 from sensor_node.taxels.section import Positive, Rate, TaxelSection, Tolerance, above, unit
 
@@ -34,6 +36,16 @@ class RcSection(TaxelSection):
     @classmethod
     def _adc_range(cls, value: float, info: ValidationInfo) -> float:
         return above(info, value, "adc_min_A", "adc_min")
+
+
+class Actuated(Section):
+    """Plates that an actuator moves apart."""
+
+    actuator_steps: int = Field(
+        default=0, ge=0, le=100, description="steps by which the plates can be moved apart"
+    )
+    actuator_step_m: Positive = Field(default=2.5e-4, description="size of one, at rest")
+    actuator_step_tolerance: Tolerance = Field(default=2e-3, description="of what a step adds")
 
 
 class CapacitiveSection(RcSection):
@@ -67,7 +79,7 @@ class RecordedCapacitanceSection(Recorded, CapacitiveSection):
     kind: Literal["recorded_capacitance"]
 
 
-class PadSection(Staged, CapacitiveSection):
+class PadSection(Staged, Actuated, CapacitiveSection):
     """Capacitive taxel of a skin, pressed as a scenario has it. Noise: in A, before the ADC.
 
     Two plates with an elastic layer between them; docs/scenarios.md has its model.
@@ -96,6 +108,12 @@ class PadSection(Staged, CapacitiveSection):
     crosstalk: float = Field(
         default=0.1, ge=0, le=0.5, description="share of its neighbours' pressure that it feels"
     )
+    doubtful_neighbours: int = Field(
+        default=1,
+        ge=0,
+        le=8,
+        description="how many of its neighbours may be stuck without the node's knowledge",
+    )
     thermometer: str | None = Field(
         default=None, description="id of the node's taxel that it reads the temperature from"
     )
@@ -121,6 +139,7 @@ class PadSection(Staged, CapacitiveSection):
         require_pressure(self.scenario, self.pressure_max_Pa)
         require_room(self.scenario, self.plate_area_m2)
         require_crosstalk(self.scenario, self.crosstalk)
+        require_sound(self.scenario, self.place, self.doubtful_neighbours)
         require_air(
             self.scenario,
             (self.temperature_min, self.temperature_max),
@@ -129,7 +148,7 @@ class PadSection(Staged, CapacitiveSection):
         return self
 
 
-class TouchSection(RcSection):
+class TouchSection(Actuated, RcSection):
     """Touch that covers a plate (eq. 2, 10). Noise: on the area, in m²."""
 
     chain: ClassVar[str] = "touch"
@@ -141,11 +160,6 @@ class TouchSection(RcSection):
     area_tolerance: Tolerance = 0.02
     plate_distance_m: Positive = 1e-3
     plate_distance_tolerance: Tolerance = 2e-3
-    actuator_steps: int = Field(
-        default=0, ge=0, le=100, description="steps by which the plates can be moved apart"
-    )
-    actuator_step_m: Positive = Field(default=2.5e-4, description="size of one")
-    actuator_step_tolerance: Tolerance = Field(default=2e-3, description="of what a step adds")
     relative_permittivity: float = Field(default=1.0, ge=1)
     supply: Positive = unit("supply_V", 5.0)
     supply_tolerance: Tolerance = 1e-3

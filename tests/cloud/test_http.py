@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet
 import pytest
 
-from eskin.messages import Encoding, Energy, Place, Shedding, Sustained
+from eskin.messages import Encoding, Energy, Fault, Place, Shedding, Sustained, TaxelFaults
 from tests.cloud.clouds import batch, problem, put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
 
@@ -105,6 +105,7 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
         "outbox": {"messages": 2, "bytes": 4096, "capacity_bytes": 1_048_576},
         "gaps": 1,
         "energy": None,
+        "faults": None,
         "channels": 1,
     }
     assert (await stand.get(f"/api/v1/nodes/{NODE}")).json() == node
@@ -120,6 +121,19 @@ async def test_nodes_tell_their_energy(stand: Stand) -> None:
         "self_sustaining": "possible",
         "shedding": "peaks",
     }
+
+
+async def test_nodes_tell_which_taxels_may_be_broken(stand: Stand) -> None:
+    told = (
+        TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),
+        TaxelFaults("t06", Fault.POSSIBLE, Fault.POSSIBLE),
+    )
+    put(stand.cloud.store, replace(status(7, boot=3), faults=told))
+    (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
+    assert node["faults"] == [
+        {"taxel": "t05", "dead": "impossible", "stuck": "certain"},
+        {"taxel": "t06", "dead": "possible", "stuck": "possible"},
+    ]
 
 
 async def test_taxels_stand_where_the_latest_status_says(stand: Stand) -> None:

@@ -128,12 +128,13 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
     assert applied == list(range(1, migrations.CURRENT + 1))
 
 
-def test_store_of_before_is_given_the_columns_of_energy_and_places(tmp_path: Path) -> None:
+def test_store_of_before_is_given_the_columns_of_nodes(tmp_path: Path) -> None:
+    columns = (*ENERGY, "faults", "places")
     path = tmp_path / "s.sqlite"
     with Store(path) as store:
 
         def back(connection: Connection) -> None:
-            for name in (*ENERGY, "places"):
+            for name in columns:
                 connection.execute(text(f"ALTER TABLE nodes DROP COLUMN {name}"))
             connection.execute(text("DELETE FROM versions WHERE version >= 4"))
 
@@ -141,7 +142,7 @@ def test_store_of_before_is_given_the_columns_of_energy_and_places(tmp_path: Pat
     with Store(path) as store:
         put(store, block(0))
         (node,) = rows(store, nodes)
-        assert {node[name] for name in (*ENERGY, "places")} == {None}
+        assert {node[name] for name in columns} == {None}
 
 
 def test_later_schema_is_refused(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from eskin.messages import (
     Block,
     ChannelInfo,
     Encoding,
+    Fault,
     Gap,
     Message,
     Peak,
@@ -26,6 +27,7 @@ from eskin.messages import (
     Position,
     ResetCause,
     Status,
+    TaxelFaults,
     decode_message,
 )
 from eskin.messages.fields import dump
@@ -111,8 +113,13 @@ EXAMPLES: list[Message] = [
     ),
     Status(Position(3, 7), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), ResetCause.WATCHDOG),
     Status(
-        Position(3, 8), (1, 2), "hand", "a hand", 10**9, 1, 2, 3, 4, (), ResetCause.POWER_ON, None,
-        (Place("t00", 0.01, -0.02), Place("t01", 0.03, 0.0)),
+        Position(3, 8), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (),
+        faults=(TaxelFaults("t01", Fault.CERTAIN, Fault.POSSIBLE),),
+    ),
+    Status(Position(3, 9), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), faults=()),
+    Status(
+        Position(3, 8), (1, 2), "hand", "a hand", 10**9, 1, 2, 3, 4, (),
+        places=(Place("t00", 0.01, -0.02), Place("t01", 0.03, 0.0)),
     ),
 ]  # fmt: skip
 
@@ -120,6 +127,27 @@ EXAMPLES: list[Message] = [
 @pytest.mark.parametrize("message", EXAMPLES, ids=lambda m: type(m).__name__)
 def test_message_comes_back_equal(message: Message) -> None:
     assert decode_message(message.encode()) == message
+
+
+@pytest.mark.parametrize(
+    ("messages", "samples", "said"),
+    [
+        (0, 0, "t05 certainly stuck"),
+        (0, 1, "t05 certainly stuck: 1 sample lost"),
+        (1, 200, "t05 certainly stuck: 1 message and 200 samples lost"),
+    ],
+)
+def test_gap_tells_people_what_was_lost_if_anything(messages: int, samples: int, said: str) -> None:
+    assert Gap(Position(3, 5), "t05 certainly stuck", (1, 2), messages, samples, ()).detail == said
+
+
+@pytest.mark.parametrize(
+    "given", [["t01", 0, 0], ["t01", 3, 0], ["t01", 1], ["", 1, 1], ["t01", -1, 1], 5]
+)
+def test_faults_that_make_no_sense_are_refused(given: object) -> None:
+    told = cbor2.loads(EXAMPLES[-2].encode()) | {17: [given]}
+    with pytest.raises(MessageError):
+        decode_message(cbor2.dumps(told, canonical=True))
 
 
 def test_acknowledgement_comes_back_equal() -> None:
@@ -221,6 +249,6 @@ def test_messages_are_as_the_documented_cddl_says(message: Message) -> None:
     ],
 )
 def test_places_that_are_none_are_refused(places: list[object], reason: str) -> None:
-    fields = cbor2.loads(EXAMPLES[-1].encode()) | {17: places}
+    fields = cbor2.loads(EXAMPLES[-1].encode()) | {18: places}
     with pytest.raises(MessageError, match=reason):
         decode_message(dump(fields))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Position
+from eskin.messages import Block, Encoding, Fault, Position, TaxelFaults
 from eskin.moment import parse_moment
 from eskin.tube import Tube
 from gateway import public
@@ -47,6 +48,13 @@ def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n
     assert (said["unit"], said["n"], said["coverage"]) == ("F", n, 1.0)
 
 
+def test_status_tells_which_taxels_may_be_broken() -> None:
+    told = replace(status(1), faults=(TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),))
+    said = orjson.loads(public.status("n", told, online=True)[1])
+    assert said["faults"] == [{"taxel": "t05", "dead": "impossible", "stuck": "certain"}]
+    assert "faults" not in orjson.loads(public.status("n", status(1), online=True)[1])
+
+
 def test_unbounded_side_is_null() -> None:
     values = Interval([1.0, 2.0], [3.0, np.inf])
     tube = Tube((EPOCH, EPOCH), 1, values, "F", 1.0)
@@ -74,7 +82,7 @@ def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
 
 def test_gap_says_what_was_lost() -> None:
     said = orjson.loads(public.event("n", gap(4))[1])
-    assert said["detail"] == "flash full: 2 messages given up, 200 samples lost"
+    assert said["detail"] == "flash full: 2 messages and 200 samples lost"
 
 
 def test_presence_publishes_changes_and_every_status_and_nothing_else() -> None:

@@ -93,7 +93,8 @@ def work(
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
         energy = manager.told if manager and step["lives"] else None
-        return [scribe.status(times(step), *told, energy=energy)]
+        faults = step["faults"]
+        return [scribe.status(times(step), *told, energy=energy, faults=faults)]
     unit = units[step["taxel"]]
     if "call" in step:
         given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip
@@ -101,8 +102,17 @@ def work(
         return getattr(unit, step["call"])(*values) or []
     if "skip" in step:
         return unit.skip(step["skip"])
-    codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
-    return unit.process(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
+    if "tell" in step:
+        unit.broken = step["broken"]
+        return unit.tell()
+    if "codes" in step:
+        codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
+        unit.measure(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
+    elif "separate" in step:
+        unit.separate()
+    else:
+        unit.surround([units[k] for k in step["around"]], step["of"])
+    return []
 
 
 def times(step: "Table") -> "tuple[int, int]":

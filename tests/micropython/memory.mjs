@@ -25,7 +25,7 @@ scribe = driver.Scribe(job['boot'], driver.Counter())
 units = []
 given = iter(job['taxels'])
 taxels = len(job['taxels'])
-steps = [step for step in job['steps'] if 'codes' in step]
+steps = [step for step in job['steps'] if 'taxel' in step]
 frames = len(steps)
 `);
 const taxels = [];

@@ -7,12 +7,18 @@ Each ``measure_…`` fills buffers sample by sample, as an interrupt's buffer is
 Calibrations are tuples of floats that `sensor_node.firmware.calibration` makes.
 """
 
+from sensor_node.firmware.inversion.air import measure_moist, measure_still, measure_warm
 from sensor_node.firmware.inversion.amplified import measure_amplified
 from sensor_node.firmware.inversion.capacitive import measure_capacitive
 from sensor_node.firmware.inversion.eddy import measure_eddy
 from sensor_node.firmware.inversion.humidity import measure_humidity
 from sensor_node.firmware.inversion.inductive import measure_inductive
-from sensor_node.firmware.inversion.pad import measure_pad, measure_permittivity
+from sensor_node.firmware.inversion.pad import (
+    measure_felt,
+    measure_neighbour,
+    measure_nobody,
+    measure_pressure,
+)
 from sensor_node.firmware.inversion.temperature import measure_temperature
 from sensor_node.firmware.inversion.touch import measure_touch
 
@@ -25,10 +31,15 @@ __all__ = [
     "measure_amplified",
     "measure_capacitive",
     "measure_eddy",
+    "measure_felt",
     "measure_humidity",
     "measure_inductive",
-    "measure_pad",
-    "measure_permittivity",
+    "measure_moist",
+    "measure_neighbour",
+    "measure_nobody",
+    "measure_pressure",
+    "measure_still",
     "measure_temperature",
     "measure_touch",
+    "measure_warm",
 ]

@@ -34,6 +34,22 @@ def humidity_bounds(
     return least, most
 
 
+def moisture_bounds(
+    code: int,
+    last: int,
+    adc: "Adc",
+    reach: float,
+    factor: "Bounds",
+    rest: "Bounds",
+    sensitivity: "Bounds",
+    error: float,
+) -> "Bounds":
+    """Relative humidity in % from one code."""
+    i_lo, i_hi = code_bounds(code, last, adc, reach)
+    lo, hi = capacitance_bounds(i_lo, i_hi, factor)
+    return humidity_bounds(lo, hi, rest, sensitivity, error)
+
+
 def measure_humidity(
     codes: "Codes",
     n: int,
@@ -49,6 +65,6 @@ def measure_humidity(
 ) -> None:
     """Relative humidity in %."""
     for k in range(n):
-        i_lo, i_hi = code_bounds(codes[k], last, adc, reach)
-        lo, hi = capacitance_bounds(i_lo, i_hi, factor)
-        h_lo[k], h_hi[k] = humidity_bounds(lo, hi, rest, sensitivity, error)
+        h_lo[k], h_hi[k] = moisture_bounds(
+            codes[k], last, adc, reach, factor, rest, sensitivity, error
+        )

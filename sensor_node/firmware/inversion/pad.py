@@ -1,8 +1,10 @@
 """What presses a pad: two plates with an elastic layer between them.
 
 ``C = ε0·εr·k·A/d`` with ``k = 1 + a·(T - 20 °C) + b·(H - 50 %)``; the layer's mean distance is ``d
-= d0/(1 + F/E)`` under the mean pressure F that the pad feels: its own P, and what neighbours hand
-on, at most a share of the greatest pressure of a contact (eq. 2, 9, 10).
+= d0/(1 + F/E)`` under the mean pressure F that the pad feels (eq. 2, 9, 10): its own P, and of the
+mean of its neighbours' own a share that is between nothing and its crosstalk. A neighbour's own
+pressure is at most what that one feels; this bound depends on no third pad, so that one pass over
+the neighbours is as good as any iteration.
 
 One capacitance cannot tell a small contact that presses hard from a large one that presses
 lightly. So the contact area is bounded by two statements of the data sheet: no contact presses
@@ -11,54 +13,11 @@ with more than the greatest pressure (from below), and none covers more than the
 
 from sensor_node.firmware.inversion.capacitive import capacitance_bounds
 from sensor_node.firmware.inversion.codes import code_bounds
-from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
 from sensor_node.firmware.rounding import INFINITY, down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from sensor_node.firmware.inversion.codes import Adc, Bounds, Buffer, Codes
-
-REFERENCE_TEMPERATURE = 20.0
-"""In °C, where data sheets hold."""
-
-
-def change_bounds(lo: float, hi: float, reference: float, slope: float) -> "Bounds":
-    """``slope·(x - reference)``, of any sign."""
-    if slope == 0.0:
-        return 0.0, 0.0
-    below, above = down(lo - reference), up(hi - reference)
-    if slope > 0.0:
-        return down(slope * below), up(slope * above)
-    return down(slope * above), up(slope * below)
-
-
-def measure_permittivity(
-    n: int,
-    slopes: "Bounds",
-    t_lo: "Buffer",
-    t_hi: "Buffer",
-    h_lo: "Buffer",
-    h_hi: "Buffer",
-    k_lo: "Buffer",
-    k_hi: "Buffer",
-) -> None:
-    """Permittivity over the data sheet's, in air of a temperature in °C and a humidity in %.
-
-    Args:
-        n: Samples.
-        slopes: Relative change for each K and for each %, each of any sign.
-        t_lo: Lower bounds of the temperature.
-        t_hi: Upper ones.
-        h_lo: Lower bounds of the humidity.
-        h_hi: Upper ones.
-        k_lo: Where the lower bounds go.
-        k_hi: Where the upper ones go.
-    """
-    for k in range(n):
-        warm_lo, warm_hi = change_bounds(t_lo[k], t_hi[k], REFERENCE_TEMPERATURE, slopes[0])
-        wet_lo, wet_hi = change_bounds(h_lo[k], h_hi[k], REFERENCE_HUMIDITY, slopes[1])
-        k_lo[k] = down(down(1.0 + warm_lo) + wet_lo)
-        k_hi[k] = up(up(1.0 + warm_hi) + wet_hi)
 
 
 def plate_distance_bounds(
@@ -85,38 +44,73 @@ def felt_bounds(near: float, far: float, rest: "Bounds", elasticity: "Bounds") -
     return least, most
 
 
-def measure_pad(
+def measure_felt(
     codes: "Codes",
     n: int,
     last: int,
     adc: "Adc",
     reach: float,
     factor: "Bounds",
-    pad: "tuple[Bounds, Bounds, Bounds, Bounds, float, float]",
-    k_lo: "Buffer",
-    k_hi: "Buffer",
+    pad: "tuple[Bounds, Bounds, Bounds]",
     c_lo: "Buffer",
     c_hi: "Buffer",
     i_lo: "Buffer",
     i_hi: "Buffer",
     d_lo: "Buffer",
     d_hi: "Buffer",
+    p_lo: "Buffer",
+    p_hi: "Buffer",
+) -> None:
+    """Capacitance in F, current in A, mean distance in m, pressure that the pad feels in Pa.
+
+    The distance's buffers bring the permittivity over the data sheet's. ``pad``: ε0·εr·A, d0, E.
+    """
+    plates, rest, elasticity = pad
+    for k in range(n):
+        i_lo[k], i_hi[k] = lo, hi = code_bounds(codes[k], last, adc, reach)
+        c_lo[k], c_hi[k] = lo, hi = capacitance_bounds(lo, hi, factor)
+        d_lo[k], d_hi[k] = lo, hi = plate_distance_bounds(lo, hi, d_lo[k], d_hi[k], plates)
+        p_lo[k], p_hi[k] = felt_bounds(lo, hi, rest, elasticity)
+
+
+def measure_nobody(n: int, most: float, missing: int, total: "Buffer", least: "Buffer") -> None:
+    """Begin with neighbours of which nothing is known: each may be pressed as hard as any."""
+    for k in range(n):
+        total[k], least[k] = up(missing * most), most
+
+
+def measure_neighbour(
+    n: int, most: float, felt_lo: "Buffer", felt_hi: "Buffer", total: "Buffer", least: "Buffer"
+) -> None:
+    """Add how hard a neighbour is pressed at most: as hard as it feels; and the least of all."""
+    for k in range(n):
+        above = felt_hi[k]
+        if felt_lo[k] == -INFINITY or above > most or above < 0.0:
+            above = most
+        total[k] = up(total[k] + above)
+        least[k] = min(least[k], above)
+
+
+def measure_pressure(
+    n: int,
+    area: "Bounds",
+    most: float,
+    crosstalk: "tuple[float, int, float]",
     a_lo: "Buffer",
     a_hi: "Buffer",
     p_lo: "Buffer",
     p_hi: "Buffer",
 ) -> None:
-    """Capacitance in F, current in A, mean distance in m, contact area in m², mean pressure in Pa.
+    """Contact area in m² and mean pressure in Pa, out of what is felt.
 
-    ``pad``: ε0·εr·A, A, d0, E, the greatest pressure of a contact, what neighbours hand on.
+    The area's buffers bring the least of what presses a neighbour, and the sum over all of them;
+    the pressure's, what is felt. ``crosstalk``: the share that each neighbour hands on; how many of
+    them may be broken, and tell nothing; what all may hand on together, in Pa.
     """
-    plates, area, rest, elasticity, most, handed = pad
+    share, doubtful, most_handed = crosstalk
     for k in range(n):
-        i_lo[k], i_hi[k] = lo, hi = code_bounds(codes[k], last, adc, reach)
-        c_lo[k], c_hi[k] = lo, hi = capacitance_bounds(lo, hi, factor)
-        d_lo[k], d_hi[k] = lo, hi = plate_distance_bounds(lo, hi, k_lo[k], k_hi[k], plates)
-        lo, hi = felt_bounds(lo, hi, rest, elasticity)
-        lo = down(lo - handed)
+        handed = up(share * up(a_hi[k] + up(doubtful * up(most - a_lo[k]))))
+        lo, hi = down(p_lo[k] - min(handed, most_handed)), p_hi[k]
         if hi < 0.0 or lo > most:
             # Something is broken, or noise went beyond its reach: nothing is known.
             p_lo[k] = a_lo[k] = -INFINITY
@@ -124,6 +118,6 @@ def measure_pad(
             continue
         open_below = lo == -INFINITY
         lo = max(lo, 0.0)
-        p_lo[k], p_hi[k] = (-INFINITY if open_below else lo), hi
+        p_lo[k] = -INFINITY if open_below else lo
         a_lo[k] = -INFINITY if open_below else max(down(down(lo / most) * area[0]), 0.0)
         a_hi[k] = area[1]

@@ -68,6 +68,19 @@ def excess_bounds(lo: float, hi: float, divider: "Bounds") -> "Bounds":
     return least, most
 
 
+def temperature_bounds(
+    code: int, last: int, adc: "Adc", reach: float, divider: "Bounds", tolerance: "Bounds"
+) -> "Bounds":
+    """Temperature in °C from one code; arguments as of `measure_temperature`."""
+    v_lo, v_hi = code_bounds(code, last, adc, reach)
+    least, most = excess_bounds(v_lo, v_hi, divider)
+    lo, hi = celsius_bounds(least)[0], celsius_bounds(most)[1]
+    return (
+        down(lo - up(tolerance[0] + up(tolerance[1] * abs(lo)))),
+        up(hi + up(tolerance[0] + up(tolerance[1] * abs(hi)))),
+    )
+
+
 def measure_temperature(
     codes: "Codes",
     n: int,
@@ -93,8 +106,4 @@ def measure_temperature(
         t_hi: Upper bounds.
     """
     for k in range(n):
-        v_lo, v_hi = code_bounds(codes[k], last, adc, reach)
-        least, most = excess_bounds(v_lo, v_hi, divider)
-        lo, hi = celsius_bounds(least)[0], celsius_bounds(most)[1]
-        t_lo[k] = down(lo - up(tolerance[0] + up(tolerance[1] * abs(lo))))
-        t_hi[k] = up(hi + up(tolerance[0] + up(tolerance[1] * abs(hi))))
+        t_lo[k], t_hi[k] = temperature_bounds(codes[k], last, adc, reach, divider, tolerance)

@@ -2,6 +2,9 @@
 
 from array import array
 
+from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE, UNUSED, change_bounds
+from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
+from sensor_node.firmware.rounding import down, up
 from sensor_node.firmware.taxel.hygrometer import HygrometerTaxel
 from sensor_node.firmware.taxel.thermometer import ThermometerTaxel
 
@@ -12,7 +15,16 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.calibration import Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
-    from sensor_node.firmware.taxel.taxel import Taxel
+
+    Memory = tuple[array[int], array[float], array[float]]
+    """Codes, and the bounds of what each of them means; slot by slot."""
+
+SLOTS = 32
+"""Codes of each sensor whose meaning is remembered: air is never as noisy as that."""
+_SENSORS = (
+    ("thermometer", ThermometerTaxel, "temperature", REFERENCE_TEMPERATURE, "permittivity_per_K"),
+    ("hygrometer", HygrometerTaxel, "humidity", REFERENCE_HUMIDITY, "permittivity_per_percent"),
+)
 
 
 class Air:
@@ -22,51 +34,43 @@ class Air:
         sheet: The taxel's; a sensor that is read along stands in it under ``thermometer.`` or
             ``hygrometer.``.
         functions: `sensor_node.firmware.inversion`, or a compiled copy of it.
+
+    Attributes:
+        inputs: The sensors that are read along.
+        inverted: Of each, how many codes had to be calculated so far.
     """
 
     def __init__(self, sheet: "Sheet", functions: "ModuleType") -> None:
         self._functions = functions
-        self._slopes = sheet["permittivity_per_K"], sheet["permittivity_per_percent"]
-        limits = ("temperature_min", "temperature_max", "humidity_min", "humidity_max")
-        self._stated = [sheet[name] for name in limits]
-        self._sensors: list[Taxel | None] = [
-            _sensor(ThermometerTaxel, "thermometer", sheet, functions),
-            _sensor(HygrometerTaxel, "hygrometer", sheet, functions),
-        ]
-        names = ("thermometer", "hygrometer")
-        self.inputs = [name for k, name in enumerate(names) if self._sensors[k] is not None]
-        self._grow(0)
+        self._stated = 1.0, 1.0
+        self._sensors: list[tuple[ThermometerTaxel | HygrometerTaxel, float, Memory]] = []
+        self.inputs: list[str] = []
+        for role, kind, quantity, reference, name in _SENSORS:
+            own = _part(sheet, role)
+            if own:
+                self.inputs.append(role)
+                self._sensors.append((kind(own, functions), sheet[name], _memory()))
+                continue
+            limits = sheet[quantity + "_min"], sheet[quantity + "_max"]
+            lo, hi = change_bounds(limits[0], limits[1], reference, sheet[name])
+            self._stated = down(self._stated[0] + lo), up(self._stated[1] + hi)
+        self.inverted = [0] * len(self.inputs)
 
-    def permittivity(self, codes: "Sequence[Codes]", n: int) -> "tuple[Buffer, Buffer]":
-        """Bounds of the permittivity over the data sheet's, from the codes of its inputs."""
-        if n > len(self._bounds[4]):
-            self._grow(n)
-        if not self.inputs:
-            return self._bounds[4], self._bounds[5]
-        used = 0
-        for k, sensor in enumerate(self._sensors):
-            if sensor is not None:
-                sensor.measure(codes[used : used + 1], n, self._bounds[2 * k : 2 * k + 2])
-                used += 1
-        self._functions.measure_permittivity(n, self._slopes, *self._bounds)
-        return self._bounds[4], self._bounds[5]
-
-    def _grow(self, n: int) -> None:
-        """Make buffers of n samples: what is stated, and the permittivity."""
-        length = n if self.inputs else 1
-        self._bounds = [array("d", [value] * length) for value in self._stated]
-        self._bounds += [array("d", bytes(8 * length)) for _ in ("lower", "upper")]
-        if not self.inputs:
-            # Nothing is read along: it is the same in all samples.
-            self._functions.measure_permittivity(1, self._slopes, *self._bounds)
-            for k in (4, 5):
-                self._bounds[k] = array("d", [self._bounds[k][0]] * n)
+    def permittivity(
+        self, codes: "Sequence[Codes]", n: int, lows: "Buffer", highs: "Buffer"
+    ) -> None:
+        """Fill buffers with the permittivity over the data sheet's, from the sensors' codes."""
+        self._functions.measure_still(n, self._stated, lows, highs)
+        for k, (sensor, slope, memory) in enumerate(self._sensors):
+            self.inverted[k] += sensor.change(codes[k], n, slope, memory, lows, highs)
 
 
-def _sensor(
-    kind: "type[Taxel]", name: str, sheet: "Sheet", functions: "ModuleType"
-) -> "Taxel | None":
-    """A sensor that is read along, if there is one."""
-    start = name + "."
-    own = {key[len(start) :]: sheet[key] for key in sheet if key.startswith(start)}
-    return kind(own, functions) if own else None
+def _part(sheet: "Sheet", role: str) -> "dict[str, float]":
+    """The data sheet of a sensor that is read along; empty if there is none."""
+    start = role + "."
+    return {key[len(start) :]: sheet[key] for key in sheet if key.startswith(start)}
+
+
+def _memory() -> "Memory":
+    unused = array("i", [UNUSED] * SLOTS)
+    return unused, array("d", bytes(8 * SLOTS)), array("d", bytes(8 * SLOTS))

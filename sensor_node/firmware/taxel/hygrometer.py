@@ -9,6 +9,7 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.calibration import Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
+    from sensor_node.firmware.taxel.air import Memory
 
 
 class HygrometerTaxel(Taxel):
@@ -22,6 +23,26 @@ class HygrometerTaxel(Taxel):
         self._rest = part(sheet, "capacitance")
         self._sensitivity = part(sheet, "sensitivity")
         self._error = sheet["error_percent"]
+
+    def change(
+        self, codes: "Codes", n: int, slope: float, memory: "Memory", lo: "Buffer", hi: "Buffer"
+    ) -> int:
+        """Add to a permittivity what the humidity changes; gives how many codes were new."""
+        return self._functions.measure_moist(  # type: ignore[no-any-return]  # of a module
+            codes,
+            n,
+            self._last,
+            self._adc,
+            self._reach,
+            self._factor,
+            self._rest,
+            self._sensitivity,
+            self._error,
+            slope,
+            *memory,
+            lo,
+            hi,
+        )
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Relative humidity in %."""

@@ -20,6 +20,7 @@ class InductiveTaxel(Taxel):
         ("distance", "m"),
     )
     inputs: "tuple[str, ...]" = ("voltage",)
+    derived = ("distance",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._reference = part(sheet, "reference")

@@ -6,7 +6,7 @@ from sensor_node.firmware.rounding import down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from types import ModuleType
 
     from sensor_node.firmware.calibration import Bounds, Sheet
@@ -27,8 +27,11 @@ class Taxel:
     """Inputs of the converter, in the order of their codes."""
     amplified = 1
     """How many of them, the first ones, are behind the amplifier and the trimmer."""
-    plated: "tuple[str, ...]" = ()
-    """Quantities that are inverse to the distance of the plates."""
+
+    derived: "tuple[str, ...]" = ()
+    """Quantities that are told of a cause, which a broken taxel does not feel any more."""
+    inverted: "Sequence[int]" = ()
+    """Of each sensor that is read along, how many codes had to be calculated so far."""
 
     def __init__(self, sheet: "Sheet", functions: "ModuleType" = inversion) -> None:
         self.sheet = sheet
@@ -49,8 +52,8 @@ class Taxel:
         if gains != (1.0, 1.0) or trim != 0:
             self._adc = adjusted(self._converter, gains, trimmer(self.sheet, trim))
 
-    def move(self, before: int, steps: int) -> "Bounds":
-        """Calculate with the plates at another step; gives the ratio of distances before to now.
+    def move(self, before: int, steps: int) -> "Mapping[str, Bounds]":
+        """Calculate with the plates at another step; gives by what quantities change.
 
         Only taxels with an actuator have it: without steps, adaptation never moves a plate.
         """
@@ -65,4 +68,22 @@ class Taxel:
 
         Each kind has its own; MicroPython knows no abstract classes.
         """
+        raise NotImplementedError
+
+    def surround(self, neighbours: int) -> None:
+        """Sit among so many neighbours in the skin; most kinds do not feel them."""
+
+    def separate(
+        self, n: int, bounds: "Sequence[Buffer]", around: "Sequence[tuple[Buffer, Buffer]]"
+    ) -> None:
+        """Take back what neighbours hand on, out of what was measured.
+
+        Args:
+            n: Samples.
+            bounds: What `measure` filled.
+            around: What neighbours feel at the same instants, as far as it is known.
+        """
+
+    def felt(self, bounds: "Sequence[Buffer]") -> "tuple[Buffer, Buffer]":
+        """What it hands on a share of; only taxels with neighbours have it."""
         raise NotImplementedError

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.calibration import Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
+    from sensor_node.firmware.taxel.air import Memory
 
 
 class ThermometerTaxel(Taxel):
@@ -22,6 +23,24 @@ class ThermometerTaxel(Taxel):
         series, nominal = part(sheet, "series_resistance"), sheet["nominal"]
         self._divider = down(series[0] / nominal), up(series[1] / nominal)
         self._tolerance = platinum(sheet)
+
+    def change(
+        self, codes: "Codes", n: int, slope: float, memory: "Memory", lo: "Buffer", hi: "Buffer"
+    ) -> int:
+        """Add to a permittivity what the temperature changes; gives how many codes were new."""
+        return self._functions.measure_warm(  # type: ignore[no-any-return]  # of a module
+            codes,
+            n,
+            self._last,
+            self._adc,
+            self._reach,
+            self._divider,
+            self._tolerance,
+            slope,
+            *memory,
+            lo,
+            hi,
+        )
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Temperature in °C."""

@@ -6,7 +6,7 @@ from sensor_node.firmware.taxel.taxel import Taxel
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from sensor_node.firmware.calibration import Bounds, Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
@@ -17,7 +17,7 @@ class TouchTaxel(Taxel):
 
     quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
     inputs = ("current",)
-    plated = ("capacitance", "energy")
+    derived = ("area",)
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)
@@ -29,10 +29,11 @@ class TouchTaxel(Taxel):
         self._area_factor = quotient((1.0, 1.0), per_area)
         self._reaches = self._reach, up(per_area[1] * self._reach)
 
-    def move(self, before: int, steps: int) -> "Bounds":
-        """Calculate with the plates at another step; gives the ratio of distances before to now."""
+    def move(self, before: int, steps: int) -> "Mapping[str, Bounds]":
+        """Calculate with the plates at another step; gives by what quantities change."""
         self._stand(steps)
-        return quotient(distance(self.sheet, before), distance(self.sheet, steps))
+        ratio = quotient(distance(self.sheet, before), distance(self.sheet, steps))
+        return {"capacitance": ratio, "energy": ratio}
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Area in m², capacitance in F, energy in J."""

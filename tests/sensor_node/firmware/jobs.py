@@ -56,23 +56,39 @@ class Recorder:
         monkeypatch.setattr(ControlUnit, "__init__", unit)
 
     def _watch_working(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        process, skip = ControlUnit.process, ControlUnit.skip
+        measure, skip = ControlUnit.measure, ControlUnit.skip
+        separate, tell, surround = ControlUnit.separate, ControlUnit.tell, ControlUnit.surround
 
-        def processed(
+        def measured(
             unit: ControlUnit, frame: Frame, codes: Sequence[Codes], other: Sequence[Codes] = ()
-        ) -> list[Record]:
+        ) -> None:
             first = unit.schedule.frame(frame.number).first
             part = frame.first - first, frame.first - first + frame.n
             given = [[list(each) for each in inputs] for inputs in (codes, other)]
             self._note(unit, frame=frame.number, part=part, codes=given[0], other=given[1])
-            return process(unit, frame, codes, other)
+            measure(unit, frame, codes, other)
+
+        def separated(unit: ControlUnit) -> None:
+            self._note(unit, separate=True)
+            separate(unit)
+
+        def told(unit: ControlUnit) -> list[Record]:
+            self._note(unit, tell=True, broken=unit.broken)
+            return tell(unit)
+
+        def surrounded(unit: ControlUnit, around: Sequence[ControlUnit], neighbours: int) -> None:
+            self._note(unit, around=[self._units.index(each) for each in around], of=neighbours)
+            surround(unit, around, neighbours)
 
         def skipped(unit: ControlUnit, samples: int) -> list[Record]:
             if not self._calling:
                 self._note(unit, skip=samples)
             return skip(unit, samples)
 
-        monkeypatch.setattr(ControlUnit, "process", processed)
+        monkeypatch.setattr(ControlUnit, "measure", measured)
+        monkeypatch.setattr(ControlUnit, "separate", separated)
+        monkeypatch.setattr(ControlUnit, "tell", told)
+        monkeypatch.setattr(ControlUnit, "surround", surrounded)
         monkeypatch.setattr(ControlUnit, "skip", skipped)
         for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
             self._watch_setting(monkeypatch, name)
@@ -98,6 +114,7 @@ class Recorder:
         ) -> Record:
             given: dict[str, Any] = {"status": profile, "description": description}
             given |= {"storage": storage, "cause": cause, "lives": energy.get("energy") is not None}
+            given["faults"] = energy.get("faults")
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
             told = time, profile, description, uptime, storage, channels, cause

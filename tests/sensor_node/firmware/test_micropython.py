@@ -40,12 +40,21 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     recorder = Recorder(monkeypatch)
     changes = {"gain_least": 0.25, "gain_tolerance": 1e-3, "trimmer_steps": 300}
     moved = table("touch", adaptive=True, adc_min_A=1.2e-4, actuator_steps=4, **changes)
-    bench = Bench(tmp_path, "palm", taxel=(moved,), sampling={"block_samples": 50})
+    pad = table("pad", adaptive=True, adc_min_A=8.5e-4, actuator_steps=4, gain_most=1.0)
+    pad = {key: pad[key] for key in pad if key not in ("thermometer", "hygrometer")}
+    bench = Bench(tmp_path, "palm", taxel=(moved, pad), sampling={"block_samples": 50})
     bench.run_to(3.0)
+    plate = bench.node.taxels[1].control_unit.adaptation.plate
+    # As if a self-test had found it: it tells no cause any more, and the status says so.
+    bench.node.taxels[1].control_unit.broken = True
+    bench.node._examiner.faults = [("t00", 0, 2), ("t01", 1, 0)]
+    bench.node.record_status()
+    bench.run_to(4.0)
     said = [body.hex() for body in bench.bodies()]
     settings = bench.node.taxels[0].control_unit.adaptation
     bench.close()
     assert (settings.gain, settings.trim) != (1.0, 0)
+    assert plate > 0
     assert under_micropython(recorder.job, tmp_path) == said
 
 
@@ -124,6 +133,7 @@ def test_same_bytes_of_every_taxel_that_lives_a_scenario(
     taxels = [table(kind, **changes) for kind in kinds]
     taxels[0]["adc_min"] = 0.4
     taxels[-1] |= {"place": "t05", "temperature_min_Cel": -40.0}
+    taxels += [taxels[-1] | {"id": f"n{place}", "place": place} for place in ("t06", "t09")]
     bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"encoding": "f64"})
     bench.run_to(10.0)
     bench.node.finish()
@@ -132,7 +142,7 @@ def test_same_bytes_of_every_taxel_that_lives_a_scenario(
     assert under_micropython(recorder.job, tmp_path) == said
     blocks = [decode_message(bytes.fromhex(body)) for body in said]
     channels = {block.channel for block in blocks if isinstance(block, Block)}
-    assert len(channels) == 1 + 1 + 1 + 5 + 5
+    assert len(channels) == 1 + 1 + 1 + 5 + 3 * 5
 
 
 def test_same_energy_as_in_the_emulated_node(

@@ -8,9 +8,10 @@ import mpmath
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sensor_node.firmware.inversion.air import change_bounds
 from sensor_node.firmware.inversion.eddy import lag_bounds, modulus_bounds
 from sensor_node.firmware.inversion.humidity import humidity_bounds
-from sensor_node.firmware.inversion.pad import change_bounds, felt_bounds
+from sensor_node.firmware.inversion.pad import felt_bounds
 from sensor_node.firmware.inversion.temperature import celsius_bounds
 from sensor_node.firmware.rounding import INFINITY
 

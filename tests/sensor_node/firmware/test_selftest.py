@@ -9,18 +9,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from eskin.messages import Gap, decode_message
+from eskin.messages import Block, Fault, Gap, Status, TaxelFaults, decode_message
 from sensor_node.examiner import SELF_TEST
 from sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, POSSIBLE, SelfTest, Window
 from sensor_node.profile import Profile
 from sensor_node.scenario.file import scenario_text
 from sensor_node.skin import FlatShape
-from tests.sensor_node.designs import SECOND, Bench
+from tests.sensor_node.designs import SECOND, Bench, table
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.interval import Floats
+    from eskin.messages import Message
 
 GRID = FlatShape(shape="flat", rows=3, columns=3, pitch_m=1e-2).build()
 MIDDLE = 4
@@ -125,33 +126,76 @@ at_s = 7.0
 """
 
 
-def complaints(folder: Path, faults: str, seconds: float) -> dict[str, float]:
-    """What the packaged hand says of its taxels, and when, with faults in its scenario."""
+def lived(folder: Path, faults: str, seconds: float) -> tuple[list[Message], int]:
+    """What the packaged hand says, with faults in its scenario, and when it began."""
     path = folder / "faulty.toml"
     path.write_text(scenario_text("hand.toml") + faults)
     taxels = [
         each | {"scenario": str(path), "sampling_Hz": 25.0} for each in Profile.read("hand").taxels
     ]
     bench = Bench(folder, "hand", taxel=taxels, sampling={"block_samples": 25})
-    found: dict[str, float] = {}
     for _ in range(round(seconds)):
         bench.run_to(bench.ticks / SECOND + 1.0)
-    for body in bench.bodies():
-        message = decode_message(body)
-        if isinstance(message, Gap):
-            end = message.time[1] - bench.clock.true_time(0)
-            assert message.reason not in found
-            found[message.reason] = end / SECOND
+    said = [decode_message(body) for body in bench.bodies()]
     bench.close()
-    return found
+    return said, bench.clock.true_time(0)
 
 
-def test_injected_faults_are_found_within_two_windows(tmp_path: Path) -> None:
-    found = complaints(tmp_path, FAULTS, 45.0)
+def ends(messages: list[Message], channel: str, begin: int) -> list[float]:
+    """Seconds at which blocks of a channel end."""
+    blocks = [m for m in messages if isinstance(m, Block) and m.channel == channel]
+    return [(m.tube.time[1] - begin) / SECOND + 1.0 for m in blocks]
+
+
+def test_injected_faults_are_found_within_two_windows_and_causes_told_no_more(
+    tmp_path: Path,
+) -> None:
+    messages, begin = lived(tmp_path, FAULTS, 65.0)
+    gaps = [message for message in messages if isinstance(message, Gap)]
+    first = {gap.reason: (gap.time[1] - begin) / SECOND for gap in reversed(gaps)}
     # A coil at the place of t06 is stuck with it; two coils are too few to tell.
-    assert set(found) == {"t06 certainly stuck", "t15 certainly stuck", "t03 certainly dead"}
-    assert all(end <= 7.0 + 2 * SELF_TEST / SECOND for end in found.values())
+    assert set(first) == {"t06 certainly stuck", "t15 certainly stuck", "t03 certainly dead"}
+    assert all(end <= 7.0 + 2 * SELF_TEST / SECOND for end in first.values())
+    for reason, end in first.items():
+        taxel = reason.partition(" ")[0]
+        told = [gap for gap in gaps if gap.reason == reason]
+        assert told[0].samples == 0
+        for quantity in ("plate_distance", "contact_area", "pressure"):
+            assert max(ends(messages, f"{taxel}.{quantity}", begin)) <= end + 0.1
+        assert max(ends(messages, f"{taxel}.capacitance", begin)) > 64.0
+        # All that was not told is in a gap, but for what is younger than the last one.
+        left_out = 3 * 25 * round((told[-1].time[1] - begin) / SECOND - end)
+        assert sum(gap.samples for gap in told) == left_out > 0
 
 
 def test_healthy_hand_is_not_accused_in_six_rounds(tmp_path: Path) -> None:
-    assert complaints(tmp_path, "", 120.0) == {}
+    messages, _ = lived(tmp_path, "", 120.0)
+    assert [message for message in messages if isinstance(message, Gap)] == []
+
+
+def broken(bench: Bench) -> list[str]:
+    return [taxel.name for taxel in bench.node.taxels if taxel.control_unit.broken]
+
+
+def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) -> None:
+    pad = table("pad", adc_max_A=7e-4, sampling_Hz=25.0, thermometer=None, hygrometer=None)
+    bench = Bench(tmp_path, "hand", taxel=[pad], sampling={"block_samples": 25})
+    unit = bench.node.taxels[0].control_unit
+    bench.run_to(45.0)
+    assert bench.node._examiner.faults == [("t00", CERTAIN, POSSIBLE)]
+    assert list(broken(bench)) == ["t00"]  # it saturated all the time: as an open line does
+    unit._taxel._adc = (1e-7, 1e-7, 0.0, 0.0, 0.0)  # as if the contact had gone
+    unit._taxel._last = 1 << 20
+    bench.run_to(82.0)
+    assert list(broken(bench)) == []
+    assert bench.node._examiner.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
+    bench.node.record_status()
+    (told,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
+    assert told.faults == (TaxelFaults("t00", Fault.IMPOSSIBLE, Fault.POSSIBLE),)
+    gaps = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Gap)]
+    assert {gap.reason for gap in gaps} == {"t00 certainly dead"}
+    assert [gap.samples for gap in gaps] == [0, 3 * 25 * 20, 3 * 25 * 20, 3 * 25 * 20]
+    blocks = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Block)]
+    pressure = [block for block in blocks if block.channel == "t00.pressure"]
+    assert len(pressure) == 20 + 2
+    bench.close()

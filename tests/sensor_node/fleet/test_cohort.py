@@ -96,3 +96,26 @@ def test_same_bytes_and_truth_as_alone(
             home = Path(folder) / str(row)
             home.mkdir()
             assert (said[row], known[row]) == alone(design, home, member, moments)
+
+
+@effort(max_examples=2, deadline=None)
+@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2), st.integers(40, 80))
+def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: int) -> None:
+    pads = [
+        table("pad", id=place, place=place, sampling_Hz=50.0) for place in ("t10", "t06", "t09")
+    ]
+    slow = table("pad", id="t11", place="t11", sampling_Hz=25.0)
+    with tempfile.TemporaryDirectory() as folder:
+        design = settings(
+            Path(folder),
+            node={"name": "n", "profile": "custom"},
+            taxel=[pads[0], *companions_of("pad"), table("bioelectric"), slow, *pads[1:]],
+            sampling={"block_samples": block, "encoding": "f64"},
+        )
+        members = [Member(s, 1 + k, START + k) for k, s in enumerate(seeds)]
+        moments = [k * SECOND for k in range(1, 7)]
+        said, known = together(design, members, moments)
+        for row, member in enumerate(members):
+            home = Path(folder) / str(row)
+            home.mkdir()
+            assert (said[row], known[row]) == alone(design, home, member, moments)

@@ -14,6 +14,12 @@ class Counted(float):
     done = 0
     __hash__ = float.__hash__
 
+    def __index__(self) -> int:
+        return int(self)
+
+    def __mod__(self, other: float) -> Counted:
+        return Counted(float(self) % other)
+
 
 def _counting(name: str) -> Any:
     plain = getattr(float, name)

@@ -20,6 +20,12 @@ export interface EnergyJson {
   readonly shedding: "none" | "adaptive" | "peaks" | "sleep";
 }
 
+export interface FaultJson {
+  readonly taxel: string;
+  readonly dead: "certain" | "possible" | "impossible";
+  readonly stuck: "certain" | "possible" | "impossible";
+}
+
 export interface NodeItem {
   readonly id: string;
   readonly health: Health;
@@ -32,6 +38,8 @@ export interface NodeItem {
   readonly outbox: { readonly messages: number; readonly bytes: number; readonly capacity_bytes: number } | null;
   readonly gaps: number;
   readonly energy: EnergyJson | null;
+  /** Taxels that may be broken; none known before the node's first self-test. */
+  readonly faults: readonly FaultJson[] | null;
   readonly channels: number;
 }
 

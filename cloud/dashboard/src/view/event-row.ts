@@ -12,6 +12,9 @@ export interface EventScope {
   readonly channel: string | null;
 }
 
+/** A gap that tells of a broken taxel; what it spans is when that was found. */
+const FAULT = / certainly (stuck|dead)/;
+
 function symbol(event: EventItem): SVGSVGElement {
   if (event.kind === "peak" && event.verdict) return verdictSymbol(event.verdict);
   const made = icon(event.kind === "gap" ? ICONS.gap : event.kind === "command" ? ICONS.command : ICONS.status);
@@ -21,6 +24,7 @@ function symbol(event: EventItem): SVGSVGElement {
 
 function what(event: EventItem): string {
   if (event.kind === "gap") {
+    if (event.detail && FAULT.test(event.detail)) return event.detail;
     const length = Number(parseInstant(event.time.hi) - parseInstant(event.time.lo));
     return [`gap of ${formatDuration(length, "up")}`, event.detail].filter(Boolean).join(": ");
   }

@@ -1,4 +1,4 @@
-import type { EnergyJson, NodeItem } from "../api/contract";
+import type { EnergyJson, FaultJson, NodeItem } from "../api/contract";
 import { formatDuration } from "../time/duration";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import { element } from "./element";
@@ -62,6 +62,25 @@ function battery({ energy }: NodeItem): HTMLElement[] {
   return fact("battery", text);
 }
 
+/** Which taxels are certainly broken, by name; and how many may be. */
+export function faultsText(faults: readonly FaultJson[]): string {
+  const certain = faults.filter(({ dead, stuck }) => dead === "certain" || stuck === "certain");
+  const named = certain.map(({ taxel, dead }) => `${taxel} ${dead === "certain" ? "dead" : "stuck"}`);
+  const rest = faults.length - certain.length;
+  if (rest > 0) named.push(`${rest} possibly`);
+  return named.join(", ") || "none";
+}
+
+function broken({ faults }: NodeItem): HTMLElement[] {
+  if (faults === null) return [];
+  const warn = faults.some(({ dead, stuck }) => dead === "certain" || stuck === "certain");
+  const possible = faults.map(({ taxel, dead, stuck }) => `${taxel}: dead ${dead}, stuck ${stuck}`).join("\n");
+  return fact(
+    "broken",
+    element("span", { class: warn ? "warn" : "", title: possible, "data-testid": "node-faults" }, faultsText(faults)),
+  );
+}
+
 function fact(name: string, value: HTMLElement | string): HTMLElement[] {
   return [element("dt", {}, name), element("dd", {}, value)];
 }
@@ -88,6 +107,7 @@ export function nodeCard(
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
     ...battery(node),
+    ...broken(node),
     ...fact("boot", `${node.boot ?? "–"} · ${node.uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(node.uptime_ns / 1e9) * 1e9)}`}`),
   );
   return element(

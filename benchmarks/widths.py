@@ -1,0 +1,89 @@
+"""How wide the packaged hand's pads tell what presses them: `python -m benchmarks.widths`.
+
+Runs the node's firmware on the scenario as fast as it goes, and looks at the truth of every sample.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from eskin.messages import Block, decode_message
+from sensor_node.flash import Flash
+from sensor_node.profile import Profile
+from sensor_node.service import build_node, build_outbox
+from sensor_node.settings import NodeSettings
+from sensor_node.truth import Truth
+
+if TYPE_CHECKING:
+    from eskin.interval import Floats, Interval
+
+_SECONDS: Final = 20
+_BILLION: Final = 1_000_000_000
+_TOUCHED: Final = 3000.0
+"""Pa from which on a pad counts as pressed."""
+_ALL: Final = 8
+_VARIANTS: Final[dict[str, dict[str, Any]]] = {
+    "as packaged": {},
+    "neighbours' readings not taken into account": {"doubtful_neighbours": _ALL},
+    "nor the air's": {"doubtful_neighbours": _ALL, "thermometer": None, "hygrometer": None},
+}
+_SHOWN: Final = (("pressure", 1e-3, "kPa"), ("contact_area", 1e4, "cm2"))
+
+
+def measured(folder: Path, changes: dict[str, Any]) -> dict[str, list[tuple[Interval, Floats]]]:
+    """Intervals and truth by quantity, block by block, of all pads."""
+    tables = [
+        {key: value for key, value in (each | changes).items() if value is not None}
+        if each["kind"] == "pad"
+        else each
+        for each in Profile.read("hand").taxels
+    ]
+    given: dict[str, Any] = {
+        "node": {"name": "hand", "profile": "hand", "seed": 7},
+        "identity": {"directory": folder, "site": folder},
+        "flash": {"path": folder / "flash", "capacity_bytes": 2**30},
+        "truth": {"path": folder / "truth", "limit_bytes": 2**31},
+        "taxel": tables,
+    }
+    settings = NodeSettings(**given)
+    flash, truth = Flash(settings.flash.path, epoch=1), Truth(settings.truth.path, limit=2**31)
+    outbox = build_outbox(flash, capacity=2**30, broker=settings.broker)
+    node, _ = build_node(settings, outbox=outbox, truth=truth, start=0)
+    node.run_until(_SECONDS * _BILLION)
+    found: dict[str, list[tuple[Interval, Floats]]] = {}
+    for kept in flash.after((-1, -1), 1_000_000):
+        block = decode_message(kept.body)
+        if isinstance(block, Block) and block.channel.startswith("t"):
+            true = Truth.read(settings.truth.path, [block.position])[block.position].values
+            quantity = block.channel.partition(".")[2]
+            found.setdefault(quantity, []).append((block.tube.values, true))
+    flash.close()
+    truth.close()
+    return found
+
+
+def main() -> None:
+    """Print a table."""
+    for name, changes in _VARIANTS.items():
+        with tempfile.TemporaryDirectory() as folder:
+            found = measured(Path(folder), changes)
+        wrong = sum(int((~i.contains(t)).sum()) for each in found.values() for i, t in each)
+        pressed = [true >= _TOUCHED for _, true in found["pressure"]]
+        for quantity, scale, unit in _SHOWN:
+            widths = [scale * intervals.wid for intervals, _ in found[quantity]]
+            below = [scale * (true - intervals.inf) for intervals, true in found[quantity]]
+            touched = np.concatenate([w[p] for w, p in zip(widths, pressed, strict=True)])
+            missed = np.concatenate([b[p] for b, p in zip(below, pressed, strict=True)])
+            print(
+                f"{name:45} {quantity:13} mean width {np.concatenate(widths).mean():.3f} {unit}, "
+                f"pressed {touched.mean():.3f} {unit}, {missed.mean():.3f} {unit} of it below the "
+                f"truth; samples without their truth: {wrong}"
+            )
+
+
+if __name__ == "__main__":
+    main()

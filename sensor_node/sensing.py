@@ -1,0 +1,53 @@
+"""What is before a taxel's control unit: its world, its analogue chain, its actuator."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sensor_node.frontend import build_frontend
+from sensor_node.physics import build_world
+from sensor_node.physics.pad import PadWorld
+from sensor_node.physics.touch import TouchWorld
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eskin.interval import Floats
+    from sensor_node.firmware.adaptation import Adaptation
+    from sensor_node.frontend import Digitised
+    from sensor_node.physics import Signals
+    from sensor_node.taxels import AnyTaxel
+    from sensor_node.taxels.companion import Companion
+
+
+class Sensing:
+    """The true parts of one taxel; they stay the same through every reset.
+
+    Args:
+        taxel: Its settings.
+        seed: Draws them.
+        companions: What it reads along, by the names of its inputs.
+    """
+
+    def __init__(
+        self, taxel: AnyTaxel, seed: tuple[int, ...], companions: Mapping[str, Companion]
+    ) -> None:
+        parts = np.random.default_rng(seed)
+        self._world = build_world(taxel, parts)
+        self._frontend = build_frontend(taxel, parts, companions)
+
+    def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
+        """True signals at instants since the start (a burst: since its trigger)."""
+        return self._world.signals(seconds, random)
+
+    def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
+        """Codes of what is sensed."""
+        return self._frontend.digitise(sensed, random)
+
+    def adjust(self, chosen: Adaptation) -> None:
+        """Set amplifier, trimmer and plates as the control unit has chosen."""
+        self._frontend.adjust(chosen.gain, chosen.trim)
+        if isinstance(self._world, TouchWorld | PadWorld):
+            self._world.move(chosen.plate)
