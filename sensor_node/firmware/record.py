@@ -227,21 +227,9 @@ class Scribe:
             out.integer(verdict)
             out.integer(stage)
         if faults is not None:
-            out.integer(17)
-            out.array(len(faults))
-            for name, dead, stuck in faults:
-                out.array(3)
-                out.text(name)
-                out.integer(dead)
-                out.integer(stuck)
+            _faults(out, faults)
         if places:
-            out.integer(18)
-            out.array(len(places))
-            for taxel, x, y in places:
-                out.array(3)
-                out.text(taxel)
-                out.real(x)
-                out.real(y)
+            _places(out, places)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":
@@ -253,6 +241,26 @@ class Scribe:
         _integer(out, 2, self._boot)
         _integer(out, 3, sequence)
         return out, sequence
+
+
+def _places(out: Writer, places: "Sequence[tuple[str, float, float]]") -> None:
+    out.integer(18)
+    out.array(len(places))
+    for taxel, x, y in places:
+        out.array(3)
+        out.text(taxel)
+        out.real(x)
+        out.real(y)
+
+
+def _faults(out: Writer, faults: "Sequence[tuple[str, int, int]]") -> None:
+    out.integer(17)
+    out.array(len(faults))
+    for name, dead, stuck in faults:
+        out.array(3)
+        out.text(name)
+        out.integer(dead)
+        out.integer(stuck)
 
 
 def _integer(out: Writer, key: int, value: int) -> None:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 SECONDS = 6
-CONVERSIONS = 250 * (14 + 2) + 250 * 2 * 3 + 250 + 2 * 50
+CONVERSIONS = 250 * 14 * 3 + 250 * 2 * 3 + 250 + 2 * 50
 """A second: 14 pads, of which one reads the air along; 2 coils; an electrode; the air."""
 
 

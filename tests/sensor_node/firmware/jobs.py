@@ -32,6 +32,7 @@ class Recorder:
         self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
+        self._watch_telling(monkeypatch)
         self._watch_supply(monkeypatch)
 
     def _watch_making(self, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -92,6 +93,8 @@ class Recorder:
         monkeypatch.setattr(ControlUnit, "skip", skipped)
         for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
             self._watch_setting(monkeypatch, name)
+
+    def _watch_telling(self, monkeypatch: pytest.MonkeyPatch) -> None:
         gap, status = Scribe.gap, Scribe.status
 
         def told_gap(

@@ -171,3 +171,20 @@ def test_neighbours_are_those_of_the_skin_and_their_noise_counts(tmp_path: Path)
     alone = coverage(made.taxel[0], {})
     assert made.coverages()[0] == pytest.approx(1.0 - 2.0 * (1.0 - alone), abs=1e-15)
     assert made.coverages()[2] == pytest.approx(alone, abs=1e-15)
+
+
+def test_neighbour_counts_at_the_same_instants_and_as_long_as_it_is_sound(tmp_path: Path) -> None:
+    names = ["t10", "t06", "t09", "t11"]
+    bench = Bench(tmp_path, "hand", taxel=skin("hand.toml", names), sampling=BLOCK)
+    pads = bench.node.taxels[:4]
+    counts = []
+    for change in (
+        lambda: pads[0],
+        lambda: pads[1].sample_every(SECOND // 10),
+        lambda: setattr(pads[2].control_unit, "broken", True),
+    ):
+        change()
+        bench.run_to(bench.ticks / SECOND + 1.0)
+        counts.append(pads[0].control_unit.known_neighbours)
+    assert counts == [3, 2, 1]
+    bench.close()
