@@ -12,8 +12,10 @@ from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.schedule import Schedule
+from sensor_node.firmware.selftest import SelfTest
 from sensor_node.firmware.taxel import CHAINS
 from tests.micropython.delivery import deliver
+from tests.micropython.examination import examine
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -63,24 +65,33 @@ def control_unit(taxel: "Table", clock: Clock, scribe: Scribe) -> ControlUnit:
 
 def run(job: "Table") -> "list[Any]":
     """Do what a job asks."""
+    if "tubes" in job:
+        return examine(job)
     return deliver(job) if "script" in job else say(job)
 
 
-def say(job: "Table") -> "list[str]":
-    """Give the bytes of every message, in hexadecimal."""
+def say(job: "Table") -> "list[Any]":
+    """Give the bytes of every message, in hexadecimal, and then what each self-test found."""
     clock = Clock(int(job["reading"]), job["error"], job["drift"])
     scribe = Scribe(job["boot"], Counter())
     units = [control_unit(taxel, clock, scribe) for taxel in job["taxels"]]
     manager = EnergyManager(reals(job["energy"])) if "energy" in job else None
+    test = SelfTest(job["neighbours"])
     said: list[Record] = []
+    found: list[Any] = []
     for step in job["steps"]:
-        if manager and "supply" in step:
+        if "show" in step:
+            unit = units[step["show"]].units[0]
+            test.take(step["show"], unit.lows, unit.highs, unit.filled)
+        elif "examine" in step:
+            found.append([list(each) for each in test.examine()])
+        elif manager and "supply" in step:
             manager.watch(step["supply"], tuple([int(text) for text in step["work"]]))
             for unit in units:
                 unit.shed = manager.stage
         else:
             said += work(step, units, scribe, manager)
-    return [bytes(record.body).hex() for record in said]
+    return [bytes(record.body).hex() for record in said] + found
 
 
 def work(
@@ -94,6 +105,9 @@ def work(
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
         energy = manager.told if manager and step["lives"] else None
         return [scribe.status(times(step), *told, energy=energy)]
+    if "result" in step:
+        command, places = int(step["command"]), state(step)
+        return [scribe.result(times(step), command, step["result"], step["reason"], places)]
     unit = units[step["taxel"]]
     if "call" in step:
         given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip
@@ -103,6 +117,13 @@ def work(
         return unit.skip(step["skip"])
     codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
     return unit.process(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
+
+
+def state(step: "Table") -> "dict[str, dict[str, float | str]]":
+    found: dict[str, dict[str, float | str]] = {}
+    for place, name, is_real, text in step["state"]:
+        found.setdefault(place, {})[name] = real(text) if is_real else text
+    return found
 
 
 def times(step: "Table") -> "tuple[int, int]":
