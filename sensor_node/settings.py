@@ -23,7 +23,7 @@ class NodeSection(Section):
     name: str = Field(description="the node's id: common name of its certificate")
     profile: str = Field(
         description="name of its design; without [[taxel]] tables, the packaged profile of that "
-        "name (fingertip, palm, forearm, hand) gives them"
+        "name (fingertip, palm, forearm, hand, sole, sock) gives them, and its [energy]"
     )
     description: str = Field(
         default="", max_length=200, description="one line for people; empty: the profile's"
@@ -212,6 +212,10 @@ class NodeSettings(Settings):
             return data
         profile = Profile.read(node["profile"])
         filled = {"taxel": profile.taxels} | data
+        for name, section in profile.sections.items():
+            given = data.get(name, {})
+            if isinstance(given, dict):
+                filled[name] = section | given
         if not node.get("description"):
             filled["node"] = node | {"description": profile.description}
         return filled

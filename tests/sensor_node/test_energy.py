@@ -17,6 +17,7 @@ from eskin.messages import (
     decode_message,
 )
 from eskin.messages.head import Position
+from sensor_node.budget.traffic import sent_for
 from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
 from tests.sensor_node.designs import Bench, waiting
 
@@ -124,6 +125,26 @@ def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
     assert told is not None
     assert told.verdict is Sustained.IMPOSSIBLE
     assert told.shedding is Shedding.NONE
+    bench.close()
+
+
+def test_sole_short_of_energy_sends_peaks_only_and_certainly_sustains_itself(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(tmp_path, "sole", energy={"start_voltage": 2.7})
+    supply, ledger = keeper_of(bench).plant.supply, bench.node.machine.ledger
+    begin = supply.energy
+    for second in range(41):
+        bench.run_to(float(second))
+        for kept in waiting(bench.flash):
+            ledger.sent += sent_for(kept)
+            bench.outbox.acknowledge([(*kept.position, kept.position[1])])
+    manager = keeper_of(bench).manager
+    assert ledger.sent > 10_000
+    assert manager.stage == Shedding.PEAKS
+    assert manager.verdict == Sustained.CERTAIN
+    assert supply.energy > begin
+    assert manager.stored[0] <= supply.energy <= manager.stored[1]
     bench.close()
 
 

@@ -34,6 +34,8 @@ class Recorder:
         self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
+        self._watch_scribe(monkeypatch)
+        self._watch_answers(monkeypatch)
         self._watch_supply(monkeypatch)
         self._watch_self_test(monkeypatch)
 
@@ -79,7 +81,9 @@ class Recorder:
         monkeypatch.setattr(ControlUnit, "skip", skipped)
         for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
             self._watch_setting(monkeypatch, name)
-        gap, status, result = Scribe.gap, Scribe.status, Scribe.result
+
+    def _watch_scribe(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        gap, status = Scribe.gap, Scribe.status
 
         def told_gap(
             scribe: Scribe, reason: str, time: tuple[int, int], samples: int, *named: Any
@@ -106,6 +110,12 @@ class Recorder:
             told = time, profile, description, uptime, storage, channels, cause
             return status(scribe, *told, **energy)
 
+        monkeypatch.setattr(Scribe, "gap", told_gap)
+        monkeypatch.setattr(Scribe, "status", told_status)
+
+    def _watch_answers(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        result = Scribe.result
+
         def told_result(
             scribe: Scribe,
             time: tuple[int, int],
@@ -125,8 +135,6 @@ class Recorder:
             return result(scribe, time, command, outcome, reason, state)
 
         monkeypatch.setattr(Scribe, "result", told_result)
-        monkeypatch.setattr(Scribe, "gap", told_gap)
-        monkeypatch.setattr(Scribe, "status", told_status)
 
     def _watch_supply(self, monkeypatch: pytest.MonkeyPatch) -> None:
         make, watch = EnergyManager.__init__, EnergyManager.watch
