@@ -94,7 +94,9 @@ class Node:
         ]
         self.energy: EnergyKeeper | None = None
         if settings.energy.on:
-            self.energy = EnergyKeeper(self, settings, seed=seed)
+            self.energy = EnergyKeeper(
+                self, settings, clock=clock, outbox=outbox, truth=truth, seed=seed
+            )
         self._boot()
 
     @property
@@ -121,6 +123,8 @@ class Node:
                     # Before the flash's commit: every stored block has its truth.
                     if self._true_blocks:
                         self._truth.store(self._true_blocks)
+                    if self.energy is not None:
+                        self.energy.keep()
             self.machine.events.pass_to(time)
 
     @contextmanager
@@ -170,6 +174,9 @@ class Node:
         with self._tolerant(), self._outbox.batch() as batch:
             for taxel in self.taxels:
                 batch.take(taxel.finish())
+        if self.energy is not None:
+            with self._tolerant():
+                self.energy.rest()
 
     def _record_status(self) -> Position:
         ticks = self._clock.ticks()

@@ -5,7 +5,10 @@ E_end - E_begin`` (plus what a full supercapacitor had no room for), so the verd
 knowledge of the harvest, and the harvest follows from what was spent.
 """
 
+from math import sqrt
+
 from sensor_node.firmware.calibration import converter, part, product
+from sensor_node.firmware.charge import read_charge, write_charge
 from sensor_node.firmware.rounding import INFINITY, down, up
 
 TYPE_CHECKING = False
@@ -107,6 +110,17 @@ class EnergyManager:
             self._begin_horizon()
             self._first = code
         self._shed()
+
+    def rest(self, time: "tuple[int, int]") -> bytes:
+        """What flash is to keep at the end of the firmware's life, at a moment in UTC ns."""
+        return write_charge(self.stored[0], time[0])
+
+    def recall(self, record: bytes, time: "tuple[int, int]") -> None:
+        """Begin with what flash kept, at a moment in UTC ns; the first code tells more."""
+        least = read_charge(record, time[1], leakage=self._leakage, half=self._half)
+        self.stored = least, up(self._half[1] * up(self._rated * self._rated))
+        volts = max(0.0, down(sqrt(max(0.0, down(least / self._half[1])))))
+        self.charge = self._charged((volts, self._rated))
 
     def _begin_horizon(self) -> None:
         self._first = -1

@@ -85,6 +85,11 @@ def say(job: "Table") -> "list[Any]":
             test.take(step["show"], unit.lows, unit.highs, unit.filled)
         elif "examine" in step:
             found.append([list(each) for each in test.examine()])
+        elif manager and "rest" in step:
+            time = int(step["rest"][0]), int(step["rest"][1])
+            found.append(manager.rest(time).hex())
+        elif manager and "recall" in step:
+            manager.recall(bytes.fromhex(step["recall"]), times(step))
         elif manager and "supply" in step:
             manager.watch(step["supply"], tuple([int(text) for text in step["work"]]))
             for unit in units:

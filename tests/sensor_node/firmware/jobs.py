@@ -147,6 +147,19 @@ class Recorder:
             self.job["steps"].append({"supply": code, "work": [str(each) for each in work]})
             watch(manager, code, work)
 
+        rest, recall = EnergyManager.rest, EnergyManager.recall
+
+        def rested(manager: EnergyManager, time: tuple[int, int]) -> bytes:
+            self.job["steps"].append({"rest": [str(each) for each in time]})
+            return rest(manager, time)
+
+        def recalled(manager: EnergyManager, record: bytes, time: tuple[int, int]) -> None:
+            moment = [str(each) for each in time]
+            self.job["steps"].append({"recall": record.hex(), "time": moment})
+            recall(manager, record, time)
+
+        monkeypatch.setattr(EnergyManager, "rest", rested)
+        monkeypatch.setattr(EnergyManager, "recall", recalled)
         monkeypatch.setattr(EnergyManager, "__init__", made)
         monkeypatch.setattr(EnergyManager, "watch", watched)
 

@@ -33,6 +33,7 @@ from eskin.messages import (
 from eskin.topics import Stream, node_topic
 from sensor_node.commands import Commander
 from sensor_node.controls import NodeControls
+from sensor_node.firmware.charge import write_charge
 from sensor_node.firmware.outbox import FAILED
 from sensor_node.firmware.record import GAP
 from sensor_node.firmware.room import FULL
@@ -233,13 +234,20 @@ def test_same_energy_as_in_the_emulated_node(
     recorder = Recorder(monkeypatch)
     energy = {"on": True, "start_voltage": 3.0, "horizon_s": 1.0, "coil_inductance": 0.01}
     bench = Bench(tmp_path, "palm", energy=energy)
-    for second in range(1, 5):
+    with bench.outbox.batch() as batch:
+        batch.keep_charge(write_charge(0.5, bench.clock.true_time(0) - 9000 * SECOND))
+    assert bench.node.energy is not None
+    bench.node.energy.boot()
+    bench.node.record_status()
+    for second in range(1, 4):
         bench.run_to(float(second))
         bench.node.record_status()
-    said = [body.hex() for body in bench.bodies()]
+    bench.node.finish()
+    said = [body.hex() for body in bench.bodies()] + [bench.flash.charge().hex()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
-    messages = [decode_message(bytes.fromhex(body)) for body in said]
+    messages = [decode_message(bytes.fromhex(body)) for body in said[:-1]]
     told = [message.energy for message in messages if isinstance(message, Status)]
-    assert len(told) == 4
-    assert {each.shedding for each in told if each is not None} == {Shedding.ADAPTIVE}
+    first, *rest = [each for each in told if each is not None]
+    assert 0.4 < first.stored[0] < 0.5 < first.stored[1] < 1.0
+    assert [each.shedding for each in rest] == [Shedding.ADAPTIVE] * 3
