@@ -18,6 +18,7 @@ from sensor_node.flash import Flash
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
+from sensor_node.machine.program import require_flash
 from sensor_node.machine.radio import Radio
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
@@ -89,9 +90,10 @@ def build_node(
             so that no moment is lived twice.
 
     Raises:
-        SettingsError: The machine has too little RAM for it.
+        SettingsError: The machine has too little RAM or flash for it.
     """
     require_fit(settings)
+    require_flash(settings)
     seed = truth.seed(settings.node.seed)
     random = np.random.default_rng((seed, outbox.boot))
     drift = round(settings.clock.drift_ppm * 1e3)

@@ -161,6 +161,11 @@ class MachineSection(Section):
         ge=2**10,
         description="bytes of its RAM; a node that needs more is refused",
     )
+    flash_bytes: int = Field(
+        default=2 * 2**20,
+        ge=2**10,
+        description="bytes of its own flash, for its program; messages stand on a chip beside it",
+    )
     watchdog_s: float = Field(
         default=8.0,
         ge=0.01,
