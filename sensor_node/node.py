@@ -18,8 +18,8 @@ from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
 from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
-from sensor_node.machine.events import NEVER
 from sensor_node.machine.machine import Machine
+from sensor_node.machine.sampling import Sampling
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.firmware.record import Record
     from sensor_node.machine.clock import Clock
-    from sensor_node.machine.events import Timer
     from sensor_node.settings import NodeSettings
     from sensor_node.truth import TrueBlock, Truth
 
@@ -55,6 +54,7 @@ class Node:
         machine: What the firmware runs on.
         taxels: The sensing elements, in the order of the settings.
         states: What the firmware is about.
+        sampling: Its sampling interrupts.
         energy: What it lives on; ``None``: a supply that never ends.
         at_start: Called after each start of the firmware but the first.
     """
@@ -142,8 +142,7 @@ class Node:
         with self._working:
             if self.machine.running and self.states.state == states.SLEEP:
                 self.states.take(cause, self.machine.now - self.machine.booted)
-                for timer in self._interrupts:
-                    timer.stop()
+                self.sampling.stop()
 
     def resume(self) -> None:
         """Sample again, from the next event on; a gap tells of the time between."""
@@ -201,10 +200,10 @@ class Node:
         if self.energy is not None:
             self.energy.boot()
         self.states = StateMachine()
-        self._interrupts: list[Timer] = []
-        for number, taxel in enumerate(self.taxels):
+        for taxel in self.taxels:
             taxel.boot(self._outbox.boot, self._outbox.scribe)
-            self._interrupts.append(self.machine.interrupt(partial(self._sample, number)))
+        actions = [partial(self._sample, number) for number in range(len(self.taxels))]
+        self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
         self._examiner = Examiner(self._settings.taxel, self._clock.known, self._outbox.scribe)
         self._line_up()
         self.states.take(states.STARTED, 0)
@@ -232,6 +231,7 @@ class Node:
         machine, taxel = self.machine, self.taxels[number]
         frame, ticks = taxel.next, machine.now - machine.booted
         self.states.take(states.DUE, ticks)
+        self.sampling.complete(number)
         try:
             records, truth = taxel.sample()
         except FirmwareError as error:
@@ -247,7 +247,7 @@ class Node:
         self._batch.take(records)
         self._batch.take(self._examiner.watch(number, taxel, frame.end))
         self._true_blocks += truth
-        machine.arm(self._interrupts[number], machine.booted + taxel.next.end)
+        self.sampling.arm(number, taxel.next)
 
     def _resume(self) -> None:
         if self.states.state == states.SHED:
@@ -257,8 +257,7 @@ class Node:
             self._leave_out(self._batch, ticks, reason)
 
     def _pass_over(self, time: int) -> None:
-        due = min((timer.time for timer in self._interrupts if timer.running), default=NEVER)
-        if time - due <= self._overrun:
+        if time - self.sampling.due <= self._overrun:
             return
         with self._tolerant(), self._outbox.batch() as batch:
             self._leave_out(batch, time - self.machine.booted, OVERRUN)
@@ -282,8 +281,8 @@ class Node:
     def _line_up(self) -> None:
         if self.states.state == states.SHED:
             return
-        for timer, taxel in zip(self._interrupts, self.taxels, strict=True):
-            self.machine.arm(timer, self.machine.booted + taxel.next.end)
+        for number, taxel in enumerate(self.taxels):
+            self.sampling.arm(number, taxel.next)
 
     @contextmanager
     def _tolerant(self) -> Iterator[None]:

@@ -166,6 +166,13 @@ class MachineSection(Section):
         ge=2**10,
         description="bytes of its own flash, for its program; messages stand on a chip beside it",
     )
+    dma_samples: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="samples of a taxel after which an interrupt wakes the processor; 1: each "
+        "sample; 0: a whole frame, as by DMA with two buffers",
+    )
     watchdog_s: float = Field(
         default=8.0,
         ge=0.01,

@@ -66,6 +66,7 @@ class EnergyManager:
             up(self._costs[1][1] + sheet["pulse_hi"]),
         )
         self._sleeping = part(sheet, "sleeping")
+        self._wake_up = part(sheet, "wake_up")
         self._adc = converter(sheet)
         self._last = (1 << int(sheet["adc_bits"])) - 1
         self._half = part(sheet, "capacitance")
@@ -94,7 +95,8 @@ class EnergyManager:
 
         Args:
             code: Of the voltage at present.
-            work: Instructions, conversions, bytes sent and received, ns asleep, ns in all.
+            work: Instructions, conversions, bytes sent and received, ns asleep, ns in all,
+                wake-ups.
         """
         self._code = code
         volts = self._volts(code)
@@ -157,6 +159,8 @@ class EnergyManager:
         for k in range(4):
             low = down(low + down(work[k] * self._costs[k][0]))
             high = up(high + up(work[k] * self._costs[k][1]))
+        low = down(low + down(work[6] * self._wake_up[0]))
+        high = up(high + up(work[6] * self._wake_up[1]))
         seconds = down(work[4] / _BILLION), up(work[4] / _BILLION)
         low = down(low + down(seconds[0] * self._sleeping[0]))
         high = up(high + up(seconds[1] * self._sleeping[1]))

@@ -60,6 +60,8 @@ class EnergySection(Section):
     received_tolerance: float = _part(0.2)
     sleeping: float = _positive(3e-6, "power in deep sleep, W (assumed)")
     sleeping_tolerance: float = _part(0.3)
+    wake_up: float = _positive(6e-8, "energy of a wake-up from deep sleep, J (assumed)")
+    wake_up_tolerance: float = _part(0.2)
     sensor_voltage: float = _positive(0.5, "that the MOSFET switches to the sensor, V")
     sensor_voltage_tolerance: float = _part(0.02)
     pulse_s: float = _positive(1e-3, "for which it is switched on for a conversion, s")
