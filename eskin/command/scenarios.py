@@ -89,13 +89,15 @@ eskin export --scenario hand.toml --out DIR --runs 10 --test-runs 2 --seed 0 --r
 ```
 
 writes `train` and `test`, each as Parquet and CSV with the same rows, the scenario, and a data
-card (`README.md`): columns, units, licence, how it was made, seeds, versions. One row is one
-taxel at one instant: its label, and for each quantity the truth beside its interval. No seed is
-in both parts; the same seeds and versions give the same bytes. All taxels of the skin have a pad,
-and a coil where metal comes near; `[pad]` and `[coil]` change their data sheets and take the keys
-of these kinds in [settings](settings.md). Pressure, contact area and plate distances are
-calculated back from the capacitances of all pads together, so that what neighbours hand on is
-taken back.
+card (`README.md`): columns, units, licence, how it was made, seeds, versions. One row is one taxel
+at one instant: its label, and for each quantity the truth beside its interval. No seed is in both
+parts; the same seeds and versions give the same bytes. All taxels of the skin have a pad, and a
+coil where metal comes near; a thermometer, a hygrometer and an electrode are read along by all.
+`[pad]`, `[coil]`, `[thermometer]`, `[hygrometer]` and `[electrode]` change their data sheets and
+take the keys of these kinds in [settings](settings.md). Every code goes through the arithmetic of
+the firmware, so that a dataset tells what nodes would have told. Pressure, contact area and plate
+distances are calculated back from the capacitances of all pads together, so that what neighbours
+hand on is taken back.
 
 ## Replay
 
