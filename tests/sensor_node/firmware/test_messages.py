@@ -75,8 +75,9 @@ SETTINGS = st.dictionaries(
 )
 
 
+@settings(deadline=None)
 @given(
-    st.dictionaries(NAMES, SETTINGS, max_size=30),
+    st.dictionaries(NAMES, SETTINGS, max_size=10),
     st.integers(0, 2**53 - 1),
     st.none() | st.text("ab µ", min_size=1, max_size=200),
 )
