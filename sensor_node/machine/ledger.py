@@ -29,7 +29,7 @@ OPERATIONS: Final = {
     "inductive": 267,
     "hybrid": 134,
     "pad": 146,
-    "coil": 554,
+    "coil": 556,
     "thermometer": 625,
     "hygrometer": 137,
     "bioelectric": 67,
