@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Final, Protocol
 from eskin.envelope import Verifier
 from eskin.errors import EnvelopeError, EskinError, FlashError, IdentityError, MessageError
 from eskin.identity import IdentityKind, Trust
-from eskin.messages import Command, Outcome, Position, Result
+from eskin.messages import Command, Outcome, Result
 from eskin.messages.result import MOST_REASON
 from eskin.moment import LATEST, SECOND, format_moment
 from eskin.topics import Stream, node_topic
-from sensor_node.firmware.record import RESULT, Record
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -150,10 +149,8 @@ class Commander:
     def _record(self) -> None:
         number, outcome, reason = self._last
         with self._outbox.batch() as batch:
-            time = self._enclosure()
-            position = Position(self._outbox.boot, self._outbox.next_sequence())
-            body = Result(position, time, number, outcome, reason, self._state).encode()
-            batch.take([Record(RESULT, position.sequence, body, time, 0)])
+            scribe, time = self._outbox.scribe, self._enclosure()
+            batch.take([scribe.result(time, number, int(outcome), reason, self._state)])
         self._recorded = True
 
     def _now(self) -> datetime:

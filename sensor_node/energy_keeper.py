@@ -3,28 +3,42 @@
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from eskin.errors import FlashError
 from eskin.messages import Shedding
 from sensor_node.firmware.energy import SLEEP, EnergyManager
 from sensor_node.firmware.states import SCARCE
+from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.power.plant import PowerPlant
 from sensor_node.machine.power.sheet import energy_sheet
 
 if TYPE_CHECKING:
+    from sensor_node.firmware.outbox import Outbox
+    from sensor_node.machine.clock import Clock
     from sensor_node.machine.work import Work
     from sensor_node.node import Node
     from sensor_node.settings import NodeSettings
+    from sensor_node.truth import Truth
 
 log = logging.getLogger(__name__)
+
+_KEEP_EVERY: Final = 5 * BILLION
+"""Machine time between two records of the true charge: a process may end without a word."""
 
 
 class EnergyKeeper:
     """Sheds the node's load in stages, and takes it up again.
 
+    The supercapacitor outlives the process: what it truly holds stands in the truth, what the
+    firmware knew of it at an orderly end in flash.
+
     Args:
         node: Which lives on the supply.
         settings: The node's.
+        clock: Its clock.
+        outbox: Keeps what the firmware knows of the charge.
+        truth: Keeps the true charge.
         seed: Draws the true supply.
 
     Attributes:
@@ -32,8 +46,18 @@ class EnergyKeeper:
         manager: What the firmware knows; each start makes it anew.
     """
 
-    def __init__(self, node: Node, settings: NodeSettings, *, seed: int) -> None:
-        self._node = node
+    def __init__(
+        self,
+        node: Node,
+        settings: NodeSettings,
+        *,
+        clock: Clock,
+        outbox: Outbox,
+        truth: Truth,
+        seed: int,
+    ) -> None:
+        self._node, self._clock, self._outbox, self._truth = node, clock, outbox, truth
+        self._kept = 0
         self._sheet = energy_sheet(settings.energy)
         self.plant = PowerPlant(
             node.machine,
@@ -42,11 +66,54 @@ class EnergyKeeper:
             seed=(seed, len(settings.taxel)),
             watch=self._watch,
         )
-        self.boot()
+        before = truth.supply()
+        if before is not None:
+            away = max(0, clock.true_time(0) - before[0])
+            self.plant.supply.rest(before[1], away / BILLION)
 
     def boot(self) -> None:
-        """Start the firmware's part: nothing is left of what its RAM held."""
+        """Start the firmware's part: nothing is left of what its RAM held, only flash."""
         self.manager = EnergyManager(self._sheet)
+        record = self._outbox.charge()
+        if not record:
+            return
+        # It counts once: what a life spends that ends without a word, nobody knows.
+        try:
+            with self._outbox.batch() as batch:
+                batch.keep_charge(b"")
+        except FlashError as error:
+            log.warning("energy: what was kept of the charge is not used: error=%s", error)
+        else:
+            self.manager.recall(record, self._clock.known.enclosure(0))
+
+    def keep(self) -> None:
+        """Keep the true charge, now and then.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        if self._node.machine.now - self._kept >= _KEEP_EVERY:
+            self._keep()
+
+    def rest(self) -> None:
+        """Look at the supply for the last time, and keep what is known of it.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        self.plant.look()
+        self._keep()
+        if self._node.machine.running:
+            with self._outbox.batch() as batch:
+                batch.keep_charge(self.manager.rest(self._clock.known.enclosure(self._ticks)))
+
+    @property
+    def _ticks(self) -> int:
+        return self._node.machine.now - self._node.machine.booted
+
+    def _keep(self) -> None:
+        self._kept = self._node.machine.now
+        self._truth.keep_supply(self._clock.true_time(self._ticks), self.plant.supply.energy)
 
     def _watch(self, code: int, work: Work) -> None:
         before = self.manager.stage
@@ -61,3 +128,12 @@ class EnergyKeeper:
             self._node.shed(SCARCE)
         elif before == SLEEP:
             self._node.resume()
+
+
+def keep_energy(
+    node: Node, settings: NodeSettings, *, clock: Clock, outbox: Outbox, truth: Truth, seed: int
+) -> EnergyKeeper | None:
+    """A node's keeper; ``None`` where its supply never ends."""
+    if not settings.energy.on:
+        return None
+    return EnergyKeeper(node, settings, clock=clock, outbox=outbox, truth=truth, seed=seed)

@@ -37,6 +37,10 @@ CREATE TABLE IF NOT EXISTS answer ( -- the last result: by it no command is done
     one INTEGER PRIMARY KEY CHECK (one = 1),
     body BLOB NOT NULL
 ) STRICT;
+CREATE TABLE IF NOT EXISTS charge ( -- what the last life knew of its supply
+    one INTEGER PRIMARY KEY CHECK (one = 1),
+    body BLOB NOT NULL
+) STRICT;
 CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence);
 """
 _COUNT: Final = "UPDATE counter SET value = iif(value, value + 1, ?) WHERE name = 'boot'"
@@ -160,6 +164,16 @@ class Flash:
         """Keep the last result apart from the messages."""
         with self._writing():
             self._db.execute("INSERT OR REPLACE INTO answer VALUES (1, ?)", (body,))
+
+    def charge(self) -> bytes:
+        """What was kept of the supply; empty where nothing was."""
+        rows = self._query("SELECT body FROM charge")
+        return rows[0][0] if rows else b""
+
+    def keep_charge(self, body: bytes) -> None:
+        """Keep that."""
+        with self._writing():
+            self._db.execute("INSERT OR REPLACE INTO charge VALUES (1, ?)", (body,))
 
     def close(self) -> None:
         """Close the file."""

@@ -12,13 +12,13 @@ import numpy as np
 
 from eskin.errors import FirmwareError, FlashError
 from eskin.messages import Position
-from sensor_node.energy_keeper import EnergyKeeper
+from sensor_node.energy_keeper import keep_energy
 from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
 from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
-from sensor_node.machine.events import NEVER
 from sensor_node.machine.machine import Machine
+from sensor_node.machine.sampling import Sampling
 from sensor_node.scan import Scan, build_taxels
 from sensor_node.skin_map import skin_map
 
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.firmware.record import Record
     from sensor_node.machine.clock import Clock
-    from sensor_node.machine.events import Timer
     from sensor_node.scan import Taken
     from sensor_node.settings import NodeSettings
     from sensor_node.truth import TrueBlock, Truth
@@ -57,6 +56,7 @@ class Node:
         machine: What the firmware runs on.
         taxels: The sensing elements, in the order of the settings.
         states: What the firmware is about.
+        sampling: Its sampling interrupts.
         energy: What it lives on; ``None``: a supply that never ends.
         at_start: Called after each start of the firmware but the first.
     """
@@ -71,11 +71,8 @@ class Node:
         seed: int,
         functions: ModuleType = inversion,
     ) -> None:
-        self._settings = settings
-        self._clock = clock
-        self._outbox = outbox
-        self._truth = truth
-        self._seed = seed
+        self._settings, self._clock, self._seed = settings, clock, seed
+        self._outbox, self._truth = outbox, truth
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         self._failures = 0
         self._batch: Batch
@@ -86,7 +83,9 @@ class Node:
         self.taxels = build_taxels(settings, seed=seed, clock=clock, functions=functions)
         self._scan = Scan(settings.taxel, self.taxels)
         self._map = skin_map(settings.taxel)
-        self.energy = EnergyKeeper(self, settings, seed=seed) if settings.energy.on else None
+        self.energy = keep_energy(
+            self, settings, clock=clock, outbox=outbox, truth=truth, seed=seed
+        )
         self._boot()
 
     @property
@@ -113,6 +112,8 @@ class Node:
                     # Before the flash's commit: every stored block has its truth.
                     if self._true_blocks:
                         self._truth.store(self._true_blocks)
+                    if self.energy is not None:
+                        self.energy.keep()
             self.machine.events.pass_to(time)
 
     @contextmanager
@@ -130,8 +131,7 @@ class Node:
         with self._working:
             if self.machine.running and self.states.state == states.SLEEP:
                 self.states.take(cause, self.machine.now - self.machine.booted)
-                for timer in self._interrupts:
-                    timer.stop()
+                self.sampling.stop()
 
     def resume(self) -> None:
         """Sample again, from the next event on; a gap tells of the time between."""
@@ -162,6 +162,9 @@ class Node:
         with self._tolerant(), self._outbox.batch() as batch:
             for taxel in self.taxels:
                 batch.take(taxel.finish())
+        if self.energy is not None:
+            with self._tolerant():
+                self.energy.rest()
 
     def _record_status(self) -> Position:
         ticks = self._clock.ticks()
@@ -188,10 +191,10 @@ class Node:
         if self.energy is not None:
             self.energy.boot()
         self.states = StateMachine()
-        self._interrupts: list[Timer] = []
-        for number, taxel in enumerate(self.taxels):
+        for taxel in self.taxels:
             taxel.boot(self._outbox.boot, self._outbox.scribe)
-            self._interrupts.append(self.machine.interrupt(partial(self._sample, number)))
+        actions = [partial(self._sample, number) for number in range(len(self.taxels))]
+        self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
         self._scan.boot()
         self._examiner = Examiner(
             self._settings.taxel, self.taxels, self._clock.known, self._outbox.scribe
@@ -221,6 +224,7 @@ class Node:
         """A frame of a taxel is complete: its interrupt."""
         machine, ticks = self.machine, self.machine.now - self.machine.booted
         self.states.take(states.DUE, ticks)
+        self.sampling.complete(number)
         try:
             taken = self._scan.take(number)
         except FirmwareError as error:
@@ -231,22 +235,18 @@ class Node:
         machine.kick()
         self.states.take(states.IDLE, ticks)
         for each in taken:
-            self._finish(each, wakes=each is taken[0])
+            self._finish(each)
 
-    def _finish(self, taken: Taken, *, wakes: bool) -> None:
+    def _finish(self, taken: Taken) -> None:
         """A frame is worked off."""
-        machine, taxel = self.machine, self.taxels[taken.number]
-        machine.ledger.charge_frame(
-            taken.frame,
-            operations=taxel.operations(taken.frame.n),
-            inputs=taxel.inputs,
-            channels=len(taxel.channels),
-            wakes=wakes,
+        taxel = self.taxels[taken.number]
+        operations, channels = taxel.operations(taken.frame.n), len(taxel.channels)
+        self.machine.ledger.charge_frame(
+            taken.frame, operations=operations, inputs=taxel.inputs, channels=channels
         )
-        self._batch.take(taken.records)
-        self._batch.take(self._examiner.watch(taken.number, taken.frame.end))
+        self._batch.take([*taken.records, *self._examiner.watch(taken.number, taken.frame.end)])
         self._true_blocks += taken.truth
-        machine.arm(self._interrupts[taken.number], machine.booted + taxel.next.end)
+        self.sampling.arm(taken.number, taxel.next)
 
     def _resume(self) -> None:
         if self.states.state == states.SHED:
@@ -256,8 +256,7 @@ class Node:
             self._leave_out(self._batch, ticks, reason)
 
     def _pass_over(self, time: int) -> None:
-        due = min((timer.time for timer in self._interrupts if timer.running), default=NEVER)
-        if time - due <= self._overrun:
+        if time - self.sampling.due <= self._overrun:
             return
         with self._tolerant(), self._outbox.batch() as batch:
             self._leave_out(batch, time - self.machine.booted, OVERRUN)
@@ -281,8 +280,8 @@ class Node:
     def _line_up(self) -> None:
         if self.states.state == states.SHED:
             return
-        for timer, taxel in zip(self._interrupts, self.taxels, strict=True):
-            self.machine.arm(timer, self.machine.booted + taxel.next.end)
+        for number, taxel in enumerate(self.taxels):
+            self.sampling.arm(number, taxel.next)
 
     @contextmanager
     def _tolerant(self) -> Iterator[None]:

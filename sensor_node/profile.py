@@ -10,6 +10,7 @@ from typing import Any, Final, Self
 from eskin.errors import SettingsError
 
 _DESCRIPTION: Final = "description"
+_SECTIONS: Final[tuple[str, ...]] = ("sampling", "energy")
 
 
 def profile_names() -> list[str]:
@@ -20,12 +21,13 @@ def profile_names() -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Profile:
-    """A design: one line of description, and its taxels.
+    """A design: one line of description, its taxels, and what else belongs to it.
 
     Attributes:
         name: Such as ``fingertip``.
         description: One line for people.
         taxels: The ``[[taxel]]`` tables.
+        sections: Its ``[sampling]`` and ``[energy]``, where it has them.
         text: The same tables as TOML with their comments, ready to stand at the end of a node's
             file.
     """
@@ -33,6 +35,7 @@ class Profile:
     name: str
     description: str
     taxels: list[dict[str, Any]]
+    sections: dict[str, dict[str, Any]]
     text: str
 
     @classmethod
@@ -49,4 +52,6 @@ class Profile:
         text = files("sensor_node").joinpath("profiles", f"{name}.toml").read_text("utf-8")
         tables = tomllib.loads(text)
         lines = [line for line in text.splitlines() if not line.startswith(f"{_DESCRIPTION} =")]
-        return cls(name, tables[_DESCRIPTION], tables["taxel"], "\n".join(lines).strip() + "\n")
+        sections = {key: tables[key] for key in _SECTIONS if key in tables}
+        rest = "\n".join(lines).strip() + "\n"
+        return cls(name, tables[_DESCRIPTION], tables["taxel"], sections, rest)

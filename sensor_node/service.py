@@ -18,7 +18,9 @@ from sensor_node.flash import Flash
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
+from sensor_node.machine.program import require_flash
 from sensor_node.machine.radio import Radio
+from sensor_node.machine.sampling import require_depth
 from sensor_node.node import Node
 from sensor_node.publisher import Publisher
 from sensor_node.truth import Truth
@@ -89,9 +91,11 @@ def build_node(
             so that no moment is lived twice.
 
     Raises:
-        SettingsError: The machine has too little RAM for it.
+        SettingsError: The machine has too little RAM or flash for it, or is too slow.
     """
     require_fit(settings)
+    require_flash(settings)
+    require_depth(settings)
     seed = truth.seed(settings.node.seed)
     random = np.random.default_rng((seed, outbox.boot))
     drift = round(settings.clock.drift_ppm * 1e3)

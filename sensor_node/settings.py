@@ -25,7 +25,7 @@ class NodeSection(Section):
     name: str = Field(description="the node's id: common name of its certificate")
     profile: str = Field(
         description="name of its design; without [[taxel]] tables, the packaged profile of that "
-        "name (fingertip, palm, forearm, hand) gives them"
+        "name (fingertip, palm, forearm, hand, sole, sock) gives them, and its [energy]"
     )
     description: str = Field(
         default="", max_length=200, description="one line for people; empty: the profile's"
@@ -163,6 +163,18 @@ class MachineSection(Section):
         ge=2**10,
         description="bytes of its RAM; a node that needs more is refused",
     )
+    flash_bytes: int = Field(
+        default=2 * 2**20,
+        ge=2**10,
+        description="bytes of its own flash, for its program; messages stand on a chip beside it",
+    )
+    dma_samples: int = Field(
+        default=0,
+        ge=0,
+        le=1000,
+        description="samples of a taxel after which an interrupt wakes the processor; 1: each "
+        "sample; 0: a whole frame, as by DMA with two buffers",
+    )
     watchdog_s: float = Field(
         default=8.0,
         ge=0.01,
@@ -214,6 +226,10 @@ class NodeSettings(Settings):
             return data
         profile = Profile.read(node["profile"])
         filled = {"taxel": profile.taxels} | data
+        for name, section in profile.sections.items():
+            given = data.get(name, {})
+            if isinstance(given, dict):
+                filled[name] = section | given
         if not node.get("description"):
             filled["node"] = node | {"description": profile.description}
         return filled

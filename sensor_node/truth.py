@@ -158,6 +158,27 @@ class Truth:
         self._db.execute("INSERT OR REPLACE INTO node VALUES ('seed', ?)", (str(seed),))
         return seed
 
+    def supply(self) -> tuple[int, float] | None:
+        """True UTC in ns, and J that a supply held then; ``None`` if none was kept."""
+        row = self._db.execute("SELECT value FROM node WHERE key = 'supply'").fetchone()
+        if row is None:
+            return None
+        time, energy = row[0].split()
+        return int(time), float(energy)
+
+    def keep_supply(self, time: int, energy: float) -> None:
+        """Keep how much a supply holds at a moment.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        try:
+            self._db.execute(
+                "INSERT OR REPLACE INTO node VALUES ('supply', ?)", (f"{time} {energy!r}",)
+            )
+        except sqlite3.Error as error:
+            raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
+
     def store(self, blocks: Sequence[TrueBlock]) -> None:
         """Keep the truth behind some blocks, in one commit.
 

@@ -25,8 +25,10 @@ A scenario is a TOML file that says what touches which taxel of a skin, when, an
 it. It drives the taxels of a node (`kind = "pad"`, `"coil"`, `"thermometer"`, `"hygrometer"` and
 `"bioelectric"`, see [settings](settings.md); [quantities](quantities.md) says what they measure),
 and `eskin export` makes labelled datasets of it.
-[hand.toml](../sensor_node/scenarios/hand.toml) comes with eskin; the profile
-[hand](../sensor_node/profiles/hand.toml) lives it.
+[hand.toml](../sensor_node/scenarios/hand.toml) comes with eskin, which the profile
+[hand](../sensor_node/profiles/hand.toml) lives, and
+[walk.toml](../sensor_node/scenarios/walk.toml) for [sole](../sensor_node/profiles/sole.toml) and
+[sock](../sensor_node/profiles/sock.toml).
 
 Times count in seconds from the scenario's begin, places are names of taxels (`t00`, `t01`, …).
 Keys end in their unit. What cannot be played is refused with one line: file, place, reason, as in
@@ -87,13 +89,15 @@ eskin export --scenario hand.toml --out DIR --runs 10 --test-runs 2 --seed 0 --r
 ```
 
 writes `train` and `test`, each as Parquet and CSV with the same rows, the scenario, and a data
-card (`README.md`): columns, units, licence, how it was made, seeds, versions. One row is one
-taxel at one instant: its label, and for each quantity the truth beside its interval. No seed is
-in both parts; the same seeds and versions give the same bytes. All taxels of the skin have a pad,
-and a coil where metal comes near; `[pad]` and `[coil]` change their data sheets and take the keys
-of these kinds in [settings](settings.md). Pressure, contact area and plate distances are
-calculated back from the capacitances of all pads together, so that what neighbours hand on is
-taken back.
+card (`README.md`): columns, units, licence, how it was made, seeds, versions. One row is one taxel
+at one instant: its label, and for each quantity the truth beside its interval. No seed is in both
+parts; the same seeds and versions give the same bytes. All taxels of the skin have a pad, and a
+coil where metal comes near; a thermometer, a hygrometer and an electrode are read along by all.
+`[pad]`, `[coil]`, `[thermometer]`, `[hygrometer]` and `[electrode]` change their data sheets and
+take the keys of these kinds in [settings](settings.md). Every code goes through the arithmetic of
+the firmware, so that a dataset tells what nodes would have told. Pressure, contact area and plate
+distances are calculated back from the capacitances of all pads together, so that what neighbours
+hand on is taken back.
 
 ## Replay
 

@@ -11,11 +11,11 @@ from sensor_node.dataset.split import fingerprint
 from sensor_node.scenario import LABELS
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sensor_node.dataset.plan import Plan
     from sensor_node.dataset.split import Split
-    from sensor_node.taxels import CoilSection, PadSection
+    from sensor_node.taxels import AnyTaxel
 
 SCENARIO: Final = "scenario.toml"
 
@@ -39,8 +39,10 @@ taxel.
 For each run, a seed draws the variations of [{scenario}]({scenario}) (when and how strongly things
 touch), the true parts of each taxel from inside their tolerances, and the noise. The emulated
 analogue chains (Fig. 3 of the paper) turn capacitance and inductance into ADC codes; the intervals
-are calculated from codes, data sheets and the readings of the surroundings alone. A single interval
-holds the truth with a probability of at least {coverage!r}.
+are calculated from codes and data sheets alone, by the arithmetic of a node's firmware.
+Temperature, humidity and the body's voltage go through chains of their own, one of each in a run,
+which all taxels read along. A single interval holds the truth with a probability of
+at least {coverage!r}.
 
 For the whole run of a taxel that breaks in it, pressure, contact area and distance say no more than
 the data sheet. A saturated converter leaves a side unbounded (`inf`, `-inf`).
@@ -68,6 +70,12 @@ the data sheet. A saturated converter leaves a side unbounded (`inf`, `-inf`).
 Pads: {pad}
 
 Coils: {coil}
+
+Thermometer: {thermometer}
+
+Hygrometer: {hygrometer}
+
+Electrode: {electrode}
 """
 
 
@@ -99,6 +107,9 @@ def card(plan: Plan, splits: Mapping[str, Split], licence: str) -> str:
         columns="\n".join(_columns(plan)),
         pad=_sheet(plan.pads[:1]),
         coil=_sheet(plan.coils[:1]),
+        thermometer=_sheet((plan.thermometer,)),
+        hygrometer=_sheet((plan.hygrometer,)),
+        electrode=_sheet((plan.electrode,)),
     )
 
 
@@ -118,7 +129,7 @@ def _columns(plan: Plan) -> Iterator[str]:
         yield f"| `{field.name}` | {field.type} | {meta['unit']} | {meta['meaning']} |"
 
 
-def _sheet(taxels: tuple[PadSection, ...] | tuple[CoilSection, ...]) -> str:
+def _sheet(taxels: Sequence[AnyTaxel]) -> str:
     """The keys of a data sheet, as they would stand in a profile."""
     if not taxels:
         return "none."

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from sensor_node.skin.skin import Indices
-    from sensor_node.taxels import CoilSection, PadSection
+    from sensor_node.taxels import AnyTaxel, PadSection
 
 
 class Chains:
@@ -31,7 +31,7 @@ class Chains:
 
     def __init__(
         self,
-        taxels: Sequence[PadSection | CoilSection],
+        taxels: Sequence[AnyTaxel],
         parts: Sequence[np.random.Generator],
         noises: Sequence[np.random.Generator],
     ) -> None:

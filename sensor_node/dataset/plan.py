@@ -12,16 +12,27 @@ from pydantic import ValidationError
 from eskin.errors import ScenarioError
 from sensor_node.dataset.columns import COIL, PAD, SURROUNDINGS
 from sensor_node.firmware.calibration import EPSILON_0
+from sensor_node.noise import joint_coverage
 from sensor_node.scenario import read_scenario
 from sensor_node.scenario.file import refusal
-from sensor_node.taxels import CoilSection, PadSection
+from sensor_node.scenario.fit import Staged
+from sensor_node.taxels import (
+    BioelectricSection,
+    CoilSection,
+    HygrometerSection,
+    PadSection,
+    ThermometerSection,
+)
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.dataset.columns import Quantity
     from sensor_node.scenario import Script
+    from sensor_node.taxels import AnyTaxel
 
-Sheet = TypeVar("Sheet", PadSection, CoilSection)
+Sheet = TypeVar(
+    "Sheet", PadSection, CoilSection, ThermometerSection, HygrometerSection, BioelectricSection
+)
 
 _FILL: Final = 0.9
 """Share of a taxel's cell that its plates take."""
@@ -29,9 +40,11 @@ _REST_HERTZ: Final = 1e6
 """At which a pad's oscillator runs at rest, if no data sheet says otherwise."""
 _HEADROOM: Final = 1.25
 _LEAST_PRESSURE: Final = 1e3
+_MOST_GAIN: Final = 500.0
+"""Of an electrode's amplifier, where the body's voltage allows it."""
 _FIXED: Final = ("id", "kind", "scenario", "place", "sampling_Hz")
 _OF_NODES: Final = ("thermometer", "hygrometer")
-"""A dataset has sensors of the air of its own."""
+"""A pad of a dataset reads the dataset's own sensors of the air."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +59,9 @@ class Plan:
         rate: Samples in a second.
         pads: One data sheet a taxel of the skin.
         coils: Likewise; none where no metal comes near.
+        thermometer: Which all taxels read along.
+        hygrometer: Likewise.
+        electrode: What reads the body's voltage.
     """
 
     scenario: str
@@ -55,6 +71,9 @@ class Plan:
     rate: float
     pads: tuple[PadSection, ...]
     coils: tuple[CoilSection, ...]
+    thermometer: ThermometerSection
+    hygrometer: HygrometerSection
+    electrode: BioelectricSection
 
     @classmethod
     def of(cls, scenario: str, *, seeds: range, test: int, rate: float) -> Self:
@@ -80,6 +99,9 @@ class Plan:
             rate=rate,
             pads=_pads(scenario, script, rate),
             coils=_coils(scenario, script, rate) if metal else (),
+            thermometer=_thermometer(scenario, script, rate),
+            hygrometer=_hygrometer(scenario, script, rate),
+            electrode=_electrode(scenario, script, rate),
         )
 
     @property
@@ -95,8 +117,11 @@ class Plan:
     @property
     def coverage(self) -> float:
         """Probability that a single interval holds the truth, at least."""
-        taxels: list[PadSection | CoilSection] = [*self.pads, *self.coils]
-        return min(taxel.coverage for taxel in taxels)
+        # What a pad tells of its contacts follows from the air, too.
+        air = (self.thermometer, self.hygrometer)
+        told = [joint_coverage([each.coverage for each in (pad, *air)]) for pad in self.pads]
+        rest: list[AnyTaxel] = [*self.coils, self.electrode]
+        return min(told + [taxel.coverage for taxel in rest])
 
 
 def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:
@@ -136,19 +161,51 @@ def _coils(scenario: str, script: Script, rate: float) -> tuple[CoilSection, ...
     return tuple(sheet.model_copy(update={"id": name, "place": name}) for name in names)
 
 
+def _thermometer(scenario: str, script: Script, rate: float) -> ThermometerSection:
+    given = {"noise": {"kind": "uniform", "bound": 1e-5}} | script.thermometer
+    return _sheet(ThermometerSection, "thermometer", given, scenario=scenario, rate=rate)
+
+
+def _hygrometer(scenario: str, script: Script, rate: float) -> HygrometerSection:
+    given = {"noise": {"kind": "uniform", "bound": 1e-7}} | script.hygrometer
+    return _sheet(HygrometerSection, "hygrometer", given, scenario=scenario, rate=rate)
+
+
+def _electrode(scenario: str, script: Script, rate: float) -> BioelectricSection:
+    most = script.bioelectric.amplitude_V
+    gain = min(_MOST_GAIN, _rounded(1.0 / most)) if most > 0.0 else _MOST_GAIN
+    given = {"electrode_gain_V_per_V": gain, "noise": {"kind": "uniform", "bound": 1e-4}}
+    return _sheet(
+        BioelectricSection,
+        "bioelectric",
+        given | script.electrode,
+        scenario=scenario,
+        rate=rate,
+        name="electrode",
+    )
+
+
 def _sheet(
-    model: type[Sheet], kind: str, table: dict[str, Any], *, scenario: str, rate: float
+    model: type[Sheet],
+    kind: str,
+    table: dict[str, Any],
+    *,
+    scenario: str,
+    rate: float,
+    name: str = "",
 ) -> Sheet:
-    """The data sheet of the skin's first taxel, as a scenario's table has it."""
+    """A data sheet as a scenario's table has it: that of the skin's first taxel, or of a sensor."""
     for key in (*_FIXED, *_OF_NODES):
         if key in table:
-            raise ScenarioError(scenario, f"{kind}.{key}", "the dataset itself sets it")
+            raise ScenarioError(scenario, f"{name or kind}.{key}", "the dataset itself sets it")
     first = read_scenario(scenario).skin.build().names[0]
     fixed = dict(zip(_FIXED, (first, kind, scenario, first, rate), strict=True))
+    if not issubclass(model, Staged):
+        del fixed["place"]
     try:
         return model.model_validate(table | fixed)
     except ValidationError as error:
-        raise refusal(scenario, error, within=kind) from error
+        raise refusal(scenario, error, within=name or kind) from error
 
 
 def _rounded(value: float) -> float:

@@ -20,10 +20,11 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.dataset.plan import Plan
     from sensor_node.scenario import Stimulus
+    from sensor_node.taxels import AnyTaxel
 
 _ROWS: Final = 1 << 18
 """Of a batch: what fits into memory with ease."""
-_PAD_PARTS, _PAD_NOISE, _COIL_PARTS, _COIL_NOISE, _AIR = range(1, 6)
+_PAD_PARTS, _PAD_NOISE, _COIL_PARTS, _COIL_NOISE, _AROUND_PARTS, _AROUND_NOISE = range(1, 7)
 
 Columns = dict[str, "Floats"]
 
@@ -55,7 +56,11 @@ class Run:
             self._coils = Coils(plan.coils, parts, stage=stage, faults=script.fault)
             self._coil_chains = Chains(plan.coils, parts, self._randoms(_COIL_NOISE, n))
         self._broken = broken
-        self._air = np.random.default_rng((seed, _AIR))
+        sensors: list[AnyTaxel] = [plan.thermometer, plan.hygrometer, plan.electrode]
+        parts, noises = (self._randoms(each, 3) for each in (_AROUND_PARTS, _AROUND_NOISE))
+        self._around = [
+            Chains([sensor], [parts[k]], [noises[k]]) for k, sensor in enumerate(sensors)
+        ]
 
     def batches(self) -> Iterator[pa.RecordBatch]:
         """Its rows, ordered by time and then by taxel, in pieces of equal times."""
@@ -100,20 +105,11 @@ class Run:
         return pa.RecordBatch.from_pydict(columns, schema=schema(self._plan.quantities))
 
     def _surroundings(self, stimulus: Stimulus) -> tuple[Columns, dict[str, Interval]]:
-        """What sensors of the surroundings read, each wrong by at most what its data sheet says."""
-        script = self._plan.script
-        errors = {
-            "temperature": script.ambient.temperature_error_K,
-            "humidity": script.ambient.humidity_error_percent,
-            "bioelectric": script.bioelectric.error_V,
-        }
-        truth = {each.name: getattr(stimulus, each.name) for each in SURROUNDINGS}
-        read = {
-            name: Interval.around(
-                values + errors[name] * self._air.uniform(-1, 1, len(values)), errors[name]
-            )
-            for name, values in truth.items()
-        }
+        """What the sensors of the surroundings tell: one of each, which all taxels read along."""
+        truth = {each.name: getattr(stimulus, each.name)[None, :] for each in SURROUNDINGS}
+        read: dict[str, Interval] = {}
+        for chains in self._around:
+            read |= chains.measure(truth)[1]
         return truth, read
 
     def _believed(self, seen: dict[str, Interval]) -> dict[str, Interval]:

@@ -10,11 +10,14 @@ The series is cut after x²³/23; what is left out is below ``x²⁵/25 < 2^-60�
 
 from math import sqrt
 
-from sensor_node.firmware.rounding import TWO_PI_LO, down, up
+from sensor_node.firmware.rounding import LEAST, TWO_PI_LO, down, up
 
 _SLACK = 1.0 / 281474976710656
 """2^-48: what roundings and the cut may have moved a result by, relative to the sum of the sizes
 of its two parts. Each suffers fewer than 25 roundings of 2^-53."""
+
+_SUBNORMAL = 4.0 * LEAST
+"""What they may have moved it by where z is subnormal: a half and a quarter of it, four times."""
 
 
 def arctangent(x: float) -> "tuple[float, float]":
@@ -29,7 +32,7 @@ def arctangent(x: float) -> "tuple[float, float]":
     for odd in (21, 19, 17, 15, 13, 11, 9, 7, 5, 3, 1):
         total = 1.0 / odd - total * square
     part = 4.0 * z * total
-    slack = _SLACK * (part + whole)
+    slack = _SLACK * (part + whole) + _SUBNORMAL
     value = abs(whole - part)
     lo, hi = down(value - slack), up(value + slack)
     return (lo, hi) if x >= 0.0 else (-hi, -lo)

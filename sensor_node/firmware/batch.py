@@ -22,6 +22,7 @@ class Batch:
         self._chip = chip
         self._lock = lock
         self._told: list[Record] = []
+        self._charge: bytes | None = None
         self.records: list[Record] = []
 
     def __enter__(self) -> "Self":
@@ -40,6 +41,10 @@ class Batch:
         """Take what the firmware says."""
         self.records.extend(records)
 
+    def keep_charge(self, body: bytes) -> None:
+        """Keep something of the supply along; empty: forget what was kept."""
+        self._charge = body
+
     def _end(self, whole: bool) -> None:  # noqa: FBT001
         kept = False
         try:
@@ -53,12 +58,14 @@ class Batch:
                 self._outbox.lose(self.records[len(self._told) :])
 
     def _commit(self, records: "Sequence[Record]") -> None:
-        if not records:
+        if not records and self._charge is None:
             return
         committed = False
         self._chip.begin()
         try:
             self._outbox.write(records)
+            if self._charge is not None:
+                self._chip.keep_charge(self._charge)
             self._chip.commit()
             committed = True
         finally:

@@ -93,3 +93,9 @@ if TYPE_CHECKING:
 
         def keep_answer(self, body: bytes) -> None:
             """Keep the last result apart from the messages."""
+
+        def charge(self) -> bytes:
+            """What was kept of the supply; empty where nothing was."""
+
+        def keep_charge(self, body: bytes) -> None:
+            """Keep that."""

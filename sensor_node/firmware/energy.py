@@ -5,7 +5,10 @@ E_end - E_begin`` (plus what a full supercapacitor had no room for), so the verd
 knowledge of the harvest, and the harvest follows from what was spent.
 """
 
+from math import sqrt
+
 from sensor_node.firmware.calibration import converter, part, product
+from sensor_node.firmware.charge import read_charge, write_charge
 from sensor_node.firmware.rounding import INFINITY, down, up
 
 TYPE_CHECKING = False
@@ -63,6 +66,7 @@ class EnergyManager:
             up(self._costs[1][1] + sheet["pulse_hi"]),
         )
         self._sleeping = part(sheet, "sleeping")
+        self._wake_up = part(sheet, "wake_up")
         self._adc = converter(sheet)
         self._last = (1 << int(sheet["adc_bits"])) - 1
         self._half = part(sheet, "capacitance")
@@ -91,7 +95,8 @@ class EnergyManager:
 
         Args:
             code: Of the voltage at present.
-            work: Instructions, conversions, bytes sent and received, ns asleep, ns in all.
+            work: Instructions, conversions, bytes sent and received, ns asleep, ns in all,
+                wake-ups.
         """
         self._code = code
         volts = self._volts(code)
@@ -107,6 +112,17 @@ class EnergyManager:
             self._begin_horizon()
             self._first = code
         self._shed()
+
+    def rest(self, time: "tuple[int, int]") -> bytes:
+        """What flash is to keep at the end of the firmware's life, at a moment in UTC ns."""
+        return write_charge(self.stored[0], time[0])
+
+    def recall(self, record: bytes, time: "tuple[int, int]") -> None:
+        """Begin with what flash kept, at a moment in UTC ns; the first code tells more."""
+        least = read_charge(record, time[1], leakage=self._leakage, half=self._half)
+        self.stored = least, up(self._half[1] * up(self._rated * self._rated))
+        volts = max(0.0, down(sqrt(max(0.0, down(least / self._half[1])))))
+        self.charge = self._charged((volts, self._rated))
 
     def _begin_horizon(self) -> None:
         self._first = -1
@@ -143,6 +159,8 @@ class EnergyManager:
         for k in range(4):
             low = down(low + down(work[k] * self._costs[k][0]))
             high = up(high + up(work[k] * self._costs[k][1]))
+        low = down(low + down(work[6] * self._wake_up[0]))
+        high = up(high + up(work[6] * self._wake_up[1]))
         seconds = down(work[4] / _BILLION), up(work[4] / _BILLION)
         low = down(low + down(seconds[0] * self._sleeping[0]))
         high = up(high + up(seconds[1] * self._sleeping[1]))

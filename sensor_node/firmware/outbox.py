@@ -270,6 +270,11 @@ class Outbox:
         with self._lock:
             return self._chip.answer()
 
+    def charge(self) -> bytes:
+        """What the last life kept of its supply; empty where it kept nothing."""
+        with self._lock:
+            return self._chip.charge()
+
     def _take(self, positions: "Sequence[Position]", found: "list[Kept]") -> None:
         for position in positions:
             kept = self._chip.read(position)

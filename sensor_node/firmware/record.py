@@ -2,6 +2,7 @@
 
 from sensor_node.firmware.cbor import Writer
 from sensor_node.firmware.encoding import Q16, TAGS, write
+from sensor_node.firmware.places import write_places
 from sensor_node.firmware.rounding import up
 
 TYPE_CHECKING = False
@@ -11,6 +12,7 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.energy import Energy
     from sensor_node.firmware.peaks import PeakEvent
+    from sensor_node.firmware.places import Places
 
     class Numbers(Protocol):
         """Counts messages."""
@@ -231,6 +233,25 @@ class Scribe:
         if places:
             _places(out, places)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
+
+    def result(
+        self,
+        time: "tuple[int, int]",
+        command: int,
+        outcome: int,
+        reason: "str | None",
+        places: "Places",
+    ) -> Record:
+        """What became of the last command, why it was not done, and how each place is set."""
+        out, sequence = self._begin(RESULT, 7 if reason is None else 8)
+        _integers(out, 4, time)
+        _integer(out, 5, command)
+        _integer(out, 6, outcome)
+        if reason is not None:
+            _text(out, 7, reason)
+        out.integer(8)
+        write_places(out, places)
+        return Record(RESULT, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":
         out = Writer()

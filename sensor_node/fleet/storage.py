@@ -222,6 +222,13 @@ class Partition:
                 "INSERT OR REPLACE INTO answer VALUES (?, ?)", (self._member, body)
             )
 
+    def charge(self) -> bytes:
+        """Nothing: a fleet's supplies never end."""
+        return b""
+
+    def keep_charge(self, body: bytes) -> None:
+        """There is nothing to keep."""
+
     def _select(self, condition: str, *values: int) -> list[Kept]:
         statement = f"{_SELECT} WHERE member = ? {condition}"
         return [

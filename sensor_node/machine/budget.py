@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from sensor_node.settings import NodeSettings
     from sensor_node.taxels import AnyTaxel
 
-PROGRAM: Final = 104 * 1024
+PROGRAM: Final = 112 * 1024
 """Bytes kept for the firmware's modules, as MicroPython loads them."""
 CONNECTION: Final = 48 * 1024
 """Bytes kept for TLS: two records of 16 KiB and what a handshake needs."""

@@ -15,8 +15,12 @@ CLOCK_HZ: Final = 160_000_000
 """Of the processor: a Cortex-M33 as in an STM32U575 (ST, DS13737)."""
 _CONVERSION_NS: Final = 1_000
 """Awake for one conversion: sampling, and 14 bits at 2.5 million a second."""
-_WAKE_NS: Final = 20_000
-"""Awake for one wake-up from deep sleep: regulator, clock, entry and exit of the interrupt."""
+WAKE_NS: Final = 20_000
+"""Awake for one wake-up from deep sleep: regulator and clock (assumed)."""
+OF_INTERRUPT: Final = 200
+"""Instructions of an interrupt: entry, taking codes out of a buffer, exit (assumed)."""
+INTERRUPT_NS: Final = OF_INTERRUPT * 1_000_000_000 // CLOCK_HZ
+"""Awake for them."""
 OPERATION: Final = 60
 """Instructions of one operation on binary64 in software: loads, call, arithmetic, stores."""
 OPERATIONS: Final = {
@@ -28,7 +32,7 @@ OPERATIONS: Final = {
     "neighbour": 10,
     "remembered": 13,
     "new": 24,
-    "coil": 554,
+    "coil": 556,
     "thermometer": 625,
     "hygrometer": 137,
     "bioelectric": 67,
@@ -39,7 +43,7 @@ and where its code is new, after its chain's inversion."""
 OF_CHANNEL: Final = 40
 """The same for each channel: rest, two passes for peaks, encoding."""
 OF_FRAME: Final = 40_000
-"""Instructions of a frame besides: interrupts, messages, flash driver."""
+"""Instructions of a frame besides: messages, flash driver."""
 
 
 def operations(chain: str, n: int, neighbours: int, new: Mapping[str, int]) -> int:
@@ -70,12 +74,10 @@ class Ledger:
     def __init__(self) -> None:
         self.sent = self.received = 0
         self._taken = 0, 0
-        self._instructions = self._conversions = 0
+        self._instructions = self._conversions = self._wakes = 0
         self._awake = self._off = self._begin = 0
 
-    def charge_frame(
-        self, frame: Frame, *, operations: int, inputs: int, channels: int, wakes: bool = True
-    ) -> None:
+    def charge_frame(self, frame: Frame, *, operations: int, inputs: int, channels: int) -> None:
         """Count a frame that was sampled and worked off.
 
         Args:
@@ -83,14 +85,18 @@ class Ledger:
             operations: Of its inversion.
             inputs: Conversions of a sample.
             channels: Blocks that it makes.
-            wakes: Whether the machine wakes for its samples, and not for those of another taxel
-                at the same instants.
         """
         instructions = OF_FRAME + (operations + frame.n * OF_CHANNEL * channels) * OPERATION
         self._instructions += instructions
         self._conversions += frame.n * inputs
-        sampling = frame.n * min(frame.dt, _WAKE_NS * wakes + inputs * _CONVERSION_NS)
+        sampling = frame.n * min(frame.dt, inputs * _CONVERSION_NS)
         self._awake += sampling + instructions * 1_000_000_000 // CLOCK_HZ
+
+    def charge_interrupt(self) -> None:
+        """Count a wake-up of the processor, and the handler of what woke it."""
+        self._wakes += 1
+        self._instructions += OF_INTERRUPT
+        self._awake += WAKE_NS + INTERRUPT_NS
 
     def charge_hang(self, span: int) -> None:
         """Count ns in which the processor went round in circles."""
@@ -108,8 +114,16 @@ class Ledger:
         awake = min(free, self._awake)
         traffic = self.sent, self.received
         sent, received = (all_ - taken for all_, taken in zip(traffic, self._taken, strict=True))
-        work = Work(self._instructions, self._conversions, sent, received, free - awake, span)
-        self._instructions = self._conversions = 0
+        work = Work(
+            self._instructions,
+            self._conversions,
+            sent,
+            received,
+            free - awake,
+            span,
+            wakes=self._wakes,
+        )
+        self._instructions = self._conversions = self._wakes = 0
         self._taken = traffic
         self._awake -= awake
         self._off -= min(self._off, span)

@@ -15,6 +15,7 @@ class Work(NamedTuple):
         received: Bytes.
         asleep: ns in deep sleep.
         span: ns, all in all.
+        wakes: How often an interrupt woke the processor.
     """
 
     instructions: int
@@ -23,3 +24,4 @@ class Work(NamedTuple):
     received: int
     asleep: int
     span: int
+    wakes: int = 0

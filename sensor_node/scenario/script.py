@@ -59,6 +59,15 @@ class Script(Section):
     coil: dict[str, Any] = Field(
         default={}, description="data sheet of the inductive taxels of a dataset"
     )
+    thermometer: dict[str, Any] = Field(
+        default={}, description="data sheet of the thermometer of a dataset"
+    )
+    hygrometer: dict[str, Any] = Field(
+        default={}, description="data sheet of the hygrometer of a dataset"
+    )
+    electrode: dict[str, Any] = Field(
+        default={}, description="data sheet of the bioelectric taxel of a dataset"
+    )
 
     def local(self, seconds: Floats) -> tuple[NDArray[np.int64], Floats]:
         """Number of the loop, and the time within it, at times in s since the start."""

@@ -31,12 +31,6 @@ class AmbientSection(Section):
     humidity_percent: list[HumidityPoint] = Field(
         default=[(0.0, 50.0)], min_length=1, description="points [time in s, %]"
     )
-    temperature_error_K: float = Field(
-        default=0.5, ge=0, description="greatest error of the sensor that reads the temperature"
-    )
-    humidity_error_percent: float = Field(
-        default=3.0, ge=0, description="greatest error of the sensor that reads the humidity"
-    )
 
     @field_validator("temperature_Cel", "humidity_percent")
     @classmethod
@@ -63,9 +57,6 @@ class BioelectricSection(Section):
     amplitude_V: float = Field(default=0.0, ge=0, description="height of a beat")
     rate_Hz: float = Field(default=1.2, gt=0, le=1000, description="beats in a second")
     width_s: float = Field(default=0.02, gt=0, description="standard deviation of the bell")
-    error_V: float = Field(
-        default=1e-5, ge=0, description="greatest error of the amplifier that reads it"
-    )
 
     def voltage(self, seconds: Floats) -> Floats:
         """The voltage in V at times in s; a beat's top stands in the middle of its period."""

@@ -22,6 +22,7 @@ class MemoryChip:
         self._messages: dict[Position, tuple[int, Kept]] = {}
         self._gaps = 0
         self._answer: bytes | None = None
+        self._charge = b""
         self._before: tuple[dict[Position, tuple[int, Kept]], int, bytes | None] | None = None
 
     def restart(self) -> None:
@@ -86,3 +87,10 @@ class MemoryChip:
     def keep_answer(self, body: bytes) -> None:
         assert self._before is not None
         self._answer = body
+
+    def charge(self) -> bytes:
+        return self._charge
+
+    def keep_charge(self, body: bytes) -> None:
+        assert self._before is not None
+        self._charge = body

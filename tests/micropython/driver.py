@@ -12,8 +12,10 @@ from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.schedule import Schedule
+from sensor_node.firmware.selftest import SelfTest
 from sensor_node.firmware.taxel import CHAINS
 from tests.micropython.delivery import deliver
+from tests.micropython.examination import examine
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -63,38 +65,65 @@ def control_unit(taxel: "Table", clock: Clock, scribe: Scribe) -> ControlUnit:
 
 def run(job: "Table") -> "list[Any]":
     """Do what a job asks."""
+    if "tubes" in job:
+        return examine(job)
     return deliver(job) if "script" in job else say(job)
 
 
-def say(job: "Table") -> "list[str]":
-    """Give the bytes of every message, in hexadecimal."""
+def say(job: "Table") -> "list[Any]":
+    """Give the bytes of every message, in hexadecimal, and then what each self-test found."""
     clock = Clock(int(job["reading"]), job["error"], job["drift"])
     scribe = Scribe(job["boot"], Counter())
     units = [control_unit(taxel, clock, scribe) for taxel in job["taxels"]]
     manager = EnergyManager(reals(job["energy"])) if "energy" in job else None
+    test = SelfTest(job["neighbours"])
     said: list[Record] = []
+    found: list[Any] = []
     for step in job["steps"]:
-        if manager and "supply" in step:
+        if "show" in step:
+            unit = units[step["show"]].units[0]
+            test.take(step["show"], unit.lows, unit.highs, unit.filled)
+        elif "examine" in step:
+            found.append([list(each) for each in test.examine()])
+        elif manager and "rest" in step:
+            time = int(step["rest"][0]), int(step["rest"][1])
+            found.append(manager.rest(time).hex())
+        elif manager and "recall" in step:
+            manager.recall(bytes.fromhex(step["recall"]), times(step))
+        elif manager and "supply" in step:
             manager.watch(step["supply"], tuple([int(text) for text in step["work"]]))
             for unit in units:
                 unit.shed = manager.stage
         else:
             said += work(step, units, scribe, manager)
-    return [bytes(record.body).hex() for record in said]
+    return [bytes(record.body).hex() for record in said] + found
 
 
 def work(
     step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe, manager: "EnergyManager | None"
 ) -> "list[Record]":
+    if "taxel" not in step:
+        return [tell(step, units, scribe, manager)]
+    return drive(step, units)
+
+
+def tell(
+    step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe, manager: "EnergyManager | None"
+) -> "Record":
     if "gap" in step:
-        return [scribe.gap(step["gap"], times(step), step["samples"])]
+        return scribe.gap(step["gap"], times(step), step["samples"])
     if "status" in step:
         channels = [channel for unit in units for channel in unit.channels]
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
         energy = manager.told if manager and step["lives"] else None
-        faults = step["faults"]
-        return [scribe.status(times(step), *told, energy=energy, faults=faults)]
+        more = {"energy": energy, "faults": step["faults"], "places": places(step)}
+        return scribe.status(times(step), *told, **more)
+    command, now = int(step["command"]), state(step)
+    return scribe.result(times(step), command, step["result"], step["reason"], now)
+
+
+def drive(step: "Table", units: "Sequence[ControlUnit]") -> "list[Record]":
     unit = units[step["taxel"]]
     if "call" in step:
         given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip
@@ -113,6 +142,17 @@ def work(
     else:
         unit.surround([units[k] for k in step["around"]], step["of"])
     return []
+
+
+def state(step: "Table") -> "dict[str, dict[str, float | str]]":
+    found: dict[str, dict[str, float | str]] = {}
+    for place, name, is_real, text in step["state"]:
+        found.setdefault(place, {})[name] = real(text) if is_real else text
+    return found
+
+
+def places(step: "Table") -> "list[tuple[str, float, float]]":
+    return [(taxel, real(x), real(y)) for taxel, x, y in step["places"]]
 
 
 def times(step: "Table") -> "tuple[int, int]":

@@ -15,8 +15,11 @@ function used() {
 
 port.runPython('import gc, json, sys; sys.path.append("/")');
 const empty = used();
-port.runPython('from tests.micropython import driver');
+for (const name of port.FS.readdir('/sensor_node/firmware').filter((name) => !name.startsWith('.'))) {
+  if (name !== '__init__.py') port.runPython(`import sensor_node.firmware.${name.replace('.py', '')}`);
+}
 const loaded = used();
+port.runPython('from tests.micropython import driver');
 port.runPython(`
 with open('/job.json') as file:
     job = json.load(file)

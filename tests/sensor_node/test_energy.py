@@ -17,14 +17,19 @@ from eskin.messages import (
     decode_message,
 )
 from eskin.messages.head import Position
+from sensor_node.budget.traffic import sent_for
 from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
-from tests.sensor_node.designs import Bench, waiting
+from sensor_node.flash import Flash
+from sensor_node.service import build_node, build_outbox
+from sensor_node.truth import Truth
+from tests.sensor_node.designs import SECOND, START, Bench, settings, waiting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from sensor_node.energy_keeper import EnergyKeeper
+    from sensor_node.node import Node
 
 # A millifarad lasts a few seconds; touches of a whole hand, fed by a strong layer, fill it again.
 WEAK = {"on": True, "capacitance": 1e-3, "horizon_s": 1.0, "active_current": 1e-5}
@@ -80,7 +85,7 @@ def test_brown_out_loses_nothing_that_flash_held_and_tells_the_gap(tmp_path: Pat
 
 
 def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=4e-3, **STRONG)
+    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=8e-3, **STRONG)
     stages: list[int] = []
     while len(stages) < 400 and not (Shedding.SLEEP in stages and stages[-1] < Shedding.SLEEP):
         bench.run_to(bench.ticks / 1e9 + 0.25)
@@ -125,6 +130,84 @@ def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
     assert told.verdict is Sustained.IMPOSSIBLE
     assert told.shedding is Shedding.NONE
     bench.close()
+
+
+def test_sole_short_of_energy_sends_peaks_only_and_certainly_sustains_itself(
+    tmp_path: Path,
+) -> None:
+    bench = Bench(tmp_path, "sole", energy={"start_voltage": 2.7})
+    supply, ledger = keeper_of(bench).plant.supply, bench.node.machine.ledger
+    begin = supply.energy
+    for second in range(41):
+        bench.run_to(float(second))
+        for kept in waiting(bench.flash):
+            ledger.sent += sent_for(kept)
+            bench.outbox.acknowledge([(*kept.position, kept.position[1])])
+    manager = keeper_of(bench).manager
+    assert ledger.sent > 10_000
+    assert manager.stage == Shedding.PEAKS
+    assert manager.verdict == Sustained.CERTAIN
+    assert supply.energy > begin
+    assert manager.stored[0] <= supply.energy <= manager.stored[1]
+    bench.close()
+
+
+class Lives:
+    """One node's flash and truth over several processes, with an hour between two."""
+
+    def __init__(self, folder: Path) -> None:
+        self.settings = settings(folder, "palm", energy={"on": True, "start_voltage": 3.5})
+        self.start = START
+
+    def begin(self) -> Node:
+        self.flash = Flash(self.settings.flash.path, epoch=1)
+        self.truth = Truth(self.settings.truth.path, limit=2**24)
+        outbox = build_outbox(self.flash, capacity=2**24, broker=self.settings.broker)
+        node, _ = build_node(self.settings, outbox=outbox, truth=self.truth, start=self.start)
+        self.start += 3600 * SECOND
+        return node
+
+    def end(self, node: Node, *, orderly: bool) -> None:
+        if orderly:
+            node.finish()
+        self.flash.close()
+        self.truth.close()
+
+
+def told_at_start(node: Node) -> tuple[tuple[float, float], float]:
+    assert node.energy is not None
+    return node.energy.manager.stored, node.energy.plant.supply.energy
+
+
+def test_charge_outlives_the_process_and_flash_keeps_an_interval_of_it(tmp_path: Path) -> None:
+    lives = Lives(tmp_path)
+    node = lives.begin()
+    assert told_at_start(node)[0] == (0.0, float("inf"))
+    node.run_until(7 * SECOND)
+    lives.end(node, orderly=True)
+    before = told_at_start(node)
+    node = lives.begin()
+    bounds, true = told_at_start(node)
+    # It has leaked for an hour, and the firmware knows by how much at most.
+    assert 0.96 * before[1] < true < 0.999 * before[1]
+    assert 0.93 * before[0][0] < bounds[0] <= true <= bounds[1]
+    lives.end(node, orderly=False)
+    # Nothing was kept at this end: the record counts once.
+    node = lives.begin()
+    bounds, again = told_at_start(node)
+    assert bounds == (0.0, float("inf"))
+    assert again < true
+    lives.end(node, orderly=False)
+
+
+def test_charge_is_kept_by_a_process_that_ends_without_a_word(tmp_path: Path) -> None:
+    lives = Lives(tmp_path)
+    node = lives.begin()
+    node.run_until(12 * SECOND)
+    _, before = told_at_start(node)
+    lives.end(node, orderly=False)
+    _, true = told_at_start(lives.begin())
+    assert 0.96 * before < true < before
 
 
 def test_without_a_supply_a_status_says_nothing_of_energy(tmp_path: Path) -> None:

@@ -34,11 +34,14 @@ def written(folder: Path, text: str, profile: str = "fingertip") -> Path:
     return path
 
 
-def test_packaged_profiles_are_the_four() -> None:
-    assert profile_names() == ["fingertip", "forearm", "hand", "palm"]
+PROFILES = ["fingertip", "forearm", "hand", "palm", "sock", "sole"]
 
 
-@pytest.mark.parametrize("name", ["fingertip", "forearm", "hand", "palm"])
+def test_packaged_profiles_are_the_six() -> None:
+    assert profile_names() == PROFILES
+
+
+@pytest.mark.parametrize("name", PROFILES)
 def test_a_profile_s_name_and_its_copied_text_give_the_same_taxels(
     name: str, tmp_path: Path
 ) -> None:
@@ -46,6 +49,16 @@ def test_a_profile_s_name_and_its_copied_text_give_the_same_taxels(
     copied = NodeSettings.load(written(tmp_path, Profile.read(name).text, name))
     assert short == copied
     assert short.node.description.startswith(name)
+
+
+def test_a_profile_s_energy_is_read_and_a_file_s_own_keys_win(tmp_path: Path) -> None:
+    of_profile = NodeSettings.load(written(tmp_path, "", "sole"))
+    assert of_profile.energy.on
+    assert (of_profile.energy.piezo_gain, of_profile.sampling.block_samples) == (735.0, 20)
+    own = NodeSettings.load(written(tmp_path, "[energy]\npiezo_gain = 7.0\n", "sole"))
+    assert (own.energy.on, own.energy.piezo_gain) == (True, 7.0)
+    with pytest.raises(SettingsError, match="energy"):
+        NodeSettings.load(written(tmp_path, "energy = 3\n", "sole"))
 
 
 def test_a_file_s_own_taxels_win_over_the_profile_s(tmp_path: Path) -> None:
@@ -61,7 +74,10 @@ def test_channels_of_the_profiles_are_those_of_the_contract(tmp_path: Path) -> N
         ]
         for name in profile_names()
     }
+    pad = ("capacitance:F", "current:A", "plate_distance:m", "contact_area:m2", "pressure:Pa")
+    assert found.pop("sock") == found["sole"]
     assert found == {
+        "sole": [f"t0{n}.{quantity}" for n in (1, 2, 3) for quantity in pad],
         "fingertip": [
             f"t0{n}.{quantity}" for n in (1, 2, 3) for quantity in ("capacitance:F", "current:A")
         ],
@@ -74,14 +90,7 @@ def test_channels_of_the_profiles_are_those_of_the_contract(tmp_path: Path) -> N
             "t02.voltage:V",
         ],
         "hand": [
-            *(
-                f"t{n:02d}.{quantity}"
-                for n in (*range(12), 13, 15)
-                for quantity in (
-                    *("capacitance:F", "current:A", "plate_distance:m"),
-                    *("contact_area:m2", "pressure:Pa"),
-                )
-            ),
+            *(f"t{n:02d}.{quantity}" for n in (*range(12), 13, 15) for quantity in pad),
             *(
                 f"m{n}.{quantity}"
                 for n in ("06", "10")

@@ -25,6 +25,7 @@ class Costs(NamedTuple):
     computing: float
     radio: float
     sleeping: float
+    waking: float
 
 
 class Loads:
@@ -44,6 +45,7 @@ class Loads:
         self._sent = draw_part(random, sheet.sent, sheet.sent_tolerance)
         self._received = draw_part(random, sheet.received, sheet.received_tolerance)
         self._sleeping = draw_part(random, sheet.sleeping, sheet.sleeping_tolerance)
+        self._wake_up = draw_part(random, sheet.wake_up, sheet.wake_up_tolerance)
 
     def costs(self, work: Work) -> Costs:
         """True energies of some work."""
@@ -53,6 +55,7 @@ class Loads:
             work.instructions * self._instruction,
             work.sent * self._sent + work.received * self._received,
             work.asleep / _BILLION * self._sleeping,
+            work.wakes * self._wake_up,
         )
 
 
@@ -68,4 +71,5 @@ def bounds(sheet: EnergySection, work: Work) -> dict[str, Interval]:
         "computing": each("instruction") * work.instructions,
         "radio": each("sent") * work.sent + each("received") * work.received,
         "sleeping": each("sleeping") * (Interval(work.asleep) / _BILLION),
+        "waking": each("wake_up") * work.wakes,
     }

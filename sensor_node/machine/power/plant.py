@@ -50,9 +50,10 @@ class PowerPlant:
         self._machine = machine
         self._watch = watch
         self._passed = machine.now
-        machine.events.every(STEP, self._step)
+        machine.events.every(STEP, self.look)
 
-    def _step(self) -> None:
+    def look(self) -> None:
+        """Let the supply live up to the present, and the firmware see it."""
         machine, supply = self._machine, self.supply
         span = machine.now - self._passed
         self._passed = machine.now

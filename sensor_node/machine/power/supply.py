@@ -94,6 +94,11 @@ class Supply:
         flows.burnt += burnt
         flows.shunted += max(level - self._most, 0.0)
 
+    def rest(self, energy: float, seconds: float) -> None:
+        """Hold what is left of so many J after some seconds in which nothing came and went."""
+        left = math.exp(-2.0 * seconds / (self._leakage * self._capacitance))
+        self.energy = min(energy, self._most) * left
+
     def code(self) -> int:
         """The converter's code of its voltage under the current that measuring draws."""
         terminal = self.voltage - self._series * self._current

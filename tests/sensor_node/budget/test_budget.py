@@ -18,6 +18,7 @@ from sensor_node.budget.budget import MODES
 from sensor_node.machine.power.harvest import Harvester, Layers, Touches, harvest_bounds
 from sensor_node.machine.power.loads import Loads, bounds
 from sensor_node.machine.power.section import EnergySection
+from sensor_node.machine.power.supply import Supply
 from sensor_node.machine.work import Work
 
 if TYPE_CHECKING:
@@ -50,7 +51,7 @@ def test_frugal_modes_send_less_and_sense_as_much(hand: Sequence[Budget]) -> Non
 
 def test_peaks_only_certainly_saves_most_of_the_hand(hand: Sequence[Budget]) -> None:
     watts, share = saving(hand[0], hand[2])
-    assert float(share.inf) > 0.8
+    assert float(share.inf) > 0.7
     assert float(watts.inf) > 0.0
 
 
@@ -97,6 +98,44 @@ def test_verdict_is_certain_where_touches_give_more_than_sleep_costs(
     assert hand[0].verdict is Sustained.IMPOSSIBLE
     assert replace(idle, touches=Touches(0.0, 1.0)).verdict is Sustained.CERTAIN
     assert replace(idle, touches=hand[2].touches).verdict is Sustained.POSSIBLE
+
+
+@pytest.fixture(scope="module")
+def shoes() -> dict[str, Budget]:
+    return {name: Budget.measure(Design.named(name), "peaks", 20, nothing) for name in SHOES}
+
+
+def net_powers(budget: Budget, draws: int) -> list[float]:
+    """Harvest less consumption in W of some nodes with other true parts, at any voltage."""
+    section, found = budget.design.settings.energy, []
+    for seed in range(draws):
+        random = np.random.default_rng(seed)
+        supply, layers = Supply(section, random), Layers(section, random)
+        supply.energy *= random.uniform(0.6, 1.0)
+        gained, before = layers.energy(budget.touches), supply.energy
+        # In steps as the plant has them, that the supply burns and leaks what it truly does.
+        for _ in range(4 * budget.seconds):
+            supply.pass_span(Work(0, 0, 0, 0, 0, 250_000_000), 0.0)
+        leaked = before - supply.energy
+        spent = sum(Loads(section, random).costs(budget.work))
+        found.append((gained - spent - leaked) / budget.seconds)
+    return found
+
+
+SHOES = {"sole": Sustained.CERTAIN, "sock": Sustained.POSSIBLE}
+
+
+@pytest.mark.parametrize("name", SHOES)
+def test_verdicts_of_packaged_profiles_hold_for_every_true_part(
+    shoes: dict[str, Budget], hand: Sequence[Budget], name: str
+) -> None:
+    assert {name: each.verdict for name, each in shoes.items()} == SHOES
+    assert hand[2].verdict is Sustained.IMPOSSIBLE
+    signs = {power >= 0.0 for power in net_powers(shoes[name], 60)}
+    assert signs == ({True} if name == "sole" else {True, False})
+    assert max(net_powers(hand[2], 20)) < 0.0
+    # Steps are told: what is saved is not what the node is for.
+    assert shoes[name].work.sent > 2000
 
 
 def test_paper_hand_takes_about_a_milliwatt_as_the_paper_counts() -> None:

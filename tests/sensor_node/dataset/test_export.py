@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from array import array
 from collections import Counter
 from typing import TYPE_CHECKING, Any
 
@@ -15,6 +16,9 @@ import pytest
 from eskin.command.export import export
 from eskin.errors import ScenarioError, SettingsError
 from sensor_node.dataset import Plan, write_dataset
+from sensor_node.firmware.taxel import CHAINS
+from sensor_node.machine.inversion import Inversion
+from sensor_node.machine.sheet import data_sheet
 from sensor_node.scenario import LABELS
 from tests.sensor_node.scenario.scripts import HEAD, TAP, write
 
@@ -80,12 +84,67 @@ def test_thin_tubes_hold_the_truth_under_crosstalk_and_beside_a_stuck_taxel(
         )
     )
     sheet = f'[pad]\nadc_bits = 24\nnoise = {{ kind = "uniform", bound = 0.0 }}\n{exact}'
-    air = "[ambient]\ntemperature_error_K = 0.0\nhumidity_error_percent = 0.0\n"
+    good = 'adc_bits = 24\nnoise = { kind = "uniform", bound = 0.0 }\n'
+    air = f"[thermometer]\n{good}tolerance_K = 0.0\ntolerance_per_K = 0.0\n"
+    air += f"series_resistance_tolerance = 0.0\n[hygrometer]\n{good}error_percent = 0.0\n"
+    for part in ("capacitance", "sensitivity", "resistance", "reference", "transconductance"):
+        air += f"{part}_tolerance = 0.0\n"
     press = TAP.replace("tap", "press").replace("4e-3", "1.5e-2")
     found = columns(make(tmp_path / "set", SHORT + air + press + fault + sheet))
     lo, true, hi = (found[f"pressure_{side}_Pa"] for side in ("lo", "true", "hi"))
     assert np.all((lo <= true) & (true <= hi))
     assert np.median((hi - lo)[(true > 100.0) & (found["taxel"] != "t05")]) < 500.0
+
+
+AROUND = """
+[ambient]
+temperature_Cel = [[0.0, -20.0], [3.0, 45.0]]
+humidity_percent = [[0.0, 20.0], [3.0, 90.0]]
+
+[bioelectric]
+amplitude_V = 1e-3
+"""
+QUANTITIES = ("temperature_{}_Cel", "humidity_{}_percent", "bioelectric_{}_V")
+
+
+@pytest.mark.parametrize(
+    ("sheets", "most"),
+    [
+        ("", (0.9, 12.0, 4e-5)),
+        (
+            '[thermometer]\nadc_bits = 6\nnoise = { kind = "uniform", bound = 1e-3 }\n',
+            (9.0, 12.0, 4e-5),
+        ),
+        ("[hygrometer]\nerror_percent = 8.0\n[electrode]\nadc_bits = 5\n", (0.9, 25.0, 3e-4)),
+    ],
+)
+def test_air_and_body_go_through_their_chains_and_are_enclosed(
+    sheets: str, most: tuple[float, float, float], tmp_path: Path
+) -> None:
+    found = columns(make(tmp_path / "set", SHORT + TAP + AROUND + sheets))
+    for name, limit in zip(QUANTITIES, most, strict=True):
+        lo, true, hi = (found[name.format(side)] for side in ("lo", "true", "hi"))
+        assert np.all((lo <= true) & (true <= hi)), name
+        # Neither unbounded nor much wider than its data sheet; nor read by an ideal sensor.
+        assert 0.3 * limit < np.max(hi - lo) <= limit, (name, np.max(hi - lo))
+        assert np.ptp((hi + lo) / 2.0 - true) > 0.0
+    for true, lo, hi in intervals(found):
+        assert np.all((found[lo] <= found[true]) & (found[true] <= found[hi])), true
+
+
+def test_air_is_what_a_node_s_sensors_tell_of_the_same_codes(tmp_path: Path) -> None:
+    path = write(tmp_path, SHORT + TAP + AROUND)
+    plan = Plan.of(path, seeds=range(2), test=1, rate=50.0)
+    for sensor in (plan.thermometer, plan.hygrometer, plan.electrode):
+        # Of the same data sheet as a taxel of a node, so of the same arithmetic.
+        firmware = CHAINS[sensor.chain](data_sheet(sensor))
+        codes = {name: np.arange(0, 4096, 97) for name in firmware.inputs}
+        bounds = [array("d", bytes(8 * 43)) for _ in range(2)]
+        firmware.measure(
+            [array("q", codes[name].tobytes()) for name in firmware.inputs], 43, bounds
+        )
+        (told,) = Inversion(sensor).measure(codes).values()
+        assert (told.inf.tobytes(), told.sup.tobytes()) == tuple(b.tobytes() for b in bounds)
 
 
 def test_both_formats_say_the_same_to_the_last_bit(made: Path) -> None:
@@ -178,6 +237,8 @@ def test_data_sheets_of_the_scenario_are_used(tmp_path: Path) -> None:
         ("[pad]\nadc_bits = 60\n", "pad.adc_bits: 60 is not allowed"),
         ("[coil]\nexcitation_Hz = 0.0\n", "coil.excitation_Hz: 0.0 is not allowed"),
         ("[pad]\nsampling_Hz = 10.0\n", "pad.sampling_Hz: the dataset itself sets it"),
+        ("[electrode]\nplace = 't01'\n", "electrode.place: the dataset itself sets it"),
+        ("[hygrometer]\nadc_bits = 60\n", "hygrometer.adc_bits: 60 is not allowed"),
         ("[pad]\npressure_max_Pa = 10.0\n", "pad: the scenario's contacts press with up to"),
     ],
 )

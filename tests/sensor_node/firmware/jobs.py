@@ -9,6 +9,7 @@ from sensor_node.firmware.clock import Clock
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
+from sensor_node.firmware.selftest import SelfTest
 from sensor_node.firmware.taxel import CHAINS, Taxel
 
 if TYPE_CHECKING:
@@ -16,6 +17,7 @@ if TYPE_CHECKING:
 
     import pytest
 
+    from eskin.messages.vocabulary import State
     from sensor_node.firmware.inversion import Codes
     from sensor_node.firmware.record import Channel, Record
     from sensor_node.firmware.schedule import Frame
@@ -33,7 +35,9 @@ class Recorder:
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
         self._watch_telling(monkeypatch)
+        self._watch_answers(monkeypatch)
         self._watch_supply(monkeypatch)
+        self._watch_self_test(monkeypatch)
 
     def _watch_making(self, monkeypatch: pytest.MonkeyPatch) -> None:
         kinds = {made: name for name, made in CHAINS.items()}
@@ -113,18 +117,42 @@ class Recorder:
             storage: tuple[int, int, int, int],
             channels: Sequence[Channel],
             cause: int,
-            **energy: Any,
+            **more: Any,
         ) -> Record:
             given: dict[str, Any] = {"status": profile, "description": description}
-            given |= {"storage": storage, "cause": cause, "lives": energy.get("energy") is not None}
-            given["faults"] = energy.get("faults")
+            given |= {"storage": storage, "cause": cause, "lives": more.get("energy") is not None}
+            given["faults"] = more.get("faults")
+            given["places"] = [[t, _text(x), _text(y)] for t, x, y in more.get("places", ())]
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
             told = time, profile, description, uptime, storage, channels, cause
-            return status(scribe, *told, **energy)
+            return status(scribe, *told, **more)
 
         monkeypatch.setattr(Scribe, "gap", told_gap)
         monkeypatch.setattr(Scribe, "status", told_status)
+
+    def _watch_answers(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        result = Scribe.result
+
+        def told_result(
+            scribe: Scribe,
+            time: tuple[int, int],
+            command: int,
+            outcome: int,
+            reason: str | None,
+            state: State,
+        ) -> Record:
+            given = [
+                [place, name, type(value) is float, _text(value)]
+                for place, settings in state.items()
+                for name, value in settings.items()
+            ]
+            moment = {"time": [str(each) for each in time], "state": given}
+            told = {"result": outcome, "command": str(command), "reason": reason}
+            self.job["steps"].append(moment | told)
+            return result(scribe, time, command, outcome, reason, state)
+
+        monkeypatch.setattr(Scribe, "result", told_result)
 
     def _watch_supply(self, monkeypatch: pytest.MonkeyPatch) -> None:
         make, watch = EnergyManager.__init__, EnergyManager.watch
@@ -137,14 +165,51 @@ class Recorder:
             self.job["steps"].append({"supply": code, "work": [str(each) for each in work]})
             watch(manager, code, work)
 
+        rest, recall = EnergyManager.rest, EnergyManager.recall
+
+        def rested(manager: EnergyManager, time: tuple[int, int]) -> bytes:
+            self.job["steps"].append({"rest": [str(each) for each in time]})
+            return rest(manager, time)
+
+        def recalled(manager: EnergyManager, record: bytes, time: tuple[int, int]) -> None:
+            moment = [str(each) for each in time]
+            self.job["steps"].append({"recall": record.hex(), "time": moment})
+            recall(manager, record, time)
+
+        monkeypatch.setattr(EnergyManager, "rest", rested)
+        monkeypatch.setattr(EnergyManager, "recall", recalled)
         monkeypatch.setattr(EnergyManager, "__init__", made)
         monkeypatch.setattr(EnergyManager, "watch", watched)
+
+    def _watch_self_test(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        make, take, examine = SelfTest.__init__, SelfTest.take, SelfTest.examine
+
+        def made(test: SelfTest, neighbours: Sequence[Sequence[int]]) -> None:
+            self.job["neighbours"] = neighbours
+            make(test, neighbours)
+
+        def taken(
+            test: SelfTest, taxel: int, lows: Sequence[float], highs: Sequence[float], n: int
+        ) -> None:
+            # The other port shows its own bounds of that taxel.
+            assert lows is self._units[taxel].units[0].lows
+            self.job["steps"].append({"show": taxel})
+            take(test, taxel, lows, highs, n)
+
+        def examined(test: SelfTest) -> list[tuple[int, int]]:
+            found = examine(test)
+            self.job["steps"].append({"examine": [list(each) for each in found]})
+            return found
+
+        monkeypatch.setattr(SelfTest, "__init__", made)
+        monkeypatch.setattr(SelfTest, "take", taken)
+        monkeypatch.setattr(SelfTest, "examine", examined)
 
     def _watch_setting(self, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
         method = getattr(ControlUnit, name)
 
         def called(unit: ControlUnit, *given: float) -> object:
-            texts = [_hexadecimal(v) if type(v) is float else str(v) for v in given]
+            texts = [_text(value) for value in given]
             self._note(unit, call=name, given=texts, reals=[type(v) is float for v in given])
             self._calling = True
             answer = method(unit, *given)
@@ -169,6 +234,10 @@ class Recorder:
             "longest": str(given["longest"]),
             "encoding": given["encoding"],
         }
+
+
+def _text(value: float | str) -> str:
+    return _hexadecimal(value) if type(value) is float else str(value)
 
 
 def _hexadecimal(value: float) -> str:

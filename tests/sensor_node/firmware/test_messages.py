@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Position
+from eskin.messages import Block, Encoding, Kind, Outcome, Position, Result
 from eskin.tube import Tube
 from sensor_node.firmware.cbor import Writer
 from sensor_node.firmware.record import Channel, Scribe
@@ -65,6 +65,31 @@ def test_any_block_is_readable_and_encloses_its_samples(
         )
     finite = moved[np.isfinite(moved)]
     assert block.widening >= (finite.max() if finite.size else 0.0)
+
+
+NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,30}", fullmatch=True)
+SETTINGS = st.dictionaries(
+    st.text("abcde_é", min_size=1, max_size=30),
+    st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.text("abcé", min_size=1)),
+    max_size=5,
+)
+
+
+@settings(deadline=None)
+@given(
+    st.dictionaries(NAMES, SETTINGS, max_size=10),
+    st.integers(0, 2**53 - 1),
+    st.none() | st.text("ab µ", min_size=1, max_size=200),
+)
+def test_result_has_the_bytes_of_the_contract(
+    state: dict[str, dict[str, float | str]], command: int, reason: str | None
+) -> None:
+    outcome = Outcome.DONE if reason is None else Outcome.REFUSED
+    told = Scribe(7, Counter()).result(TIME, command, int(outcome), reason, state)
+    expected = Result(Position(7, 3), TIME, command, outcome, reason, state)
+    assert told.body == expected.encode()
+    assert Result.decode(told.body) == expected
+    assert (told.kind, told.sequence, told.earliest, told.latest) == (Kind.RESULT, 3, *TIME)
 
 
 ITEMS = st.one_of(

@@ -3,24 +3,49 @@
 from __future__ import annotations
 
 import json
+import math
 import random
 import shutil
 import subprocess
+import time
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pytest
 
 import sensor_node
-from eskin.messages import Block, Gap, Peak, Shedding, Status, decode_message
+from eskin.envelope import sign
+from eskin.identity import IdentityKind
+from eskin.messages import (
+    Block,
+    Command,
+    CommandName,
+    Gap,
+    Outcome,
+    Peak,
+    Result,
+    Shedding,
+    Status,
+    decode_message,
+)
+from eskin.topics import Stream, node_topic
+from sensor_node.commands import Commander
+from sensor_node.controls import NodeControls
+from sensor_node.firmware.charge import write_charge
 from sensor_node.firmware.outbox import FAILED
 from sensor_node.firmware.record import GAP
 from sensor_node.firmware.room import FULL
 from sensor_node.scenario.file import scenario_text
 from tests.micropython.delivery import deliver
+from tests.micropython.examination import examine
 from tests.sensor_node.designs import SECOND, Bench, table
 from tests.sensor_node.firmware.jobs import Recorder
+
+if TYPE_CHECKING:
+    from eskin.messages.vocabulary import Arguments
+    from tests.identities import Identities
 
 ROOM = Path(sensor_node.__file__).parent
 PORT = Path(__file__).parents[2] / "micropython"
@@ -145,19 +170,94 @@ def test_same_bytes_of_every_taxel_that_lives_a_scenario(
     assert len(channels) == 1 + 1 + 1 + 5 + 3 * 5
 
 
+def test_same_answers_to_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, identities: Identities
+) -> None:
+    recorder, now = Recorder(monkeypatch), time.time_ns()
+    bench = Bench(tmp_path, "palm")
+    own, server = identities.node, identities.make(IdentityKind.SERVER, "server.cloud")
+    commander = Commander(
+        bench.outbox,
+        own=own,
+        cloud="server.cloud",
+        controls=NodeControls(bench.node),
+        enclosure=lambda: (now + bench.ticks, now + bench.ticks + 1000),
+    )
+    commander.start()
+    names = CommandName.SET, CommandName.CALIBRATE, CommandName.SET, CommandName.SET
+    arguments: list[Arguments] = [{"gain": 0.1, "taxel": "t01"}, {}, {"rate": 1e6}, {"rate": 50.0}]
+    for number, (name, given) in enumerate(zip(names, arguments, strict=True), 1):
+        bench.run_to(number / 2)
+        expires = now + (1 if number == 4 else SECOND * 60)
+        command = Command(number, own.name, now, expires, name, given)
+        topic = node_topic(own.name, Stream.COMMANDS)
+        commander.take(sign(command.encode(), own=server, topic=topic))
+    said = [body.hex() for body in bench.bodies()]
+    bench.close()
+    assert under_micropython(recorder.job, tmp_path) == said
+    messages = [decode_message(bytes.fromhex(body)) for body in said]
+    told = [message.outcome for message in messages if isinstance(message, Result)]
+    assert told == [Outcome.DONE] * 3 + [Outcome.REFUSED, Outcome.EXPIRED]
+
+
+def test_self_test_finds_the_same_in_the_emulated_node(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sensor_node.examiner.SELF_TEST", 4 * SECOND)
+    recorder = Recorder(monkeypatch)
+    path = tmp_path / "faulty.toml"
+    path.write_text(scenario_text("hand.toml") + '[[fault]]\ntaxel="t05"\nkind="dead"\nat_s=2.0\n')
+    places = ("t01", "t04", "t05", "t06", "t09")
+    changes = {"scenario": str(path), "sampling_Hz": 25.0}
+    taxels = [table("pad", id=place, place=place, **changes) for place in places]
+    for each in taxels:
+        del each["thermometer"], each["hygrometer"]
+    bench = Bench(tmp_path, "hand", taxel=taxels, sampling={"block_samples": 25})
+    bench.run_to(12.0)
+    said: list[Any] = [body.hex() for body in bench.bodies()]
+    bench.close()
+    found = [step["examine"] for step in recorder.job["steps"] if "examine" in step]
+    assert len(found) >= 2
+    assert len({str(each) for each in found}) >= 2
+    assert under_micropython(recorder.job, tmp_path) == said + found
+
+
+def test_self_test_finds_the_same_in_any_tubes(tmp_path: Path) -> None:
+    draw = np.random.default_rng(9)
+    middle = draw.normal(size=(9, 8, 20)) * draw.choice([0.0, 1e-12, 0.1, 3.0], size=(9, 8, 1))
+    tubes = np.stack([middle - 0.05, middle + draw.uniform(0.0, 0.1, middle.shape)], axis=-1)
+    # Some are open, whole windows or single samples.
+    tubes[..., 1][draw.random((9, 8)) < 0.1] = math.inf
+    tubes[..., 0][draw.random(middle.shape) < 0.01] = -math.inf
+    around = [[int(k) for k in draw.choice(9, draw.integers(0, 5), replace=False)] for _ in tubes]
+    given = [[[pair.astype("<f8").tobytes().hex() for pair in w] for w in taxel] for taxel in tubes]
+    job = {"neighbours": around, "tubes": given}
+    expected = json.loads(json.dumps(examine(job)))
+    assert under_micropython(job, tmp_path) == expected
+    verdicts = [tuple(each) for told in expected for each in told if type(each) is list]
+    assert {dead for dead, _ in verdicts} == {stuck for _, stuck in verdicts} == {0, 1, 2}
+
+
 def test_same_energy_as_in_the_emulated_node(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = Recorder(monkeypatch)
     energy = {"on": True, "start_voltage": 3.0, "horizon_s": 1.0, "coil_inductance": 0.01}
     bench = Bench(tmp_path, "palm", energy=energy)
-    for second in range(1, 5):
+    with bench.outbox.batch() as batch:
+        batch.keep_charge(write_charge(0.5, bench.clock.true_time(0) - 9000 * SECOND))
+    assert bench.node.energy is not None
+    bench.node.energy.boot()
+    bench.node.record_status()
+    for second in range(1, 4):
         bench.run_to(float(second))
         bench.node.record_status()
-    said = [body.hex() for body in bench.bodies()]
+    bench.node.finish()
+    said = [body.hex() for body in bench.bodies()] + [bench.flash.charge().hex()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
-    messages = [decode_message(bytes.fromhex(body)) for body in said]
+    messages = [decode_message(bytes.fromhex(body)) for body in said[:-1]]
     told = [message.energy for message in messages if isinstance(message, Status)]
-    assert len(told) == 4
-    assert {each.shedding for each in told if each is not None} == {Shedding.ADAPTIVE}
+    first, *rest = [each for each in told if each is not None]
+    assert 0.4 < first.stored[0] < 0.5 < first.stored[1] < 1.0
+    assert [each.shedding for each in rest] == [Shedding.ADAPTIVE] * 3

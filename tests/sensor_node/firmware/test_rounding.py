@@ -3,7 +3,7 @@ from __future__ import annotations
 import math
 
 import mpmath
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sensor_node.firmware.arctangent import arctangent
@@ -52,6 +52,7 @@ def test_logarithm_of_zero_and_infinity_is_unbounded() -> None:
 
 
 @given(st.one_of(st.floats(allow_nan=False), st.floats(-3.0, 3.0), st.floats(0.999, 1.001)))
+@example(2.2250738585e-313)
 def test_arctangent_is_enclosed_tightly(x: float) -> None:
     lo, hi = arctangent(x)
     with mpmath.workprec(1200):

@@ -101,6 +101,43 @@ def test_every_interval_encloses_the_true_supply(
         assert_encloses(supply, manager, begin, stored)
 
 
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 2**32),
+    start=st.floats(2.3, 3.8),
+    seconds=st.floats(0.0, 1e7),
+    tolerance=st.floats(0.0, 0.4),
+    off=st.integers(0, 2 * SECOND),
+)
+def test_charge_that_flash_kept_encloses_what_the_time_away_leaves(
+    seed: int, start: float, seconds: float, *, tolerance: float, off: int
+) -> None:
+    keys: dict[str, Any] = {"start_voltage": start, "capacitance_tolerance": tolerance}
+    supply, manager = made(seed, **keys, leakage_resistance_tolerance=tolerance)
+    manager.watch(supply.code(), IDLE)
+    end, away = 1_790_000_000 * SECOND, int(seconds * SECOND)
+    record = manager.rest((end - off, end + off))
+    supply.rest(supply.energy, away / SECOND)
+    _, later = made(seed, **keys, leakage_resistance_tolerance=tolerance)
+    later.recall(record, (end + away - off, end + away + off))
+    assert later.stored[0] <= supply.energy <= later.stored[1] * (1.0 + 1e-12)
+    section = EnergySection(on=True, **keys)
+    empty, rated = section.brown_out_voltage, section.rated_voltage
+    charge = (supply.voltage**2 - empty**2) / (rated**2 - empty**2)
+    assert later.charge[0] <= max(0.0, charge) <= later.charge[1] + 1e-12
+
+
+def test_kept_charge_narrows_little_in_an_hour_and_is_nothing_after_a_year() -> None:
+    supply, manager = made(start_voltage=3.5)
+    manager.watch(supply.code(), IDLE)
+    record = manager.rest((0, 0))
+    for seconds, share in ((3600, 0.95), (365 * 86_400, 0.0)):
+        _, later = made()
+        later.recall(record, (seconds * SECOND, seconds * SECOND))
+        assert share * manager.stored[0] <= later.stored[0] <= manager.stored[0]
+    assert later.stored[0] < 1e-9
+
+
 def assert_encloses(supply: Supply, manager: EnergyManager, begin: Flows, stored: float) -> None:
     full = supply.energy * (1.0 + 1e-12)
     assert manager.stored[0] <= full

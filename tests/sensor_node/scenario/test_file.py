@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from eskin.errors import ScenarioError
-from sensor_node.scenario import read_scenario, scenario_names
+from sensor_node.scenario import Stage, read_scenario, scenario_names
 from tests.sensor_node.scenario.scripts import HEAD, TAP, script, write
 
 if TYPE_CHECKING:
@@ -106,8 +107,17 @@ def test_noise_may_touch_what_comes_before_and_after(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", scenario_names())
 def test_packaged_scenarios_can_be_played(name: str) -> None:
-    kinds = {event.kind for event in read_scenario(name).event}
-    assert kinds == {"noise", "tap", "press", "hold", "slide", "approach"}
+    scene = read_scenario(name)
+    kinds = {event.kind for event in scene.event}
+    assert (
+        kinds
+        == {
+            "hand.toml": {"noise", "tap", "press", "hold", "slide", "approach"},
+            "walk.toml": {"noise", "hold"},
+        }[name]
+    )
+    stimulus = Stage(scene).stimulus(np.arange(0.0, scene.duration_s, 0.1))
+    assert np.any(stimulus.pressure > 0.0)
 
 
 def test_peak_pressure_adds_what_may_happen_together(tmp_path: Path) -> None:
