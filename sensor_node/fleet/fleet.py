@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from sensor_node.fleet.radio import Radio
     from sensor_node.fleet.squad import Squad
     from sensor_node.fleet.storage import Storage
-    from sensor_node.fleet.truth import FleetTruth
+    from sensor_node.truth import Truth
 
 log = logging.getLogger(__name__)
 
@@ -74,7 +74,7 @@ class Fleet:
         radios: dict[str, Radio],
         *,
         storage: Storage,
-        truth: FleetTruth,
+        truth: Truth,
         connector: Connector,
     ) -> None:
         self._squads = squads

@@ -17,10 +17,10 @@ from sensor_node.fleet.fleet import Fleet
 from sensor_node.fleet.radio import Radio
 from sensor_node.fleet.squad import Squad
 from sensor_node.fleet.storage import Storage
-from sensor_node.fleet.truth import FleetTruth
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.service import REBOOT
 from sensor_node.settings import RadioSection
+from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -55,7 +55,7 @@ def run(settings: NodeSettings) -> None:
     _require_open_air(settings)
     require_files(settings.fleet.count)
     names = numbered(settings.node.name, settings.fleet.count)
-    truth = FleetTruth(settings.truth.path, limit=settings.truth.limit_bytes)
+    truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
     try:
         storage = Storage(settings.flash.path, names)
         try:
@@ -93,7 +93,7 @@ def require_files(count: int) -> None:
 
 
 def build_squads(
-    settings: NodeSettings, names: list[str], storage: Storage, truth: FleetTruth
+    settings: NodeSettings, names: list[str], storage: Storage, truth: Truth
 ) -> list[Squad]:
     """Put a fleet's nodes together, spread over the time of one frame."""
     seed = truth.seed(settings.node.seed)
@@ -119,7 +119,7 @@ def build_squads(
     return squads
 
 
-def _begin(truth: FleetTruth, start: int) -> int:
+def _begin(truth: Truth, start: int) -> int:
     """No moment is lived twice, also where a fleet ran faster than real time."""
     end = truth.end()
     return start if end is None else max(start, end + REBOOT)
@@ -153,7 +153,7 @@ def _serve(
     settings: NodeSettings,
     names: list[str],
     storage: Storage,
-    truth: FleetTruth,
+    truth: Truth,
     stop: threading.Event,
 ) -> None:
     connector = Connector()

@@ -88,7 +88,7 @@ class Squad:
         """When the next frame is complete, on the monotonic clock in ns."""
         return self._origin + int(self._cohort.next_due / self._settings.node.speed)
 
-    def sample(self, now: int) -> tuple[dict[int, list[Record]], list[tuple[str, TrueBlock]]]:
+    def sample(self, now: int) -> tuple[dict[int, list[Record]], dict[str, list[TrueBlock]]]:
         """Take the frames that are complete; say so where some were missed.
 
         Returns:
@@ -96,7 +96,7 @@ class Squad:
         """
         ticks = self.ticks(now)
         records: dict[int, list[Record]] = {}
-        truth: list[tuple[str, TrueBlock]] = []
+        truth: dict[str, list[TrueBlock]] = {}
         if ticks - self._cohort.next_due > self._overrun:
             self._pass_over(ticks, records)
         for number, said in enumerate(self._cohort.advance(ticks), start=1):
@@ -109,7 +109,7 @@ class Squad:
         """What stays undecided at the end."""
         records: dict[int, list[Record]] = {}
         for said in self._cohort.finish():
-            self._take(said, records, [])
+            self._take(said, records, {})
         return records
 
     def status(self, row: int, now: int) -> Record:
@@ -127,7 +127,7 @@ class Squad:
         )
 
     def _take(
-        self, said: Said, records: dict[int, list[Record]], truth: list[tuple[str, TrueBlock]]
+        self, said: Said, records: dict[int, list[Record]], truth: dict[str, list[TrueBlock]]
     ) -> None:
         times = self._cohort.true_times(said.frame.start)
         boots = self._cohort.nodes.boots.tolist()
@@ -139,12 +139,12 @@ class Squad:
                 position = Position(boots[row], sequence)
                 values = said.truth[k][row]
                 true = TrueBlock(position, channel, times[row], said.frame.dt, values)
-                truth.append((self.names[row], true))
+                truth.setdefault(self.names[row], []).append(true)
 
     def _pass_over(self, ticks: int, records: dict[int, list[Record]]) -> None:
         passed, lost, (begin, again) = self._cohort.pass_over(ticks)
         for said in passed:
-            self._take(said, records, [])
+            self._take(said, records, {})
         for row, outbox in enumerate(self.outboxes):
             time = self._cohort.enclosure(row, begin)[0], self._cohort.enclosure(row, again)[1]
             gap = outbox.scribe.gap(OVERRUN, time, lost)

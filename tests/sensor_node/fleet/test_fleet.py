@@ -6,14 +6,17 @@ import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from demo.audit import audit
 from demo.layout import Layout
 from eskin.errors import SettingsError
 from eskin.identity import numbered
+from eskin.interval import Interval
+from eskin.messages import Block, Encoding
+from eskin.tube import Tube
 from sensor_node.fleet.service import require_files
-from sensor_node.fleet.truth import FleetTruth
 from sensor_node.truth import Truth
 from tests.fleets import RunningFleet, enrol
 from tests.identities import Identities
@@ -26,23 +29,32 @@ if TYPE_CHECKING:
 COUNT = 20
 
 
-def as_demo(stack: RealStack, fleet: RunningFleet, names: list[str]) -> Layout:
-    """What the audit looks at: a folder for each node, beside store and spool."""
+def as_demo(stack: RealStack, fleet: RunningFleet) -> Layout:
+    """What the audit looks at: a folder for the fleet, beside store and spool."""
     layout = Layout(stack.folder / "audited")
     for path, target in (
         (layout.store, stack.store),
         (layout.spool, stack.folder / "spool.sqlite"),
+        (layout.truth("skin"), fleet.truth),
+        (layout.flash("skin"), fleet.flash),
     ):
-        path.parent.mkdir(parents=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
         path.symlink_to(target)
-    for name in names:
-        known = FleetTruth.read(fleet.truth, name)
-        truth = Truth(layout.truth(name), limit=2**30)
-        truth.store(list(known.values()))
-        truth.close()
-        with closing(sqlite3.connect(layout.flash(name))) as db:
-            db.execute("CREATE TABLE message (boot INTEGER, sequence INTEGER)")
     return layout
+
+
+def shift(stack: RealStack, node: str) -> None:
+    """Move one stored interval of a node past all that was true."""
+    with closing(sqlite3.connect(stack.store)) as db, db:
+        where = "WHERE node = ? AND channel = 't01.capacitance' LIMIT 1"
+        row = db.execute(f"SELECT rowid, data FROM blocks {where}", (node,)).fetchone()  # noqa: S608
+        block = Block.decode(bytes(row[1]))
+        tube = block.tube
+        lo, hi = tube.values.inf.copy(), tube.values.sup.copy()
+        lo[7] = hi[7] = np.max(hi)
+        moved = Tube(tube.time, tube.dt, Interval(lo, hi), tube.unit, tube.coverage)
+        data = Block.pack(block.position, block.channel, block.ticks, moved, Encoding.F64)
+        db.execute("UPDATE blocks SET data = ? WHERE rowid = ?", (data.encode(), row[0]))
 
 
 def blocks_of(stack: RealStack) -> dict[str, int]:
@@ -93,15 +105,21 @@ def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> Non
             kept = "SELECT count(*) FROM message JOIN member ON id = member WHERE name <> ?"
             assert db.execute(kept, (stranger,)).fetchone() == (0,)
         wait_until(lambda: spooled(stack) == 0, "the gateway has handed over all")
-        found = audit(as_demo(stack, fleet, others))
+        layout = as_demo(stack, fleet)
+        found = audit(layout)
         stored = blocks_of(stack)
-        made = {name: len(FleetTruth.read(fleet.truth, name)) for name in others}
+        made = {name: len(positions) for name, positions in Truth.made(fleet.truth).items()}
         # What a kill leaves between truth and flash was never said.
         assert all(0 <= made[name] - stored[name] <= 2 for name in others)
         assert found.passes
         assert len(found.channels) == 2 * len(others)
         assert sum(channel.samples for channel in found.channels) > 250 * 8 * len(found.channels)
+        assert {each.node for each in found.deliveries if each.stored} == set(others)
         assert not found.letters
+        shift(stack, others[5])
+        broken = audit(layout)
+        assert not broken.passes
+        assert {e.node: e.violations for e in broken.channels if not e.passes} == {others[5]: 1}
 
 
 def test_too_many_nodes_for_the_system_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
