@@ -27,14 +27,17 @@ class Examiner:
         taxels: The node's, in their order.
         clock: What the node knows of time.
         scribe: Writes its messages.
+        since: Ticks at which the first window begins.
     """
 
-    def __init__(self, taxels: Sequence[AnyTaxel], clock: Clock, scribe: Scribe) -> None:
+    def __init__(
+        self, taxels: Sequence[AnyTaxel], clock: Clock, scribe: Scribe, *, since: int = 0
+    ) -> None:
         self._names = [taxel.id for taxel in taxels]
         self._clock = clock
         self._scribe = scribe
         self._self_test = SelfTest(neighbours(taxels))
-        self._tested = 0
+        self._tested = since
         self._broken: set[str] = set()
 
     def watch(self, number: int, taxel: EmulatedTaxel, ticks: int) -> list[Record]:

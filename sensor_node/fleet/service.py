@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, load_certificates, numbered
-from sensor_node.fleet.cohort import Cohort, Member
+from sensor_node.fleet import cohort
 from sensor_node.fleet.connector import Connector
 from sensor_node.fleet.fleet import Fleet
+from sensor_node.fleet.member import Member
 from sensor_node.fleet.radio import Radio
 from sensor_node.fleet.squad import Squad
 from sensor_node.fleet.storage import Storage
+from sensor_node.machine.budget import require_fit
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.service import REBOOT
 from sensor_node.settings import RadioSection
@@ -53,6 +55,7 @@ def run(settings: NodeSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     _require_open_air(settings)
+    require_fit(settings)
     require_files(settings.fleet.count)
     names = numbered(settings.node.name, settings.fleet.count)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
@@ -112,6 +115,7 @@ def build_squads(
                 numbers,
                 seed=seed,
                 storage=storage,
+                truth=truth,
                 start=begin + delay,
                 origin=now + delay,
             )
@@ -142,11 +146,11 @@ def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
 
 def _warm_up(settings: NodeSettings) -> None:
     """Have all loops compiled before time begins."""
-    cohort = Cohort(settings, [Member(seed=0, boot=1, start=time.time_ns())])
-    latest = max(taxel.next.end for taxel in cohort.taxels)
-    for _ in cohort.advance(latest):
+    alone = cohort.Cohort(settings, [cohort.Member(seed=0, boot=1, start=time.time_ns())])
+    latest = max(taxel.next.end for taxel in alone.taxels)
+    for _ in alone.advance(latest):
         pass
-    cohort.finish()
+    alone.finish()
 
 
 def _serve(
@@ -160,9 +164,14 @@ def _serve(
     radios = _build_radios(settings, names)
     _warm_up(settings)
     squads = build_squads(settings, names, storage, truth)
-    fleet = Fleet(squads, radios, storage=storage, truth=truth, connector=connector)
+    members = [
+        Member(squad, row, radios[name], cloud=settings.identity.cloud)
+        for squad in squads
+        for row, name in enumerate(squad.names)
+    ]
+    fleet = Fleet(members, storage=storage, truth=truth, connector=connector)
+    fleet.start()
     connector.start()
-    fleet.connect()
     log.info("running: nodes=%d first=%s last=%s", len(names), names[0], names[-1])
     told, said = 0, time.monotonic()
     while not stop.is_set():

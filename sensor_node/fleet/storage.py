@@ -125,17 +125,18 @@ class Storage:
 
 
 class Partition:
-    """A member's chip; its transactions are those of the whole storage.
+    """A member's chip; its transactions are part of one for many where the storage has begun one.
 
     Attributes:
         boot: Number of this start.
     """
 
-    __slots__ = ("_member", "_storage", "boot")
+    __slots__ = ("_member", "_own", "_storage", "boot")
 
     def __init__(self, storage: Storage, member: int, boot: int) -> None:
         self._storage = storage
         self._member = member
+        self._own = False
         self.boot = boot
 
     def restart(self) -> None:
@@ -147,13 +148,23 @@ class Partition:
         self.boot += 1
 
     def begin(self) -> None:
-        """The storage has begun already."""
+        """Begin a transaction, unless the storage has begun one for many."""
+        self._own = not self._storage.db.in_transaction
+        if self._own:
+            with self._storage.writing():
+                self._storage.db.execute("BEGIN IMMEDIATE")
 
     def commit(self) -> None:
-        """The storage commits for all."""
+        """End it; one for many the storage ends."""
+        if self._own:
+            with self._storage.writing():
+                self._storage.db.execute("COMMIT")
 
     def roll_back(self) -> None:
-        """Likewise: the storage undoes what all have written."""
+        """Undo it; likewise."""
+        if self._own and self._storage.db.in_transaction:
+            with self._storage.writing():
+                self._storage.db.execute("ROLLBACK")
 
     def append(self, boot: int, record: Record, shelf: int) -> None:
         """Keep a message on a shelf."""

@@ -79,6 +79,10 @@ class TaxelRows:
         clocks: The nodes' clocks.
         nodes: Who they are.
         sampling: How samples become blocks.
+
+    Attributes:
+        searches: Where the searches for peaks stand.
+        next: The next frame.
     """
 
     def __init__(
@@ -127,7 +131,7 @@ class TaxelRows:
             ),
         )
         longest = max(2, round(taxel.longest_region_s * BILLION) // self._schedule.dt)
-        self._searches = _searches((len(quantities), len(seeds)), longest)
+        self.searches = _searches((len(quantities), len(seeds)), longest)
         self.next = self._schedule.frame(0)
 
     @property
@@ -148,7 +152,7 @@ class TaxelRows:
         truth = signals.truth | digitised.truth
         lows, highs = self._measured(digitised.codes, frame.n)
         output = self._room(frame.n, blocks=True)
-        given = self._design, self._nodes, self._searches, output
+        given = self._design, self._nodes, self.searches, output
         written = tell(frame.start, frame.closes, lows, highs, *given)
         self.next = self._schedule.frame(frame.number + 1)
         columns = tuple(np.asarray(truth[quantity]) for quantity in self.quantities)
@@ -165,7 +169,7 @@ class TaxelRows:
             lost += self.next.n
             self.next = self._schedule.frame(self.next.number + 1)
         output = self._room(1, blocks=False)
-        written = skip(lost, self._design, self._nodes, self._searches, output)
+        written = skip(lost, self._design, self._nodes, self.searches, output)
         return self._said(frame, output, written, ()), lost * len(self.channels)
 
     def _measured(self, codes: Mapping[str, Codes], n: int) -> tuple[Floats, Floats]:

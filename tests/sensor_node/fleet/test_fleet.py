@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -26,6 +27,8 @@ from tests.stacks import RealStack
 if TYPE_CHECKING:
     from pathlib import Path
 
+    import httpx
+
 COUNT = 20
 
 
@@ -41,6 +44,25 @@ def as_demo(stack: RealStack, fleet: RunningFleet) -> Layout:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.symlink_to(target)
     return layout
+
+
+def order(client: httpx.Client, node: str, **arguments: Any) -> int:
+    """Set a member."""
+    body = {"name": "set", "arguments": arguments, "expires_s": 60}
+    answer = client.post(f"/nodes/{node}/commands", json=body)
+    assert answer.status_code == 202, answer.text
+    return int(answer.json()["id"])
+
+
+def is_settled(client: httpx.Client, node: str, number: int) -> bool:
+    """Whether a member reports to be set as it was told, in answer to that command."""
+    state = client.get(f"/nodes/{node}/state").json()
+    return state.get("reported_by") == number and bool(state["settled"])
+
+
+def reported_by(client: httpx.Client, node: str) -> Any:
+    """How a member says that it is set."""
+    return client.get(f"/nodes/{node}/state").json()["reported"]
 
 
 def shift(stack: RealStack, node: str) -> None:
@@ -87,6 +109,10 @@ def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> Non
             fleet.wait_for(
                 lambda: set(blocks_of(stack)) == set(others), "blocks of all nodes", seconds=60
             )
+            client = stack.operator()
+            settled = partial(is_settled, client)
+            number = order(client, others[0], rate=500.0)
+            fleet.wait_for(lambda: settled(others[0], number), "a member obeys", seconds=60)
             stack.broker.stop()
             stack.broker.begin()
             before = blocks_of(stack)
@@ -96,11 +122,17 @@ def test_everything_is_stored_once_and_encloses_the_truth(tmp_path: Path) -> Non
                 seconds=60,
             )
             fleet.kill()
+            late = order(client, others[1], threshold=50e-12, channel="t01.capacitance")
             fleet.start()
             fleet.wait_for(
                 lambda: boots_stored(stack) == 2 * len(others), "blocks of a second boot"
             )
+            fleet.wait_for(lambda: settled(others[1], late), "who was away obeys", seconds=60)
+            reported = {name: reported_by(client, name) for name in others[:3]}
+            assert [reported[name]["t01"]["rate"] for name in others[:3]] == [500.0, 1000.0, 1000.0]
+            assert reported[others[1]]["t01.capacitance"] == {"threshold": 50e-12}
             assert fleet.stop() == 0
+            client.close()
         with closing(sqlite3.connect(fleet.flash)) as db:
             kept = "SELECT count(*) FROM message JOIN member ON id = member WHERE name <> ?"
             assert db.execute(kept, (stranger,)).fetchone() == (0,)
