@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections import defaultdict
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -20,6 +20,7 @@ from eskin.messages import Position
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from eskin.interval import Floats
@@ -189,19 +190,38 @@ class Truth:
             return
         ends = (block.end for each in blocks.values() for block in each)
         used = self._used + sum(len(row[-1]) + _SLACK for row in rows)
-        try:
+        with self._commit(), self._writing():
+            self._db.executemany(_INSERT, rows)
+            self._db.execute(_LATER, (max(ends),))
+            used -= self._drop(used - self._limit)
+        self._used = used
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make what is stored inside of the block durable at its end, in one commit.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        with self._writing():
             self._db.execute("BEGIN IMMEDIATE")
-            try:
-                self._db.executemany(_INSERT, rows)
-                self._db.execute(_LATER, (max(ends),))
-                used -= self._drop(used - self._limit)
+        try:
+            yield
+            with self._writing():
                 self._db.execute("COMMIT")
-            finally:
-                if self._db.in_transaction:
-                    self._db.execute("ROLLBACK")
+        finally:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+
+    def _commit(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._db.in_transaction else self.together()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
         except sqlite3.Error as error:
             raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
-        self._used = used
 
     def close(self) -> None:
         """Close the file."""

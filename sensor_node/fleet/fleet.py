@@ -191,11 +191,8 @@ class Fleet:
                     member.take_commands()
 
     def _sample(self, now: int) -> None:
+        self._sample_alone()
         for squad in self._squads:
-            for row in squad.soloists:
-                member = self._of_squad[squad][row]
-                with self._tolerant(member):
-                    member.catch_up()
             if squad.due() <= now:
                 records, truth = squad.sample(now)
                 try:
@@ -204,6 +201,29 @@ class Fleet:
                 except FlashError as error:
                     log.error("the truth fails: error=%s", error)  # noqa: TRY400 - says all
                 self._store(squad, records)
+
+    def _sample_alone(self) -> None:
+        """Let those catch up who sample alone, and make durable what they say, in one commit."""
+        due = [
+            self._of_squad[squad][row]
+            for squad in self._squads
+            for row, node in squad.soloists.items()
+            if node.due
+        ]
+        if not due:
+            return
+        for member in due:
+            member.outbox.mark()
+        try:
+            # The truth first: every stored block has it.
+            with self._storage.commit(), self._truth.together():
+                for member in due:
+                    with self._tolerant(member):
+                        member.catch_up()
+        except FlashError as error:
+            log.error("storage fails, sampling goes on: error=%s", error)  # noqa: TRY400 - likewise
+            for member in due:
+                member.outbox.undo()
 
     def _store(self, squad: Squad, records: dict[int, list[Record]]) -> None:
         """Make what members of a squad say durable, in one commit."""

@@ -61,14 +61,13 @@ class Member:
         return self.alone is None or self.alone.running
 
     def catch_up(self) -> None:
-        """Do what is due by now, where it samples alone."""
-        node = self.alone
-        if node is None:
-            return
+        """Do what is due by now; it samples alone."""
+        node = self.squad.soloists[self.row]
         meter, radio = node.machine.ledger, self.radio
         meter.sent, radio.sent = meter.sent + radio.sent, 0
         meter.received, radio.received = meter.received + radio.received, 0
-        self.more |= node.catch_up()
+        node.catch_up()
+        self.more = True
 
     def take_commands(self) -> None:
         """Do what it was asked.

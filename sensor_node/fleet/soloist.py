@@ -70,13 +70,14 @@ class Soloist(Node):
         )
         self._line_up()
 
-    def catch_up(self) -> bool:
-        """Do what is due by now; tells whether something was."""
-        now = self._clock.now()
-        if not self.machine.starting and self.next_due > now:
-            return False
-        self.advance(now)
-        return True
+    @property
+    def due(self) -> bool:
+        """Whether something is to be done by now."""
+        return self.machine.starting or self.next_due <= self._clock.now()
+
+    def catch_up(self) -> None:
+        """Do what is due by now."""
+        self.advance(self._clock.now())
 
     def enclosure(self) -> tuple[int, int]:
         """Earliest and latest UTC of the present, as it knows it."""

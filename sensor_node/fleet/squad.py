@@ -15,6 +15,7 @@ from sensor_node.firmware.record import BLOCK, Record
 from sensor_node.fleet.cohort import Cohort, Member
 from sensor_node.fleet.outbox import MemberOutbox
 from sensor_node.fleet.soloist import Soloist, require_alone
+from sensor_node.fleet.watch import Watch
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.machine.events import NEVER
@@ -84,6 +85,7 @@ class Squad:
         ]
         self._cohort = Cohort(settings, self._members)
         self._channels = self._cohort.channels
+        self._watch = Watch([taxel.id for taxel in settings.taxel], len(names))
         broker = settings.broker
         self.outboxes = [
             MemberOutbox(
@@ -161,6 +163,7 @@ class Squad:
             self._pass_over(ticks, records)
         for number, said in enumerate(self._cohort.advance(ticks), start=1):
             self._take(said, records, truth)
+            self._examine(said, records)
             if number == _MOST_FRAMES:
                 break
         return records, truth
@@ -206,6 +209,16 @@ class Squad:
                 values = said.truth[k][row]
                 true = TrueBlock(position, channel, times[row], said.frame.dt, values)
                 truth.setdefault(self.names[row], []).append(true)
+
+    def _examine(self, said: Said, records: dict[int, list[Record]]) -> None:
+        """Tell of taxels that a window has shown to be dead."""
+        begin, end = self._watch.tested, said.frame.end
+        self._watch.take(said.taxel.number, said.bounded)
+        for row, name in self._watch.examine(end):
+            if row not in self.soloists:
+                time = self._cohort.enclosure(row, begin)[0], self._cohort.enclosure(row, end)[1]
+                gap = self.outboxes[row].scribe.gap(f"{name} certainly dead", time, 0)
+                records.setdefault(row, []).append(gap)
 
     def _pass_over(self, ticks: int, records: dict[int, list[Record]]) -> None:
         passed, lost, (begin, again) = self._cohort.pass_over(ticks)

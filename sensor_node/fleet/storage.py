@@ -131,40 +131,57 @@ class Partition:
         boot: Number of this start.
     """
 
-    __slots__ = ("_member", "_own", "_storage", "boot")
+    __slots__ = ("_member", "_part", "_storage", "_uncounted", "boot")
 
     def __init__(self, storage: Storage, member: int, boot: int) -> None:
         self._storage = storage
         self._member = member
-        self._own = False
+        self._part = self._uncounted = False
         self.boot = boot
 
     def restart(self) -> None:
         """Count another boot, durably; if that fails, the number stays as it was."""
-        with self._storage.commit(), self._storage.writing():
-            self._storage.db.execute(
-                "UPDATE member SET boot = boot + 1 WHERE id = ?", (self._member,)
-            )
+        self.begin()
+        try:
+            self._count(self.boot + 1)
+            self.commit()
+        except FlashError:
+            self.roll_back()
+            raise
         self.boot += 1
 
     def begin(self) -> None:
-        """Begin a transaction, unless the storage has begun one for many."""
-        self._own = not self._storage.db.in_transaction
-        if self._own:
-            with self._storage.writing():
-                self._storage.db.execute("BEGIN IMMEDIATE")
+        """Begin a transaction, or a part of the storage's one for many."""
+        self._part = self._storage.db.in_transaction
+        with self._storage.writing():
+            self._storage.db.execute("SAVEPOINT part" if self._part else "BEGIN IMMEDIATE")
+        if self._uncounted:
+            self._count(self.boot)
 
     def commit(self) -> None:
-        """End it; one for many the storage ends."""
-        if self._own:
-            with self._storage.writing():
-                self._storage.db.execute("COMMIT")
+        """End it; what is a part becomes durable with the whole."""
+        with self._storage.writing():
+            self._storage.db.execute("RELEASE part" if self._part else "COMMIT")
+        self._uncounted = False
 
     def roll_back(self) -> None:
-        """Undo it; likewise."""
-        if self._own and self._storage.db.in_transaction:
-            with self._storage.writing():
-                self._storage.db.execute("ROLLBACK")
+        """Undo it, if one is open."""
+        if not self._storage.db.in_transaction:
+            return
+        with self._storage.writing():
+            self._storage.db.execute("ROLLBACK TO part" if self._part else "ROLLBACK")
+            if self._part:
+                self._storage.db.execute("RELEASE part")
+
+    def recount(self) -> None:
+        """The storage undid what it was told: count the boot again, before anything else."""
+        self._uncounted = True
+
+    def _count(self, boot: int) -> None:
+        with self._storage.writing():
+            self._storage.db.execute(
+                "UPDATE member SET boot = ? WHERE id = ?", (boot, self._member)
+            )
 
     def append(self, boot: int, record: Record, shelf: int) -> None:
         """Keep a message on a shelf."""

@@ -18,6 +18,7 @@ from sensor_node.firmware.taxel import CHAINS
 from sensor_node.fleet.choir import Choir
 from sensor_node.fleet.stacking import stacked
 from sensor_node.fleet.telling import RECORD, Design, Output, Search, Timing, skip, tell
+from sensor_node.fleet.watch import bounded
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.crystal import BILLION
@@ -28,6 +29,8 @@ from sensor_node.taxels import HarmonicSection, HybridSection, SwingSection, Tou
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
 
     from eskin.interval import Floats
     from sensor_node.firmware.schedule import Frame
@@ -57,6 +60,7 @@ class Said:
         content: The messages' bytes, one after the other.
         truth: One array of nodes × samples for each channel; empty where no block is said.
         frame: Of which frame.
+        bounded: At which nodes a sample of the first quantity was bounded.
     """
 
     taxel: TaxelRows
@@ -64,6 +68,7 @@ class Said:
     content: bytes
     truth: tuple[Floats, ...]
     frame: Frame
+    bounded: NDArray[np.bool_]
 
 
 class TaxelRows:
@@ -81,6 +86,7 @@ class TaxelRows:
         sampling: How samples become blocks.
 
     Attributes:
+        number: As given.
         searches: Where the searches for peaks stand.
         next: The next frame.
     """
@@ -106,6 +112,7 @@ class TaxelRows:
         ]
         self._clocks = clocks
         self._nodes = nodes
+        self.number = number
         self._calibrated = CHAINS[taxel.chain](
             data_sheet(taxel, companions[0]), compiled_inversion()
         )
@@ -156,7 +163,7 @@ class TaxelRows:
         written = tell(frame.start, frame.closes, lows, highs, *given)
         self.next = self._schedule.frame(frame.number + 1)
         columns = tuple(np.asarray(truth[quantity]) for quantity in self.quantities)
-        return self._said(frame, output, written, columns)
+        return self._said(frame, output, written, columns, bounded(lows[0], highs[0]))
 
     def skip(self, ticks: int) -> tuple[Said, int]:
         """Pass over all frames that begin before a moment.
@@ -170,7 +177,7 @@ class TaxelRows:
             self.next = self._schedule.frame(self.next.number + 1)
         output = self._room(1, blocks=False)
         written = skip(lost, self._design, self._nodes, self.searches, output)
-        return self._said(frame, output, written, ()), lost * len(self.channels)
+        return self._said(frame, output, written, (), np.zeros(0, bool)), lost * len(self.channels)
 
     def _measured(self, codes: Mapping[str, Codes], n: int) -> tuple[Floats, Floats]:
         """Lower and upper bounds, channels × nodes × samples; one data sheet holds for all."""
@@ -190,10 +197,15 @@ class TaxelRows:
         return Output(np.empty(size, np.uint8), np.empty(messages, RECORD), np.empty(most, EVENT))
 
     def _said(
-        self, frame: Frame, output: Output, written: Place, truth: tuple[Floats, ...]
+        self,
+        frame: Frame,
+        output: Output,
+        written: Place,
+        truth: tuple[Floats, ...],
+        bounded: NDArray[np.bool_],
     ) -> Said:
         records = output.records[: written.messages].copy()
-        return Said(self, records, output.content[: written.at].tobytes(), truth, frame)
+        return Said(self, records, output.content[: written.at].tobytes(), truth, frame, bounded)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the start, or since the burst's trigger: nodes × samples."""

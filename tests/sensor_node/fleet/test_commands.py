@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from eskin.errors import CommandError
-from eskin.messages import Block, Status, decode_message
+from eskin.messages import Block, Gap, Status, decode_message
 from sensor_node.controls import NodeControls
 from sensor_node.firmware.record import BLOCK, PEAK
 from sensor_node.flash import Flash
@@ -61,8 +61,11 @@ class Bench:
             self.ticks = min(self.ticks + SECOND // 5, end)
             while self.squad.due() <= self.ticks:
                 self.write(*self.squad.sample(self.ticks))
-            for node in self.squad.soloists.values():
-                node.catch_up()
+            for row, node in self.squad.soloists.items():
+                if node.due:
+                    self.squad.outboxes[row].mark()
+                    with self.storage.commit(), self.truth.together():
+                        node.catch_up()
 
     def write(self, records: Any, truth: Any) -> None:
         self.truth.store(truth)
@@ -214,6 +217,44 @@ def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
             assert told.energy is not None
             assert node.energy is not None
             assert told.energy.stored[0] <= node.energy.plant.supply.energy <= told.energy.stored[1]
+
+
+def test_what_a_failed_commit_undid_is_told_as_lost(make: Callable[..., Bench]) -> None:
+    bench = make()
+    MemberControls(bench.squad, 0).apply("calibrate", {})
+    outbox, node = bench.squad.outboxes[0], bench.squad.soloists[0]
+    bench.run_to(1.2)
+    kept = len(bench.said(0))
+    bench.ticks += 3 * SECOND
+    outbox.mark()
+    with bench.storage.commit():
+        node.catch_up()
+        bench.storage.db.execute("ROLLBACK")
+        bench.storage.db.execute("BEGIN")
+    outbox.undo()
+    assert len(bench.said(0)) == kept
+    bench.run_to(6.0)
+    messages = [decode_message(body) for _, body in bench.said(0)]
+    gap = next(message for message in messages if isinstance(message, Gap))
+    assert gap.samples >= 500 * 3
+    told = {message.position.sequence for message in messages}
+    for _, first, last in gap.lost:
+        told |= set(range(first, last + 1))
+    assert told == set(range(max(told) + 1))
+    assert outbox.usage()[0] == len(messages)
+
+
+def test_open_line_is_told_as_by_a_single_node(make: Callable[..., Bench], tmp_path: Path) -> None:
+    broken = table("capacitive", sampling_Hz=50.0, adc_max_A=1e-9)
+    bench = make(taxel=[table("touch", sampling_Hz=50.0), broken | {"id": "t02"}])
+    single = Single(bench, 1, tmp_path / "single")
+    bench.run_to(45.0)
+    single.run_to(45.0)
+    gaps = [m for m in map(decode_message, (b for _, b in single.said())) if isinstance(m, Gap)]
+    assert [gap.reason for gap in gaps] == ["t02 certainly dead"]
+    assert bench.said(1) == single.said()
+    assert not bench.squad.soloists
+    single.close()
 
 
 @pytest.mark.parametrize(
