@@ -6,7 +6,6 @@ import logging
 import ssl
 from typing import TYPE_CHECKING, Any, Final
 
-import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.envelope import Opener, Sealer
@@ -15,9 +14,11 @@ from eskin.identity import client_context, thumbprint
 from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement, Kind, Position
 from eskin.topics import Stream, node_topic
+from sensor_node.fleet.client import BundlingClient
 from sensor_node.uplink import STREAMS, publish_size
 
 if TYPE_CHECKING:
+    import paho.mqtt.client as mqtt
     from cryptography import x509
 
     from eskin.identity import Identity
@@ -73,7 +74,7 @@ class Radio:
         self.commands: list[bytes] = []
         self.fresh = self.online = False
         self.attempts = self.sent = self.received = 0
-        self._client = mqtt.Client(
+        self._client = BundlingClient(
             CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True, userdata=self
         )
         self._client.tls_set_context(client_context(own.directory / ROOT_FILE, own))
@@ -126,8 +127,10 @@ class Radio:
         if not due:
             return 0
         held = Position(*outbox.held())
+        newest = outbox.newest_status
+        sealed = [self._sealed(kept, held, newest=kept.position == newest) for kept in due]
+        self._client.publish_together(sealed)
         for kept in due:
-            self._send(kept, held, newest=kept.position == outbox.newest_status)
             # At QoS 0 it is gone at once.
             outbox.left(kept.position, now)
         return len(due)
@@ -138,12 +141,13 @@ class Radio:
         if self.writes:
             self._client.loop_write()
 
-    def _send(self, kept: Kept, held: Position, *, newest: bool) -> None:
+    def _sealed(self, kept: Kept, held: Position, *, newest: bool) -> tuple[str, bytes, bool]:
+        """Topic, envelope, and whether the broker keeps it."""
         topic = node_topic(self._name, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
         envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
-        self._client.publish(topic, envelope, qos=0, retain=status and newest)
         self.sent += publish_size(topic, envelope, qos=0)
+        return topic, envelope, status and newest
 
     def greeted(self, client: mqtt.Client, reason: Any) -> None:
         """The broker has answered."""

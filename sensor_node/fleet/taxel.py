@@ -13,9 +13,9 @@ from eskin.peaks.hysteresis import NONE, PASS
 from eskin.peaks.region import MOST_REGIONS, REGION
 from eskin.peaks.search import MOST_AT_ONCE, PROGRESS
 from eskin.peaks.table import EVENT
-from sensor_node.firmware.cbor import Writer
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.fleet.choir import Choir
+from sensor_node.fleet.scribe import BLOCK_BYTES, described
 from sensor_node.fleet.stacking import stacked
 from sensor_node.fleet.telling import RECORD, Design, Output, Search, Timing, skip, tell
 from sensor_node.fleet.watch import bounded
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from sensor_node.firmware.schedule import Frame
-    from sensor_node.fleet.cbor import Bytes
     from sensor_node.fleet.clocks import Clocks
     from sensor_node.fleet.telling import Nodes, Place
     from sensor_node.machine.converter import Codes
@@ -43,9 +42,8 @@ if TYPE_CHECKING:
     from sensor_node.taxels.companion import Companion
 
 _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
-_BLOCK_BYTES: Final = 400
 _PEAK_BYTES: Final = 300
-"""More than a message takes beside its samples."""
+"""More than a peak takes."""
 _IN_COLUMNS: Final = HarmonicSection | TouchSection | SwingSection | HybridSection
 """Their worlds are formulas alone; others play a script or a recording."""
 
@@ -124,7 +122,7 @@ class TaxelRows:
         self._units = units
         schedule = self._schedule
         self._design = Design(
-            tuple(_names(*each) for each in zip(self.channels, units, strict=True)),
+            tuple(described(*each) for each in zip(self.channels, units, strict=True)),
             np.array([taxel.prominence(name) or 0.0 for name in self.quantities]),
             coverage(taxel, companions[0]),
             int(Encoding[sampling.encoding.upper()]),
@@ -193,7 +191,7 @@ class TaxelRows:
         most = n // 2 + 2 * MOST_AT_ONCE
         each = len(self.quantities) * len(self._seeds)
         messages = each * (most + blocks)
-        size = each * (most * _PEAK_BYTES + blocks * (_BLOCK_BYTES + 16 * n))
+        size = each * (most * _PEAK_BYTES + blocks * (BLOCK_BYTES + 16 * n))
         return Output(np.empty(size, np.uint8), np.empty(messages, RECORD), np.empty(most, EVENT))
 
     def _said(
@@ -228,14 +226,6 @@ class _Worlds:
             {name: np.stack([one.truth[name] for one in each]) for name in each[0].truth},
             {name: np.stack([one.sensed[name] for one in each]) for name in each[0].sensed},
         )
-
-
-def _names(channel: str, unit: str) -> Bytes:
-    out = Writer()
-    for key, text in ((4, channel), (5, unit)):
-        out.integer(key)
-        out.text(text)
-    return np.frombuffer(bytes(out.buffer), np.uint8)
 
 
 def _searches(shape: tuple[int, int], longest: int) -> Search:
