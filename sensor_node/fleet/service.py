@@ -16,6 +16,7 @@ from sensor_node.fleet.connector import Connector
 from sensor_node.fleet.fleet import Fleet
 from sensor_node.fleet.member import Member
 from sensor_node.fleet.radio import Radio
+from sensor_node.fleet.soloist import require_alone
 from sensor_node.fleet.squad import Squad
 from sensor_node.fleet.storage import Storage
 from sensor_node.machine.budget import require_fit
@@ -172,6 +173,9 @@ def _serve(
     fleet = Fleet(members, storage=storage, truth=truth, connector=connector)
     fleet.start()
     connector.start()
+    alone = require_alone(settings)
+    if alone is not None:
+        log.info("all sample alone: setting=%s", alone)
     log.info("running: nodes=%d first=%s last=%s", len(names), names[0], names[-1])
     told, said = 0, time.monotonic()
     while not stop.is_set():
