@@ -75,6 +75,11 @@ class Fleet:
         """Messages that no gateway has acknowledged."""
         return sum(member.outbox.messages for member in self.members)
 
+    @property
+    def drained(self) -> bool:
+        """Whether nobody who is online waits for an acknowledgement."""
+        return not any(member.radio.online and member.outbox.messages for member in self.members)
+
     def start(self) -> None:
         """Let all members take up how they were set, and connect.
 
@@ -288,13 +293,7 @@ class Fleet:
                 continue
             member.more = False
             with self._tolerant(member):
-                member.more = self._send_due(member, now)
-            if self._has_backlog(member):
+                sent = member.radio.send_due(member.outbox, now, _MOST_AT_ONCE)
+                member.more = sent == _MOST_AT_ONCE
+            if member.has_backlog():
                 self._serve(member, readable=False)
-
-    def _send_due(self, member: Member, now: int) -> bool:
-        """Send what is due; whether there may be more."""
-        return member.radio.send_due(member.outbox, now, _MOST_AT_ONCE) == _MOST_AT_ONCE
-
-    def _has_backlog(self, member: Member) -> bool:
-        return member.radio.writes

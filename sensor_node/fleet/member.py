@@ -60,6 +60,10 @@ class Member:
         """Whether its firmware runs; else nothing is sent or taken."""
         return self.alone is None or self.alone.running
 
+    def has_backlog(self) -> bool:
+        """Whether its connection did not take all that was written."""
+        return self.radio.writes
+
     def catch_up(self) -> None:
         """Do what is due by now; it samples alone."""
         node = self.squad.soloists[self.row]

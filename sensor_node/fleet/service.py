@@ -190,7 +190,7 @@ def _serve(
             log.info("connected: nodes=%d of=%d", told, len(names))
     fleet.finish()
     deadline = time.monotonic() + settings.broker.drain_s
-    while fleet.waiting and fleet.online and time.monotonic() < deadline:
+    while not fleet.drained and time.monotonic() < deadline:
         fleet.turn(sampling=False)
     connector.stop()
     fleet.close()
