@@ -18,7 +18,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
 from authority.renewals import Renewals
-from authority.requests import der_of_pem, requested_key
+from authority.requests import der_of_pem, requested_key, requested_name
 from authority.tokens import Tokens
 from eskin.errors import IdentityError
 from eskin.identity import Authority, IdentityKind, common_name
@@ -71,8 +71,9 @@ def create_application(
 
     @app.post("/enrol")
     async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
-        key = requested_key(der_of_pem(body.request))
-        enrolment = tokens.redeem(body.token, _der(key))
+        request = der_of_pem(body.request)
+        key = requested_key(request)
+        enrolment = tokens.redeem(body.token, _der(key), requested_name(request))
         chain = authority.issue(
             enrolment.kind, enrolment.name, key, hosts=enrolment.hosts, lifetime=lifetime
         )

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import base64
-from typing import TYPE_CHECKING
+import contextlib
+import time
+from typing import TYPE_CHECKING, TypeVar
 
 import httpx
 from cryptography import x509
@@ -23,14 +25,18 @@ from eskin.identity import (
     load_certificates,
     new_key,
     next_key,
+    numbered,
 )
-from eskin.identity.identity import KEY_FILE, ROOT_FILE, load_key, save_key, write_whole
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, load_key, save_key, write_whole
 from eskin.topics import RENEWAL
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from cryptography.hazmat.primitives.asymmetric import ec
+
+T = TypeVar("T")
 
 _TIMEOUT_S = 10.0
 
@@ -39,7 +45,15 @@ class NotReadyError(IdentityError):
     """The service, the token or the certificate is not there yet; ask again."""
 
 
-def enrol(url: str, directory: Path, name: str, out: Path) -> Identity:
+def enrol(
+    url: str,
+    directory: Path,
+    name: str,
+    out: Path,
+    *,
+    stem: str | None = None,
+    client: httpx.Client | None = None,
+) -> Identity:
     """Have a key certified.
 
     The key is made in ``out`` before the first attempt and kept, so that a second attempt after a
@@ -50,18 +64,72 @@ def enrol(url: str, directory: Path, name: str, out: Path) -> Identity:
         directory: Holds ``root.pem`` and ``NAME.token``.
         name: Common name.
         out: Folder of the identity.
+        stem: Name of the fleet whose token it is.
+        client: A connection that stays.
 
     Raises:
         NotReadyError: Token or service are not there yet.
         IdentityError: The service refuses.
     """
-    token = _waited(directory / f"{name}.token")
+    token = _waited(directory / f"{stem or name}.token")
     key = _key(out)
     request = make_request(key, name).public_bytes(serialization.Encoding.PEM).decode()
-    answer = _ask("POST", url, directory, "/enrol", {"token": token.decode(), "request": request})
+    body = {"token": token.decode(), "request": request}
+    answer = _ask("POST", url, directory, "/enrol", body, client)
     chain = tuple(x509.load_pem_x509_certificates(answer.json()["chain"].encode()))
     root = x509.load_pem_x509_certificate(_waited(directory / "root.pem"))
     return Identity.save(out, key=key, chain=chain, root=root)
+
+
+def enrol_fleet(
+    url: str, directory: Path, stem: str, count: int, out: Path, *, patience: float
+) -> Iterator[Identity]:
+    """Have the keys of a fleet certified, one after the other over one connection.
+
+    Who has a certificate already is only looked at, so that what was cut off goes on.
+
+    Args:
+        url: The CA service.
+        directory: Holds ``root.pem`` and ``STEM.token``.
+        stem: What the names begin with.
+        count: How many.
+        out: Folder that takes a folder for each.
+        patience: Seconds to keep trying while the service is away.
+
+    Yields:
+        Each identity.
+
+    Raises:
+        IdentityError: The service refuses, or was away for too long.
+    """
+    with contextlib.closing(_Connection(directory)) as connection:
+        for name in numbered(stem, count):
+            own = out / name
+            if (own / CHAIN_FILE).exists():
+                yield Identity.load(own)
+            else:
+                yield patiently(
+                    lambda own=own: enrol(  # type: ignore[misc]  # bound now
+                        url, directory, own.name, own, stem=stem, client=connection.client()
+                    ),
+                    patience,
+                )
+
+
+def patiently(ask: Callable[[], T], patience: float) -> T:
+    """Ask again each second while the service is away or not ready.
+
+    Raises:
+        IdentityError: It was for as many seconds as patience lasts.
+    """
+    deadline = time.monotonic() + patience
+    while True:
+        try:
+            return ask()
+        except NotReadyError as error:
+            if time.monotonic() > deadline:
+                raise IdentityError(f"gave up after {patience:g} s: {error}") from error
+            time.sleep(1.0)
 
 
 def renew(url: str, directory: Path) -> Identity:
@@ -154,14 +222,47 @@ def fetch_anchor(url: str, directory: Path, kind: IdentityKind, out: Path) -> No
         write_whole(out, content)
 
 
-def _ask(
-    method: str, url: str, directory: Path, path: str, body: dict[str, str] | None
-) -> httpx.Response:
+class _Connection:
+    """A connection to the service that is made when it is first needed, and stays."""
+
+    def __init__(self, directory: Path) -> None:
+        self._directory = directory
+        self._client: httpx.Client | None = None
+
+    def client(self) -> httpx.Client:
+        """The connection.
+
+        Raises:
+            NotReadyError: The root's certificate is not there yet.
+        """
+        if self._client is None:
+            self._client = _client(self._directory)
+        return self._client
+
+    def close(self) -> None:
+        """Close it."""
+        if self._client is not None:
+            self._client.close()
+
+
+def _client(directory: Path) -> httpx.Client:
     root = directory / "root.pem"
     _waited(root)
+    return httpx.Client(verify=client_context(root), timeout=_TIMEOUT_S)
+
+
+def _ask(
+    method: str,
+    url: str,
+    directory: Path,
+    path: str,
+    body: dict[str, str] | None,
+    client: httpx.Client | None = None,
+) -> httpx.Response:
+    own = client or _client(directory)
     try:
-        with httpx.Client(verify=client_context(root), timeout=_TIMEOUT_S) as client:
-            answer = client.request(method, url.rstrip("/") + path, json=body)
+        with contextlib.nullcontext(own) if client else own:
+            answer = own.request(method, url.rstrip("/") + path, json=body)
     except httpx.TransportError as error:
         raise NotReadyError(f"{url} cannot be reached: {error}") from error
     if answer.status_code == httpx.codes.NOT_FOUND or answer.is_server_error:

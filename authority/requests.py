@@ -35,6 +35,12 @@ def requested_key(request: bytes) -> ec.EllipticCurvePublicKey:
     return key
 
 
+def requested_name(request: bytes) -> str:
+    """The common name of a request (DER); empty where it has none."""
+    names = x509.load_der_x509_csr(request).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    return str(names[0].value) if names else ""
+
+
 def der_of_pem(text: str) -> bytes:
     """A request in PEM as DER.
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from authority.application import create_application
-from authority.tokens import Tokens
-from eskin.identity import Authority, Identity, IdentityKind, new_key
+from authority.tokens import TOKENS_FILE, Tokens
+from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, write_whole
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def run(settings: AuthoritySettings) -> None:
     """
     own = settings.authority
     authority = Authority.open(own.directory)
-    tokens = Tokens(own.directory / "tokens.json")
+    tokens = Tokens(own.directory / TOKENS_FILE)
     for expected in settings.identity:
         _hand_out(expected, authority, tokens, timedelta(hours=own.token_hours))
     identity = _server_identity(settings, authority)
@@ -52,11 +52,16 @@ def run(settings: AuthoritySettings) -> None:
 def _hand_out(
     expected: Expected, authority: Authority, tokens: Tokens, lifetime: timedelta
 ) -> None:
-    """Put token and root into the folder of an identity that was never issued a certificate."""
+    """Put token and root into the folder of who was never issued a certificate, or not whole."""
     write_whole(expected.directory / "root.pem", authority.root_file.read_bytes())
-    if any(entry.name == expected.name for entry in authority.issued()):
+    names = numbered(expected.name, expected.count) if expected.count else [expected.name]
+    issued = {entry.name for entry in authority.issued()}
+    if issued.issuperset(names):
         return
-    token = tokens.create(expected.kind, expected.name, expected.hosts, lifetime)
+    if expected.count:
+        tokens.exclude(name for name in names if name in issued)
+    given = expected.kind, expected.name, expected.hosts, lifetime
+    token = tokens.create(*given, count=expected.count)
     write_whole(expected.directory / f"{expected.name}.token", token.encode(), mode=0o600)
     log.info("token ready: kind=%s name=%s", expected.kind, expected.name)
 

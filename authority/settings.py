@@ -8,7 +8,7 @@ from typing import Self
 from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
-from eskin.identity import IdentityKind
+from eskin.identity import IdentityKind, numbered
 from eskin.settings import Section, Settings
 
 
@@ -46,7 +46,13 @@ class Expected(Section):
     """An identity that may enrol: at start, its token is put into its folder."""
 
     kind: IdentityKind = Field(description="node, site, gateway, server or client")
-    name: str = Field(description="common name")
+    name: str = Field(description="common name; of a fleet, what its nodes' names begin with")
+    count: int = Field(
+        default=0,
+        ge=0,
+        le=100_000,
+        description="one token for so many nodes, NAME-0001 and so on; 0: for one name",
+    )
     hosts: tuple[str, ...] = Field(default=(), description="a server's names and addresses")
     directory: Path = Field(description="folder that takes NAME.token and root.pem")
 
@@ -54,8 +60,12 @@ class Expected(Section):
     def _name_fits_kind(self) -> Self:
         try:
             self.kind.require_name(self.name)
+            if self.count:
+                self.kind.require_name(numbered(self.name, self.count)[-1])
         except IdentityError as error:
             raise ValueError(str(error)) from error
+        if self.count and self.kind is not IdentityKind.NODE:
+            raise ValueError(f"count = {self.count}: only nodes make a fleet")
         return self
 
 

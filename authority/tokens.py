@@ -1,7 +1,8 @@
-"""One-time enrolment tokens, kept as hashes.
+"""Enrolment tokens, kept as hashes.
 
 A token binds to the first public key that it is used for. Using it again for the same key is
-allowed until it expires, so that an answer lost on the way can be asked for again.
+allowed until it expires, so that an answer lost on the way can be asked for again. A fleet's token
+is good for each of its names once, and binds each of them in the same way.
 """
 
 from __future__ import annotations
@@ -12,15 +13,19 @@ import json
 import secrets
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
+from authority.uses import Uses
 from eskin.errors import IdentityError
+from eskin.identity import is_numbered, numbered
 from eskin.identity.identity import write_whole
 from eskin.identity.kinds import IdentityKind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
+
+TOKENS_FILE: Final = "tokens.json"
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,11 +34,12 @@ class Enrolment:
 
     Attributes:
         kind: Kind of the identity.
-        name: Its common name.
+        name: Its common name; of a fleet, what all names begin with.
         hosts: A server's names and addresses.
         digest: SHA-256 of the token, hexadecimal.
         expires: RFC 3339.
         bound: SHA-256 of the public key that used it, or ``None``.
+        count: Names of a fleet, NAME-0001 and so on; 0: one name.
     """
 
     kind: IdentityKind
@@ -42,10 +48,11 @@ class Enrolment:
     digest: str
     expires: str
     bound: str | None = None
+    count: int = 0
 
 
 class Tokens:
-    """The tokens of one CA, one for each name, in one file."""
+    """The tokens of one CA, one for each name or fleet, in one file, and their uses in another."""
 
     def __init__(
         self, path: Path, *, clock: Callable[[], datetime] = lambda: datetime.now(UTC)
@@ -58,22 +65,50 @@ class Tokens:
         self._path = path
         self._clock = clock
         self._enrolments = _read(path)
+        self._uses = Uses(path.with_suffix(".used"))
 
     def create(
-        self, kind: IdentityKind, name: str, hosts: Sequence[str], lifetime: timedelta
+        self,
+        kind: IdentityKind,
+        name: str,
+        hosts: Sequence[str],
+        lifetime: timedelta,
+        *,
+        count: int = 0,
     ) -> str:
-        """Make the token of a name; an older one is void."""
+        """Make the token of a name, or of so many of a fleet; an older one is void."""
         token = secrets.token_urlsafe(32)
         expires = (self._clock() + lifetime).isoformat()
-        self._enrolments[name] = Enrolment(kind, name, tuple(hosts), _digest(token), expires)
+        self._enrolments[name] = Enrolment(
+            kind, name, tuple(hosts), _digest(token), expires, count=count
+        )
         self._write()
         return token
 
-    def redeem(self, token: str, public_key: bytes) -> Enrolment:
+    def exclude(self, names: Iterable[str]) -> None:
+        """Let no fleet's token enrol names that were issued a certificate without one."""
+        for name in names:
+            if self._uses.key(name) is None:
+                self._uses.bind(name, "")
+
+    def listed(self) -> list[tuple[Enrolment, int]]:
+        """All tokens, and how often each was used."""
+        return [(each, self._used(each)) for each in self._enrolments.values()]
+
+    def redeem(self, token: str, public_key: bytes, name: str = "") -> Enrolment:
         """Use a token for a public key (DER).
 
+        Args:
+            token: As its holder gives it.
+            public_key: Whose request came with it.
+            name: The common name that was asked for; only a fleet's token looks at it.
+
+        Returns:
+            What is to be issued.
+
         Raises:
-            IdentityError: It is unknown, expired, or was used for another key.
+            IdentityError: It is unknown, expired, was used for another key, or is not good for the
+                name.
         """
         digest, key = _digest(token), hashlib.sha256(public_key).hexdigest()
         for enrolment in self._enrolments.values():
@@ -83,12 +118,32 @@ class Tokens:
             raise IdentityError("this enrolment token is not known; ask the CA for another")
         if self._clock() > datetime.fromisoformat(enrolment.expires):
             raise IdentityError(f"token of {enrolment.name} expired on {enrolment.expires}")
+        if enrolment.count:
+            return self._redeem_of_fleet(enrolment, name, key)
         if enrolment.bound not in {None, key}:
             raise IdentityError(f"token of {enrolment.name} was used before, for another key")
         bound = replace(enrolment, bound=key)
         self._enrolments[enrolment.name] = bound
         self._write()
         return bound
+
+    def _redeem_of_fleet(self, enrolment: Enrolment, name: str, key: str) -> Enrolment:
+        stem, count = enrolment.name, enrolment.count
+        if not is_numbered(name, stem, count):
+            names = numbered(stem, count)
+            raise IdentityError(
+                f"token of {stem} is good for {names[0]} to {names[-1]}, not for {name[:100]!r}"
+            )
+        if self._uses.key(name) not in {None, key}:
+            raise IdentityError(f"token of {stem} was used before for {name}, for another key")
+        self._uses.bind(name, key)
+        return replace(enrolment, name=name, bound=key, count=0)
+
+    def _used(self, enrolment: Enrolment) -> int:
+        if enrolment.count == 0:
+            return int(enrolment.bound is not None)
+        names = numbered(enrolment.name, enrolment.count)
+        return sum(self._uses.key(name) is not None for name in names)
 
     def _write(self) -> None:
         entries = [asdict(enrolment) for enrolment in self._enrolments.values()]

@@ -57,8 +57,18 @@ class Layout:
 
     @property
     def nodes(self) -> Path:
-        """One folder a node."""
+        """One folder a node, or a fleet."""
         return self.root / "nodes"
+
+    @property
+    def truths(self) -> list[Path]:
+        """What the emulators know: of each node, or of a whole fleet."""
+        return sorted(self.nodes.glob("*/truth.sqlite"))
+
+    @property
+    def flashes(self) -> list[Path]:
+        """The outboxes of each node, or of a whole fleet."""
+        return sorted(self.nodes.glob("*/flash.sqlite"))
 
     def identity(self, name: str) -> Path:
         """Folder of an identity."""

@@ -66,7 +66,8 @@ class EnergyKeeper:
             seed=(seed, len(settings.taxel)),
             watch=self._watch,
         )
-        before = truth.supply()
+        self._name = settings.node.name
+        before = truth.supply(self._name)
         if before is not None:
             away = max(0, clock.true_time(0) - before[0])
             self.plant.supply.rest(before[1], away / BILLION)
@@ -113,7 +114,8 @@ class EnergyKeeper:
 
     def _keep(self) -> None:
         self._kept = self._node.machine.now
-        self._truth.keep_supply(self._clock.true_time(self._ticks), self.plant.supply.energy)
+        now = self._clock.true_time(self._ticks)
+        self._truth.keep_supply(self._name, now, self.plant.supply.energy)
 
     def _watch(self, code: int, work: Work) -> None:
         before = self.manager.stage

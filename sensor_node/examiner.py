@@ -32,6 +32,7 @@ class Examiner:
         taxels: The same, emulated.
         clock: What the node knows of time.
         scribe: Writes its messages.
+        since: Ticks at which the first window begins.
 
     Attributes:
         faults: Taxels that may be broken, by the last window: name, whether it is dead, whether it
@@ -44,12 +45,14 @@ class Examiner:
         taxels: Sequence[EmulatedTaxel],
         clock: Clock,
         scribe: Scribe,
+        *,
+        since: int = 0,
     ) -> None:
         self._taxels = taxels
         self._clock = clock
         self._scribe = scribe
         self._self_test = SelfTest(neighbours(designs))
-        self._tested = 0
+        self._tested = since
         self._broken: dict[str, int] = {}
         self.faults: list[tuple[str, int, int]] | None = None
 

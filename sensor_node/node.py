@@ -111,7 +111,7 @@ class Node:
                     self.machine.run(time, _MOST_FRAMES)
                     # Before the flash's commit: every stored block has its truth.
                     if self._true_blocks:
-                        self._truth.store(self._true_blocks)
+                        self._truth.store({self._settings.node.name: self._true_blocks})
                     if self.energy is not None:
                         self.energy.keep()
             self.machine.events.pass_to(time)

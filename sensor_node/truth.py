@@ -1,12 +1,14 @@
-"""What the emulator knows and the node does not: the true samples behind every block.
+"""What the emulator knows and its nodes do not: the true samples behind every block.
 
-A file of its own, written before the flash's commit, so that every stored block has its truth.
+A file of its own for a node, or for a whole fleet, written before the flash's commit, so that every
+stored block has its truth.
 """
 
 from __future__ import annotations
 
 import sqlite3
-from contextlib import closing
+from collections import defaultdict
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -17,26 +19,41 @@ from eskin.lockfile import LockFile
 from eskin.messages import Position
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Mapping, Sequence
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from eskin.interval import Floats
 
 _SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS node (key TEXT PRIMARY KEY, value TEXT NOT NULL) STRICT;
+CREATE TABLE IF NOT EXISTS fact (key TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT;
+CREATE TABLE IF NOT EXISTS supply (
+    node TEXT PRIMARY KEY,
+    time INTEGER NOT NULL,   -- true UTC, ns since 1970
+    energy REAL NOT NULL     -- what it held then, in J
+) STRICT;
 CREATE TABLE IF NOT EXISTS truth (
+    id INTEGER PRIMARY KEY,  -- in the order of their making
+    node TEXT NOT NULL,
     boot INTEGER NOT NULL,
     sequence INTEGER NOT NULL,
     channel TEXT NOT NULL,
     time INTEGER NOT NULL,   -- true UTC of the first sample, ns since 1970
     dt INTEGER NOT NULL,     -- sampling period in ns
-    samples BLOB NOT NULL,   -- float64, little endian
-    PRIMARY KEY (boot, sequence)
-) STRICT, WITHOUT ROWID;
+    samples BLOB NOT NULL    -- float64, little endian
+) STRICT;
+CREATE UNIQUE INDEX IF NOT EXISTS truth_position ON truth (boot, sequence, node);
 """
-_SLACK: Final = 64
-_LATEST: Final = 256
-"""Blocks that are looked through for the latest sample: they come in the order of their ends."""
+_INSERT: Final = (
+    "INSERT OR REPLACE INTO truth (node, boot, sequence, channel, time, dt, samples) "
+    "VALUES (?,?,?,?,?,?,?)"
+)
+_KEEP: Final = "INSERT OR REPLACE INTO fact VALUES (?, ?)"
+_LATER: Final = (
+    "INSERT INTO fact VALUES ('end', ?) ON CONFLICT (key) DO UPDATE SET value = max(value, ?1)"
+)
+_SLACK: Final = 128
+_FORGOTTEN_AT_ONCE: Final = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +73,11 @@ class TrueBlock:
     time: int
     dt: int
     values: Floats
+
+    @property
+    def end(self) -> int:
+        """True UTC after the last sample, ns."""
+        return self.time + self.dt * len(self.values)
 
 
 class Truth:
@@ -89,8 +111,15 @@ class Truth:
             raise FlashError(f"{path}: the truth cannot be opened: {error}") from error
 
     @classmethod
-    def read(cls, path: Path, positions: Sequence[Position]) -> dict[Position, TrueBlock]:
+    def read(
+        cls, path: Path, positions: Sequence[Position], *, node: str | None = None
+    ) -> dict[Position, TrueBlock]:
         """Read the truth behind some blocks, also while a node writes.
+
+        Args:
+            path: Database file.
+            positions: Of the blocks.
+            node: Whose; ``None`` where the file has but one.
 
         Returns:
             What is (still) there.
@@ -98,134 +127,163 @@ class Truth:
         Raises:
             FlashError: The file cannot be read.
         """
-        found: dict[Position, TrueBlock] = {}
         query = "SELECT channel, time, dt, samples FROM truth WHERE boot = ? AND sequence = ?"
-        try:
-            with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
-                for position in positions:
-                    row = db.execute(query, (position.boot, position.sequence)).fetchone()
-                    if row is not None:
-                        values = np.frombuffer(row[3], dtype="<f8").astype(np.float64)
-                        found[position] = TrueBlock(position, row[0], row[1], row[2], values)
-        except sqlite3.Error as error:
-            raise FlashError(f"{path}: the truth cannot be read: {error}") from error
+        found: dict[Position, TrueBlock] = {}
+        with _reading(path) as db:
+            for position in positions:
+                row = db.execute(*_of(node, query, position.boot, position.sequence)).fetchone()
+                if row is not None:
+                    values = np.frombuffer(row[3], dtype="<f8").astype(np.float64)
+                    found[position] = TrueBlock(position, row[0], row[1], row[2], values)
         return found
 
     @classmethod
-    def positions(cls, path: Path) -> list[Position]:
-        """Positions of all blocks whose truth is there, in order.
+    def made(cls, path: Path) -> dict[str, list[Position]]:
+        """Positions of all blocks whose truth is there, in order, of each node.
 
         Raises:
             FlashError: The file cannot be read.
         """
-        query = "SELECT boot, sequence FROM truth ORDER BY boot, sequence"
-        try:
-            with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
-                return [Position(*row) for row in db.execute(query)]
-        except sqlite3.Error as error:
-            raise FlashError(f"{path}: the truth cannot be read: {error}") from error
+        query = "SELECT node, boot, sequence FROM truth ORDER BY boot, sequence"
+        found: dict[str, list[Position]] = defaultdict(list)
+        with _reading(path) as db:
+            for node, boot, sequence in db.execute(query):
+                found[node].append(Position(boot, sequence))
+        return dict(found)
 
     @classmethod
-    def oldest(cls, path: Path) -> Position | None:
+    def positions(cls, path: Path) -> list[Position]:
+        """The same of a file that has one node.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        return [position for each in cls.made(path).values() for position in each]
+
+    @classmethod
+    def oldest(cls, path: Path, *, node: str | None = None) -> Position | None:
         """The position of the oldest block whose truth is still there; ``None`` if there is none.
 
         Raises:
             FlashError: The file cannot be read.
         """
-        query = "SELECT boot, sequence FROM truth ORDER BY boot, sequence LIMIT 1"
-        try:
-            with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
-                row = db.execute(query).fetchone()
-        except sqlite3.Error as error:
-            raise FlashError(f"{path}: the truth cannot be read: {error}") from error
+        query, values = _of(node, "SELECT boot, sequence FROM truth WHERE boot >= ?", 0)
+        with _reading(path) as db:
+            row = db.execute(f"{query} ORDER BY boot, sequence LIMIT 1", values).fetchone()
         return None if row is None else Position(*row)
 
     def end(self) -> int | None:
-        """True UTC in ns after the latest sample, over all boots; ``None`` if there is none."""
-        row = self._db.execute(
-            "SELECT max(time + dt * (length(samples) / 8)) FROM "
-            "(SELECT time, dt, samples FROM truth ORDER BY boot DESC, sequence DESC LIMIT ?)",
-            (_LATEST,),
-        ).fetchone()
-        return None if row[0] is None else int(row[0])
+        """True UTC in ns after the latest sample of all that ever was; ``None`` if none was."""
+        return self._fact("end")
 
     def seed(self, wanted: int | None) -> int:
-        """The node's seed: the wanted one, else the recorded one, else a fresh one; recorded."""
-        row = self._db.execute("SELECT value FROM node WHERE key = 'seed'").fetchone()
-        seed = wanted
+        """The seed of all: the wanted one, else the recorded one, else a fresh one; recorded."""
+        seed = self._fact("seed") if wanted is None else wanted
         if seed is None:
-            seed = int(row[0]) if row else int(np.random.SeedSequence().generate_state(1)[0])
-        self._db.execute("INSERT OR REPLACE INTO node VALUES ('seed', ?)", (str(seed),))
+            seed = int(np.random.SeedSequence().generate_state(1)[0])
+        self._db.execute(_KEEP, ("seed", seed))
         return seed
 
-    def supply(self) -> tuple[int, float] | None:
-        """True UTC in ns, and J that a supply held then; ``None`` if none was kept."""
-        row = self._db.execute("SELECT value FROM node WHERE key = 'supply'").fetchone()
-        if row is None:
-            return None
-        time, energy = row[0].split()
-        return int(time), float(energy)
+    def supply(self, node: str) -> tuple[int, float] | None:
+        """True UTC in ns, and J that a node's supply held then; ``None`` if none was kept."""
+        query = "SELECT time, energy FROM supply WHERE node = ?"
+        row: tuple[int, float] | None = self._db.execute(query, (node,)).fetchone()
+        return row
 
-    def keep_supply(self, time: int, energy: float) -> None:
-        """Keep how much a supply holds at a moment.
+    def keep_supply(self, node: str, time: int, energy: float) -> None:
+        """Keep how much a node's supply holds at a moment.
 
         Raises:
             FlashError: It cannot be written.
         """
         try:
-            self._db.execute(
-                "INSERT OR REPLACE INTO node VALUES ('supply', ?)", (f"{time} {energy!r}",)
-            )
+            self._db.execute("INSERT OR REPLACE INTO supply VALUES (?, ?, ?)", (node, time, energy))
         except sqlite3.Error as error:
             raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
 
-    def store(self, blocks: Sequence[TrueBlock]) -> None:
-        """Keep the truth behind some blocks, in one commit.
+    def store(self, blocks: Mapping[str, Sequence[TrueBlock]]) -> None:
+        """Keep the truth behind some blocks of each of some nodes, in one commit.
 
         Raises:
             FlashError: It cannot be written.
         """
-        rows = [
-            (
-                block.position.boot,
-                block.position.sequence,
-                block.channel,
-                block.time,
-                block.dt,
-                block.values.astype("<f8").tobytes(),
-            )
-            for block in blocks
-        ]
-        used = self._used + sum(len(row[5]) + _SLACK for row in rows)
-        try:
-            self._db.execute("BEGIN IMMEDIATE")
-            try:
-                self._db.executemany("INSERT OR REPLACE INTO truth VALUES (?,?,?,?,?,?)", rows)
-                used -= self._drop(used - self._limit)
-                self._db.execute("COMMIT")
-            finally:
-                if self._db.in_transaction:
-                    self._db.execute("ROLLBACK")
-        except sqlite3.Error as error:
-            raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
+        rows = [_row(node, block) for node, each in blocks.items() for block in each]
+        if not rows:
+            return
+        ends = (block.end for each in blocks.values() for block in each)
+        used = self._used + sum(len(row[-1]) + _SLACK for row in rows)
+        with self._commit(), self._writing():
+            self._db.executemany(_INSERT, rows)
+            self._db.execute(_LATER, (max(ends),))
+            used -= self._drop(used - self._limit)
         self._used = used
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make what is stored inside of the block durable at its end, in one commit.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        with self._writing():
+            self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            with self._writing():
+                self._db.execute("COMMIT")
+        finally:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+
+    def _commit(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._db.in_transaction else self.together()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except sqlite3.Error as error:
+            raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
 
     def close(self) -> None:
         """Close the file."""
         self._db.close()
         self._owner.close()
 
+    def _fact(self, key: str) -> int | None:
+        row = self._db.execute("SELECT value FROM fact WHERE key = ?", (key,)).fetchone()
+        return None if row is None else int(row[0])
+
     def _drop(self, excess: int) -> int:
         """Forget the oldest; gives the bytes that this frees."""
         freed = 0
         while freed < excess:
             rows = self._db.execute(
-                "SELECT boot, sequence, length(samples) FROM truth ORDER BY boot, sequence LIMIT 64"
+                "DELETE FROM truth WHERE id IN (SELECT id FROM truth ORDER BY id LIMIT ?) "
+                "RETURNING length(samples)",
+                (_FORGOTTEN_AT_ONCE,),
             ).fetchall()
             if not rows:
                 break
-            self._db.executemany(
-                "DELETE FROM truth WHERE boot = ? AND sequence = ?", [row[:2] for row in rows]
-            )
-            freed += sum(row[2] + _SLACK for row in rows)
+            freed += sum(row[0] + _SLACK for row in rows)
         return freed
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
+            yield db
+    except sqlite3.Error as error:
+        raise FlashError(f"{path}: the truth cannot be read: {error}") from error
+
+
+def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | str, ...]]:
+    """A query for one node."""
+    return (query, values) if node is None else (f"{query} AND node = ?", (*values, node))
+
+
+def _row(node: str, block: TrueBlock) -> tuple[str, int, int, str, int, int, bytes]:
+    samples = block.values.astype("<f8").tobytes()
+    place = node, block.position.boot, block.position.sequence
+    return *place, block.channel, block.time, block.dt, samples

@@ -81,7 +81,7 @@ class Uplink:
 
     def count_received(self, topic: str, payload: bytes) -> None:
         """Count a message that came, and its acknowledgement to the broker."""
-        self._radio.receive(_publish_size(topic, payload))
+        self._radio.receive(publish_size(topic, payload))
         self._radio.send(_PUBACK)
 
     def send_due(self, now: int) -> None:
@@ -121,7 +121,7 @@ class Uplink:
         status = kept.kind == Kind.STATUS
         envelope = self._keys.sealer.seal(kept.body, topic=topic, held=held, introduce=status)
         newest = status and kept.position == self._outbox.newest_status
-        end, arrives = self._radio.send(_publish_size(topic, envelope))
+        end, arrives = self._radio.send(publish_size(topic, envelope))
         return _Aired(kept.position, topic, envelope, newest, end, arrives)
 
     def _pass_on(self, now: int) -> None:
@@ -136,7 +136,7 @@ class Uplink:
                 self._outbox.left(aired.position, now)
 
 
-def _publish_size(topic: str, payload: bytes) -> int:
-    """Bytes of MQTT's PUBLISH with QoS 1 (MQTT 3.1.1, section 3.3)."""
-    remaining = 2 + len(topic) + 2 + len(payload)
+def publish_size(topic: str, payload: bytes | bytearray, qos: int = 1) -> int:
+    """Bytes of MQTT's PUBLISH (MQTT 3.1.1, section 3.3)."""
+    remaining = 2 + len(topic) + 2 * qos + len(payload)
     return 1 + max(1, -(-remaining.bit_length() // 7)) + remaining

@@ -67,7 +67,7 @@ class RunningFleet(Running):
         config = write_settings(folder / "fleet.toml", {
             "node": {"name": "skin", "profile": "patch", "seed": 11},
             "sampling": {"overrun_s": 30.0},
-            "broker": {"port": port, "status_s": status, "keepalive_s": 60},
+            "broker": {"port": port, "status_s": status, "keepalive_s": 60, "drain_s": 60.0},
             "identity": {"directory": pki, "site": pki / "site.main" / "chain.pem"},
             "flash": {"path": self.flash},
             "truth": {"path": self.truth},

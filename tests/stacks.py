@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from datetime import timedelta
 from typing import TYPE_CHECKING, Self
 
+import httpx
+
+from cloud.access import Scope, create_token
+from cloud.store import Store
 from eskin.identity import IdentityKind
 from tests.brokers import Mosquitto
 from tests.files import ask, write_settings
@@ -38,10 +43,10 @@ class RealStack:
         self.identities.make(IdentityKind.SERVER, "server.cloud")
         self.store = folder / "store.sqlite"
         self.spool = folder / "spool.sqlite"
-        self._ingest, people = free_port(), free_port()
+        self._ingest, self._people = free_port(), free_port()
         cloud_toml = write_settings(folder / "cloud.toml", {
             "store": {"path": self.store},
-            "people": {"port": people},
+            "people": {"port": self._people},
             "gateways": {"port": self._ingest, "identity": self.pki / "server.cloud"},
         })  # fmt: skip
         self.broker = Mosquitto(folder / "broker", self.identities)
@@ -76,6 +81,15 @@ class RealStack:
         trace: TracebackType | None,
     ) -> None:
         self._running.__exit__(kind, error, trace)
+
+    def operator(self) -> httpx.Client:
+        """A person who may give commands."""
+        scopes = [Scope.READ, Scope.OPERATE]
+        with Store(self.store) as store:
+            token = create_token(store, scopes=scopes, name="o", lifetime=timedelta(hours=1))
+        headers = {"Authorization": f"Bearer {token}"}
+        url = f"http://127.0.0.1:{self._people}/api/v1"
+        return httpx.Client(base_url=url, headers=headers, timeout=20)
 
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""

@@ -16,7 +16,8 @@ from eskin.messages import Block, Position
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from sqlalchemy import Connection
 
@@ -68,14 +69,17 @@ def audit(
     engine = reading_engine(layout.store, readers=1)
     try:
         with engine.begin() as connection:
-            channels = _audit(layout, connection, progress)
+            channels = _audit(layout, seen.truths, connection, progress)
             return Audit(channels, deliveries(seen, connection), seen.letters)
     finally:
         engine.dispose()
 
 
 def _audit(
-    layout: Layout, connection: Connection, progress: Callable[[int, int], None]
+    layout: Layout,
+    files: Mapping[str, Path],
+    connection: Connection,
+    progress: Callable[[int, int], None],
 ) -> list[ChannelAudit]:
     counts = select(table.c.node, func.count()).group_by(table.c.node).order_by(table.c.node)
     nodes = {row[0]: int(row[1]) for row in connection.execute(counts)}
@@ -84,12 +88,12 @@ def _audit(
         raise AuditError(f"{layout.store}: the store holds no block yet; let the demo run longer")
     found: dict[tuple[str, str], ChannelAudit] = {}
     for node in nodes:
-        path = layout.truth(node)
-        if not path.exists():
-            raise AuditError(f"{path}: the emulator's truth of node {node!r} is missing")
+        path = files.get(node)
+        if path is None:
+            raise AuditError(f"{layout.nodes}: the emulator's truth of node {node!r} is missing")
         for page in _pages(connection, node):
-            truths = Truth.read(path, [block.position for block, _ in page])
-            oldest = Truth.oldest(path)
+            truths = Truth.read(path, [block.position for block, _ in page], node=node)
+            oldest = Truth.oldest(path, node=node)
             for block, columns in page:
                 key = (node, block.channel)
                 entry = found.setdefault(key, ChannelAudit(node, block.channel, block.tube.unit))

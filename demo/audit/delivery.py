@@ -17,7 +17,7 @@ from eskin.sequences import SequenceRanges
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
     from sqlalchemy import Connection
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
 ONE_COMMIT: Final = 64 * 16
 """Blocks of a node's largest commit: kill -9 between truth and flash leaves no more behind."""
+
+_IN_FLEET: Final = (
+    "SELECT name, message.boot, sequence FROM message JOIN member ON member.id = message.member"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,7 @@ class UnderWay:
     Messages only move downstream, so what has left one place by then shows up in the next.
     """
 
+    truths: dict[str, Path]
     made: dict[str, list[Position]]
     waiting: dict[str, Sightings]
     letters: list[str]
@@ -94,18 +99,22 @@ class UnderWay:
         Raises:
             AuditError: One of them cannot be read.
         """
-        nodes = [path.parent.name for path in sorted(layout.nodes.glob("*/truth.sqlite"))]
-        made = {node: Truth.positions(layout.truth(node)) for node in nodes}
-        waiting = {
-            node: Sightings(_rows(layout.flash(node), "SELECT boot, sequence FROM message"))
-            for node in nodes
-        }
+        truths: dict[str, Path] = {}
+        made: dict[str, list[Position]] = {}
+        for path in layout.truths:
+            found = Truth.made(path)
+            made |= found
+            truths |= dict.fromkeys(found, path)
+        waiting = {node: Sightings() for node in made}
+        for node, boot, sequence in _in_flash(layout):
+            if node in waiting:
+                waiting[node].span(boot, sequence, sequence)
         for node, body in _rows(layout.spool, "SELECT node, body FROM messages"):
             position = decode_message(bytes(body)).position
             if node in waiting:
                 waiting[node].span(position.boot, position.sequence, position.sequence)
         letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
-        return cls(made, waiting, [f"{node}: {reason}" for node, reason in letters])
+        return cls(truths, made, waiting, [f"{node}: {reason}" for node, reason in letters])
 
 
 def deliveries(seen: UnderWay, connection: Connection) -> list[Delivery]:
@@ -162,6 +171,16 @@ def _sighted(node: str, connection: Connection) -> Sightings:
     for span in connection.execute(query.where(sequences.c.node == node)):
         sighted.span(*span)
     return sighted
+
+
+def _in_flash(layout: Layout) -> Iterator[tuple[str, int, int]]:
+    """Node, boot and sequence of what waits on the chips of nodes and fleets."""
+    for path in layout.flashes:
+        if _rows(path, "SELECT 1 FROM sqlite_master WHERE name = 'member'"):
+            yield from _rows(path, _IN_FLEET)
+        else:
+            for boot, sequence in _rows(path, "SELECT boot, sequence FROM message"):
+                yield path.parent.name, boot, sequence
 
 
 def _rows(path: Path, query: str) -> list[tuple[Any, ...]]:

@@ -21,7 +21,13 @@ def node(
         ),
     ] = None,
 ) -> None:
-    """Run one emulated sensor node, or a fleet of them."""
+    """Run one emulated sensor node, or a fleet of them.
+
+    A fleet is many nodes of one design in one process, called NAME-0001 and so on after node.name:
+    each with its own identity (a folder of its name under identity.directory), connection, outbox,
+    noise and settings. `eskin pki issue --count` or `eskin pki enrol --count` makes identities. It
+    ends on SIGTERM or Ctrl-C; what was not acknowledged waits for the next start.
+    """
     from authority.keeper import Keeper
     from sensor_node.fleet import run_fleet
     from sensor_node.service import run

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
+from typing import Annotated
 
 import typer
 
@@ -13,11 +12,6 @@ from eskin.command.logs import start_logs
 from eskin.command.tables import show
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-T = TypeVar("T")
 
 pki = typer.Typer()
 
@@ -99,6 +93,22 @@ def list_(directory: Directory) -> None:
 
 
 @pki.command()
+def tokens(directory: Directory) -> None:
+    """List the CA service's enrolment tokens, and how often each was used."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from authority.tokens import TOKENS_FILE, Tokens
+
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("name", "kind", "used", "of", "expires"):
+        table.add_column(heading, overflow="fold")
+    for each, used in Tokens(directory / TOKENS_FILE).listed():
+        table.add_row(each.name, each.kind, str(used), str(each.count or 1), each.expires)
+    show(table)
+
+
+@pki.command()
 def revoke(directory: Directory, name: Name) -> None:
     """Revoke all certificates of a name, and sign its kind's revocation list anew."""
     for entry in Authority(directory).revoke(name):
@@ -145,9 +155,10 @@ def renew(
     patience: Patience = 60.0,
 ) -> None:
     """Renew an identity now, with a fresh key; processes that use it take it without a restart."""
+    from authority.enrolment import patiently
     from authority.enrolment import renew as ask
 
-    own = _patiently(lambda: ask(url, identity), patience)
+    own = patiently(lambda: ask(url, identity), patience)
     typer.echo(f"{own.name} until {own.certificate.not_valid_after_utc.isoformat()}")
 
 
@@ -195,15 +206,44 @@ def enrol(
     enrol_dir: EnrolDirectory,
     kind: Annotated[IdentityKind, typer.Option(help="Kind of the identity.")],
     name: Name,
-    out: Annotated[Path, typer.Option(help="Folder for key.pem, chain.pem and root.pem.")],
+    out: Annotated[
+        Path,
+        typer.Option(
+            help="Folder for key.pem, chain.pem and root.pem; with --count, for a folder each."
+        ),
+    ],
     patience: Patience = 60.0,
+    count: Annotated[
+        int,
+        typer.Option(
+            min=0, help="Enrol NAME-0001 and so on with one token, NAME.token; resumable."
+        ),
+    ] = 0,
 ) -> None:
     """Make a key here and have it certified by the CA service; the key never leaves."""
     from authority.enrolment import enrol as ask
+    from authority.enrolment import patiently
 
     kind.require_name(name)
-    identity = _patiently(lambda: ask(url, enrol_dir, name, out), patience)
+    if count:
+        _enrol_fleet(url, enrol_dir, name, count, out, patience)
+        return
+    identity = patiently(lambda: ask(url, enrol_dir, name, out), patience)
     typer.echo(f"{identity.name} in {out}")
+
+
+def _enrol_fleet(
+    url: str, enrol_dir: Path, name: str, count: int, out: Path, patience: float
+) -> None:
+    from rich.console import Console
+    from rich.progress import track
+
+    from authority.enrolment import enrol_fleet
+
+    enrolled = enrol_fleet(url, enrol_dir, name, count, out, patience=patience)
+    bar = track(enrolled, "enrolling", total=count, console=Console(stderr=True))
+    names = [own.name for own in bar]
+    typer.echo(f"{names[0]} to {names[-1]} in {out}")
 
 
 @pki.command()
@@ -216,8 +256,9 @@ def fetch(
 ) -> None:
     """Fetch somebody's certificate, such as the site's for its nodes; wait until it is issued."""
     from authority.enrolment import fetch as ask
+    from authority.enrolment import patiently
 
-    _patiently(lambda: ask(url, enrol_dir, name, out), patience)
+    patiently(lambda: ask(url, enrol_dir, name, out), patience)
     typer.echo(f"{name} in {out}")
 
 
@@ -231,20 +272,7 @@ def anchor(
 ) -> None:
     """Fetch the CA certificate with which a TLS server accepts one kind alone, as a broker does."""
     from authority.enrolment import fetch_anchor as ask
+    from authority.enrolment import patiently
 
-    _patiently(lambda: ask(url, enrol_dir, kind, out), patience)
+    patiently(lambda: ask(url, enrol_dir, kind, out), patience)
     typer.echo(f"anchor of {kind} in {out}")
-
-
-def _patiently(ask: Callable[[], T], patience: float) -> T:
-    """Ask again each second while the service is away or not ready, up to the end of patience."""
-    from authority.enrolment import NotReadyError
-
-    deadline = time.monotonic() + patience
-    while True:
-        try:
-            return ask()
-        except NotReadyError as error:
-            if time.monotonic() > deadline:
-                raise IdentityError(f"gave up after {patience:g} s: {error}") from error
-            time.sleep(1.0)

@@ -7,7 +7,7 @@ from eskin.identity.certificates import common_name, der, issuer_kind, new_key, 
 from eskin.identity.identity import Identity, load_certificates
 from eskin.identity.kinds import IdentityKind
 from eskin.identity.ledger import Issued
-from eskin.identity.numbered import numbered
+from eskin.identity.numbered import is_numbered, numbered
 from eskin.identity.renewal import (
     forget_past,
     install,
@@ -31,6 +31,7 @@ __all__ = [
     "forget_past",
     "install",
     "is_due",
+    "is_numbered",
     "issuer_kind",
     "load_certificates",
     "new_key",

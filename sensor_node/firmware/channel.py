@@ -71,6 +71,10 @@ class ChannelUnit:
         longest = max(2, self._longest // schedule.dt)
         self._detector = PeakDetector(threshold, longest) if threshold > 0.0 else None
 
+    def seek(self, detector: "PeakDetector | None") -> None:
+        """Go on with a search that stands somewhere."""
+        self._detector = detector
+
     def calibrate(self) -> None:
         """Take the next frame that is bounded as the rest."""
         self._calibrating = True

@@ -60,7 +60,9 @@ class Cohort:
             error=round(settings.clock.rtc_error_ms * 1e6),
             drift=round(settings.clock.drift_ppm * 1e3),
         )
-        self.nodes = Nodes(self._clocks.readings, boots, np.zeros(len(members), np.int64))
+        self.nodes = Nodes(
+            self._clocks.readings, boots, *(np.zeros(len(members), np.int64) for _ in range(2))
+        )
         coverages = settings.coverages()
         self.taxels = [
             TaxelRows(

@@ -5,22 +5,21 @@ from __future__ import annotations
 import logging
 import selectors
 import time
-from dataclasses import dataclass
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import FlashError
 from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sensor_node.firmware.record import Record
     from sensor_node.fleet.connector import Connector
-    from sensor_node.fleet.outbox import MemberOutbox
-    from sensor_node.fleet.radio import Radio
+    from sensor_node.fleet.member import Member
     from sensor_node.fleet.squad import Squad
     from sensor_node.fleet.storage import Storage
-    from sensor_node.fleet.truth import FleetTruth
+    from sensor_node.truth import Truth
 
 log = logging.getLogger(__name__)
 
@@ -33,36 +32,11 @@ _MOST_AT_ONCE: Final = 16
 """Messages that one member sends before the next one's turn."""
 
 
-@dataclass(slots=True, eq=False)
-class Member:
-    """One node of a fleet.
-
-    Attributes:
-        name: Its name.
-        squad: With whom it samples.
-        row: Its place there.
-        radio: Its connection.
-        more: Whether it has something to send.
-    """
-
-    name: str
-    squad: Squad
-    row: int
-    radio: Radio
-    more: bool = False
-
-    @property
-    def outbox(self) -> MemberOutbox:
-        """Where its messages wait."""
-        return self.squad.outboxes[self.row]
-
-
 class Fleet:
     """All members of one process.
 
     Args:
-        squads: Who samples with whom.
-        radios: The members' connections, by name.
+        members: They, squad by squad.
         storage: Where they keep what they say.
         truth: What the emulator keeps.
         connector: Connects them.
@@ -70,22 +44,20 @@ class Fleet:
 
     def __init__(
         self,
-        squads: Sequence[Squad],
-        radios: dict[str, Radio],
+        members: Sequence[Member],
         *,
         storage: Storage,
-        truth: FleetTruth,
+        truth: Truth,
         connector: Connector,
     ) -> None:
-        self._squads = squads
         self._storage = storage
         self._truth = truth
         self._connector = connector
-        self.members = [
-            Member(name, squad, row, radios[name])
-            for squad in squads
-            for row, name in enumerate(squad.names)
-        ]
+        self.members = members
+        self._squads = list(dict.fromkeys(member.squad for member in members))
+        self._of_squad: dict[Squad, list[Member]] = {squad: [] for squad in self._squads}
+        for member in members:
+            self._of_squad[member.squad].append(member)
         self._by_radio = {member.radio: member for member in self.members}
         self._selector = selectors.DefaultSelector()
         self._selector.register(connector.wake, selectors.EVENT_READ)
@@ -103,8 +75,22 @@ class Fleet:
         """Messages that no gateway has acknowledged."""
         return sum(member.outbox.messages for member in self.members)
 
-    def connect(self) -> None:
-        """Let all members connect."""
+    @property
+    def drained(self) -> bool:
+        """Whether nobody who is online waits for an acknowledgement."""
+        return not any(member.radio.online and member.outbox.messages for member in self.members)
+
+    def start(self) -> None:
+        """Let all members take up how they were set, and connect.
+
+        Raises:
+            FlashError: Flash cannot be read or written.
+        """
+        with self._storage.commit():
+            for member in self.members:
+                member.commander.start()
+        for squad, members in self._of_squad.items():
+            squad.restarted = lambda row, members=members: members[row].commander.start()  # type: ignore[misc]  # bound now
         for member in self.members:
             self._connector.connect(member.radio)
 
@@ -114,6 +100,7 @@ class Fleet:
         self._listen(begun + TURN)
         now = time.monotonic_ns()
         self._take_acknowledgements(now)
+        self._take_commands()
         if sampling:
             self._sample(now)
         self._look_after(now)
@@ -123,6 +110,8 @@ class Fleet:
         """Store what stays undecided at the end."""
         for squad in self._squads:
             self._store(squad, squad.finish())
+            for node in squad.soloists.values():
+                node.finish()
 
     def close(self) -> None:
         """Say goodbye for all."""
@@ -185,7 +174,7 @@ class Fleet:
         return [key for key in self._selector.get_map().values() if key.data is member]
 
     def _take_acknowledgements(self, now: int) -> None:
-        heard = [member for member in self.members if member.radio.spans]
+        heard = [member for member in self.members if member.radio.spans and member.running]
         if not heard:
             return
         try:
@@ -200,7 +189,14 @@ class Fleet:
             member.radio.spans = []
             member.more = True
 
+    def _take_commands(self) -> None:
+        for member in self.members:
+            if member.radio.commands and member.running:
+                with self._tolerant(member):
+                    member.take_commands()
+
     def _sample(self, now: int) -> None:
+        self._sample_alone()
         for squad in self._squads:
             if squad.due() <= now:
                 records, truth = squad.sample(now)
@@ -210,6 +206,29 @@ class Fleet:
                 except FlashError as error:
                     log.error("the truth fails: error=%s", error)  # noqa: TRY400 - says all
                 self._store(squad, records)
+
+    def _sample_alone(self) -> None:
+        """Let those catch up who sample alone, and make durable what they say, in one commit."""
+        due = [
+            self._of_squad[squad][row]
+            for squad in self._squads
+            for row, node in squad.soloists.items()
+            if node.due
+        ]
+        if not due:
+            return
+        for member in due:
+            member.outbox.mark()
+        try:
+            # The truth first: every stored block has it.
+            with self._storage.commit(), self._truth.together():
+                for member in due:
+                    with self._tolerant(member):
+                        member.catch_up()
+        except FlashError as error:
+            log.error("storage fails, sampling goes on: error=%s", error)  # noqa: TRY400 - likewise
+            for member in due:
+                member.outbox.undo()
 
     def _store(self, squad: Squad, records: dict[int, list[Record]]) -> None:
         """Make what members of a squad say durable, in one commit."""
@@ -225,27 +244,26 @@ class Fleet:
             return
         for row, said in records.items():
             squad.outboxes[row].settle(told[row] + said)
-        self._note_more(squad, records)
+        for row in records:
+            self._of_squad[squad][row].more = True
 
-    def _note_more(self, squad: Squad, rows: Iterable[int]) -> None:
-        first = self._first_of(squad)
-        for row in rows:
-            self.members[first + row].more = True
-
-    def _first_of(self, squad: Squad) -> int:
-        first = 0
-        for each in self._squads:
-            if each is squad:
-                return first
-            first += len(each.names)
-        return first
+    @contextmanager
+    def _tolerant(self, member: Member) -> Iterator[None]:
+        """One member's trouble is not the others'."""
+        try:
+            yield
+        except FlashError as error:
+            log.warning("flash fails: node=%s error=%s", member.name, error)
+        except Exception:
+            self.failures += 1
+            log.exception(_FAILED, member.name, self.failures)
 
     def _look_after(self, now: int) -> None:
         """Introduce those who are new, tell states, ping, and send again, some at a time."""
         share = max(1, len(self.members) * TURN // _ROUND)
         begin, end = self._cursor, self._cursor + share
         self._cursor = end if end < len(self.members) else 0
-        asking: dict[int, list[int]] = {}
+        asking: dict[Squad, list[int]] = {}
         for number, member in enumerate(self.members):
             radio = member.radio
             if radio.fresh:
@@ -253,36 +271,29 @@ class Fleet:
                 member.outbox.connect(now)
             elif not begin <= number < end:
                 continue
-            if not radio.online:
+            if not radio.online or not member.running:
                 continue
             member.more = True
             if not radio.keep_alive():
                 self._lose(member, radio.socket)
             elif member.outbox.tell_status(now):
-                asking.setdefault(id(member.squad), []).append(number)
-        for numbers in asking.values():
-            squad = self.members[numbers[0]].squad
-            rows = [self.members[number].row for number in numbers]
+                if member.alone is None:
+                    asking.setdefault(member.squad, []).append(member.row)
+                else:
+                    with self._tolerant(member):
+                        member.alone.record_status()
+        for squad, rows in asking.items():
             self._store(squad, {row: [squad.status(row, now)] for row in rows})
 
     def _send(self, now: int) -> None:
         for member in self.members:
             if not member.more or not member.radio.online or member.radio.writes:
                 continue
-            try:
-                member.more = self._send_due(member, now)
-            except FlashError as error:
-                log.warning("publishing pauses: node=%s error=%s", member.name, error)
-            except Exception:  # one member's trouble is not the others'
-                member.more = False
-                self.failures += 1
-                log.exception(_FAILED, member.name, self.failures)
-            if self._has_backlog(member):
+            if not member.running:
+                continue
+            member.more = False
+            with self._tolerant(member):
+                sent = member.radio.send_due(member.outbox, now, _MOST_AT_ONCE)
+                member.more = sent == _MOST_AT_ONCE
+            if member.has_backlog():
                 self._serve(member, readable=False)
-
-    def _send_due(self, member: Member, now: int) -> bool:
-        """Send what is due; whether there may be more."""
-        return member.radio.send_due(member.outbox, now, _MOST_AT_ONCE) == _MOST_AT_ONCE
-
-    def _has_backlog(self, member: Member) -> bool:
-        return member.radio.writes

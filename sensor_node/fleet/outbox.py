@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Any
 
 from sensor_node.firmware.outbox import Outbox
 from sensor_node.firmware.room import Level
+from sensor_node.fleet.scribe import FleetScribe
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sensor_node.firmware.record import Record
     from sensor_node.fleet.storage import Partition
     from sensor_node.fleet.telling import Nodes
 
@@ -26,6 +30,7 @@ class MemberOutbox(Outbox):
         self._nodes = nodes
         self._row = row
         self._partition = chip
+        self._said: list[Record] | None = None
         super().__init__(chip, **given)
 
     @property
@@ -35,6 +40,30 @@ class MemberOutbox(Outbox):
     @_sequence.setter
     def _sequence(self, value: int) -> None:
         self._nodes.sequences[self._row] = value
+
+    def _start(self) -> None:
+        super()._start()
+        self.scribe = FleetScribe(self.boot, self)
+
+    def settle(self, records: Sequence[Record]) -> None:
+        """What was written is durable, or will be with the storage's transaction for many."""
+        super().settle(records)
+        if self._said is not None:
+            self._said += records
+
+    def mark(self) -> None:
+        """A transaction for many begins: from here on `undo` undoes."""
+        self._said = []
+        self._marked = self._level, self._opened, self._settled, self._unsaid, self.boot
+
+    def undo(self) -> None:
+        """That transaction failed: what was said since is lost, and the next batch tells so."""
+        self._level, self._opened, self._settled, self._unsaid, boot = self._marked
+        if boot != self.boot:
+            self._settled = 0
+            self._partition.recount()
+        self.newest_status = self._introduction = None
+        self.lose(self._said or [])
 
     def look_again(self, now: int) -> None:
         """The storage undid what was acknowledged: count and send anew what it holds."""

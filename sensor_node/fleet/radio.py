@@ -6,7 +6,6 @@ import logging
 import ssl
 from typing import TYPE_CHECKING, Any, Final
 
-import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.envelope import Opener, Sealer
@@ -15,9 +14,11 @@ from eskin.identity import client_context, thumbprint
 from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement, Kind, Position
 from eskin.topics import Stream, node_topic
-from sensor_node.uplink import STREAMS
+from sensor_node.fleet.client import BundlingClient
+from sensor_node.uplink import STREAMS, publish_size
 
 if TYPE_CHECKING:
+    import paho.mqtt.client as mqtt
     from cryptography import x509
 
     from eskin.identity import Identity
@@ -28,11 +29,13 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _MOST_SPANS: Final = 1000
+_MOST_COMMANDS: Final = 16
 _READS: Final = 32
+_HEARD: Final = (Stream.ACKS, Stream.COMMANDS)
 
 
 class Radio:
-    """Seals and sends what the outbox hands over; takes acknowledgements.
+    """Seals and sends what the outbox hands over; takes acknowledgements and commands.
 
     Messages go at QoS 0: a gateway's acknowledgement is the only one that counts, and the outbox
     sends again what stays without.
@@ -43,28 +46,35 @@ class Radio:
         broker: Where to publish.
 
     Attributes:
+        own: As given.
         spans: What gateways acknowledged since it was last looked at.
+        commands: What came for it since, as the cloud signed it.
         fresh: Whether the broker took it and the outbox does not know it yet.
         online: Whether the broker has taken it.
         attempts: To connect, since it last was.
+        sent: Bytes of messages, until somebody takes them into account.
+        received: Likewise.
 
     Raises:
         IdentityError: A key or certificate cannot be used.
     """
 
     __slots__ = (
-        "_client", "_name", "_opener", "_sealer", "attempts", "fresh", "online", "spans",
+        "_client", "_name", "_opener", "_sealer", "attempts", "commands", "fresh", "online", "own",
+        "received", "sent", "spans",
     )  # fmt: skip
 
     def __init__(self, own: Identity, site: x509.Certificate, broker: BrokerSection) -> None:
+        self.own = own
         self._name = own.name
         self._sealer = Sealer(own, site)
         known = thumbprint(site)
         self._opener = Opener([own], sender=lambda print_: site if print_ == known else None)
         self.spans: list[tuple[int, int, int]] = []
+        self.commands: list[bytes] = []
         self.fresh = self.online = False
-        self.attempts = 0
-        self._client = mqtt.Client(
+        self.attempts = self.sent = self.received = 0
+        self._client = BundlingClient(
             CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True, userdata=self
         )
         self._client.tls_set_context(client_context(own.directory / ROOT_FILE, own))
@@ -117,8 +127,10 @@ class Radio:
         if not due:
             return 0
         held = Position(*outbox.held())
+        newest = outbox.newest_status
+        sealed = [self._sealed(kept, held, newest=kept.position == newest) for kept in due]
+        self._client.publish_together(sealed)
         for kept in due:
-            self._send(kept, held, newest=kept.position == outbox.newest_status)
             # At QoS 0 it is gone at once.
             outbox.left(kept.position, now)
         return len(due)
@@ -129,11 +141,13 @@ class Radio:
         if self.writes:
             self._client.loop_write()
 
-    def _send(self, kept: Kept, held: Position, *, newest: bool) -> None:
+    def _sealed(self, kept: Kept, held: Position, *, newest: bool) -> tuple[str, bytes, bool]:
+        """Topic, envelope, and whether the broker keeps it."""
         topic = node_topic(self._name, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
         envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
-        self._client.publish(topic, envelope, qos=0, retain=status and newest)
+        self.sent += publish_size(topic, envelope, qos=0)
+        return topic, envelope, status and newest
 
     def greeted(self, client: mqtt.Client, reason: Any) -> None:
         """The broker has answered."""
@@ -142,18 +156,23 @@ class Radio:
             return
         self.attempts = 0
         self.online = self.fresh = True
-        client.subscribe(node_topic(self._name, Stream.ACKS), qos=0)
+        # A command that is lost comes late, for it is sent again.
+        client.subscribe([(node_topic(self._name, each), 0) for each in _HEARD])
 
     def heard(self, message: mqtt.MQTTMessage) -> None:
         """Something came."""
-        try:
-            opened = self._opener.open(bytes(message.payload), topic=message.topic)
-            spans = Acknowledgement.decode(opened.plaintext).spans
-        except (EnvelopeError, MessageError) as error:
-            log.warning("acknowledgement rejected: node=%s reason=%s", self._name, error)
+        self.received += publish_size(message.topic, message.payload, qos=0)
+        if not message.payload:  # the broker forgets what it has kept
             return
-        if len(self.spans) < _MOST_SPANS:
-            self.spans.extend(spans)
+        try:
+            opened = self._opener.open(bytes(message.payload), topic=message.topic).plaintext
+            if message.topic.endswith(Stream.COMMANDS):
+                if len(self.commands) < _MOST_COMMANDS:
+                    self.commands.append(opened)
+            elif len(self.spans) < _MOST_SPANS:
+                self.spans.extend(Acknowledgement.decode(opened).spans)
+        except (EnvelopeError, MessageError) as error:
+            log.warning("message rejected: topic=%s reason=%s", message.topic, error)
 
 
 def _on_connect(client: mqtt.Client, radio: Radio, _flags: Any, reason: Any, _: Any) -> None:

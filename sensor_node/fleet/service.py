@@ -11,16 +11,19 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, load_certificates, numbered
-from sensor_node.fleet.cohort import Cohort, Member
+from sensor_node.fleet import cohort
 from sensor_node.fleet.connector import Connector
 from sensor_node.fleet.fleet import Fleet
+from sensor_node.fleet.member import Member
 from sensor_node.fleet.radio import Radio
+from sensor_node.fleet.soloist import require_alone
 from sensor_node.fleet.squad import Squad
 from sensor_node.fleet.storage import Storage
-from sensor_node.fleet.truth import FleetTruth
+from sensor_node.machine.budget import require_fit
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.service import REBOOT
 from sensor_node.settings import RadioSection
+from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
     from types import FrameType
@@ -53,9 +56,10 @@ def run(settings: NodeSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     _require_open_air(settings)
+    require_fit(settings)
     require_files(settings.fleet.count)
     names = numbered(settings.node.name, settings.fleet.count)
-    truth = FleetTruth(settings.truth.path, limit=settings.truth.limit_bytes)
+    truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
     try:
         storage = Storage(settings.flash.path, names)
         try:
@@ -93,7 +97,7 @@ def require_files(count: int) -> None:
 
 
 def build_squads(
-    settings: NodeSettings, names: list[str], storage: Storage, truth: FleetTruth
+    settings: NodeSettings, names: list[str], storage: Storage, truth: Truth
 ) -> list[Squad]:
     """Put a fleet's nodes together, spread over the time of one frame."""
     seed = truth.seed(settings.node.seed)
@@ -112,6 +116,7 @@ def build_squads(
                 numbers,
                 seed=seed,
                 storage=storage,
+                truth=truth,
                 start=begin + delay,
                 origin=now + delay,
             )
@@ -119,7 +124,7 @@ def build_squads(
     return squads
 
 
-def _begin(truth: FleetTruth, start: int) -> int:
+def _begin(truth: Truth, start: int) -> int:
     """No moment is lived twice, also where a fleet ran faster than real time."""
     end = truth.end()
     return start if end is None else max(start, end + REBOOT)
@@ -142,27 +147,35 @@ def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
 
 def _warm_up(settings: NodeSettings) -> None:
     """Have all loops compiled before time begins."""
-    cohort = Cohort(settings, [Member(seed=0, boot=1, start=time.time_ns())])
-    latest = max(taxel.next.end for taxel in cohort.taxels)
-    for _ in cohort.advance(latest):
+    alone = cohort.Cohort(settings, [cohort.Member(seed=0, boot=1, start=time.time_ns())])
+    latest = max(taxel.next.end for taxel in alone.taxels)
+    for _ in alone.advance(latest):
         pass
-    cohort.finish()
+    alone.finish()
 
 
 def _serve(
     settings: NodeSettings,
     names: list[str],
     storage: Storage,
-    truth: FleetTruth,
+    truth: Truth,
     stop: threading.Event,
 ) -> None:
     connector = Connector()
     radios = _build_radios(settings, names)
     _warm_up(settings)
     squads = build_squads(settings, names, storage, truth)
-    fleet = Fleet(squads, radios, storage=storage, truth=truth, connector=connector)
+    members = [
+        Member(squad, row, radios[name], cloud=settings.identity.cloud)
+        for squad in squads
+        for row, name in enumerate(squad.names)
+    ]
+    fleet = Fleet(members, storage=storage, truth=truth, connector=connector)
+    fleet.start()
     connector.start()
-    fleet.connect()
+    alone = require_alone(settings)
+    if alone is not None:
+        log.info("all sample alone: setting=%s", alone)
     log.info("running: nodes=%d first=%s last=%s", len(names), names[0], names[-1])
     told, said = 0, time.monotonic()
     while not stop.is_set():
@@ -177,7 +190,7 @@ def _serve(
             log.info("connected: nodes=%d of=%d", told, len(names))
     fleet.finish()
     deadline = time.monotonic() + settings.broker.drain_s
-    while fleet.waiting and fleet.online and time.monotonic() < deadline:
+    while not fleet.drained and time.monotonic() < deadline:
         fleet.turn(sampling=False)
     connector.stop()
     fleet.close()

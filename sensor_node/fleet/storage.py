@@ -125,35 +125,63 @@ class Storage:
 
 
 class Partition:
-    """A member's chip; its transactions are those of the whole storage.
+    """A member's chip; its transactions are part of one for many where the storage has begun one.
 
     Attributes:
         boot: Number of this start.
     """
 
-    __slots__ = ("_member", "_storage", "boot")
+    __slots__ = ("_member", "_part", "_storage", "_uncounted", "boot")
 
     def __init__(self, storage: Storage, member: int, boot: int) -> None:
         self._storage = storage
         self._member = member
+        self._part = self._uncounted = False
         self.boot = boot
 
     def restart(self) -> None:
         """Count another boot, durably; if that fails, the number stays as it was."""
-        with self._storage.commit(), self._storage.writing():
-            self._storage.db.execute(
-                "UPDATE member SET boot = boot + 1 WHERE id = ?", (self._member,)
-            )
+        self.begin()
+        try:
+            self._count(self.boot + 1)
+            self.commit()
+        except FlashError:
+            self.roll_back()
+            raise
         self.boot += 1
 
     def begin(self) -> None:
-        """The storage has begun already."""
+        """Begin a transaction, or a part of the storage's one for many."""
+        self._part = self._storage.db.in_transaction
+        with self._storage.writing():
+            self._storage.db.execute("SAVEPOINT part" if self._part else "BEGIN IMMEDIATE")
+        if self._uncounted:
+            self._count(self.boot)
 
     def commit(self) -> None:
-        """The storage commits for all."""
+        """End it; what is a part becomes durable with the whole."""
+        with self._storage.writing():
+            self._storage.db.execute("RELEASE part" if self._part else "COMMIT")
+        self._uncounted = False
 
     def roll_back(self) -> None:
-        """Likewise: the storage undoes what all have written."""
+        """Undo it, if one is open."""
+        if not self._storage.db.in_transaction:
+            return
+        with self._storage.writing():
+            self._storage.db.execute("ROLLBACK TO part" if self._part else "ROLLBACK")
+            if self._part:
+                self._storage.db.execute("RELEASE part")
+
+    def recount(self) -> None:
+        """The storage undid what it was told: count the boot again, before anything else."""
+        self._uncounted = True
+
+    def _count(self, boot: int) -> None:
+        with self._storage.writing():
+            self._storage.db.execute(
+                "UPDATE member SET boot = ? WHERE id = ?", (boot, self._member)
+            )
 
     def append(self, boot: int, record: Record, shelf: int) -> None:
         """Keep a message on a shelf."""

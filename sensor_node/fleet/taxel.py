@@ -13,11 +13,12 @@ from eskin.peaks.hysteresis import NONE, PASS
 from eskin.peaks.region import MOST_REGIONS, REGION
 from eskin.peaks.search import MOST_AT_ONCE, PROGRESS
 from eskin.peaks.table import EVENT
-from sensor_node.firmware.cbor import Writer
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.fleet.choir import Choir
+from sensor_node.fleet.scribe import BLOCK_BYTES, described
 from sensor_node.fleet.stacking import stacked
 from sensor_node.fleet.telling import RECORD, Design, Output, Search, Timing, skip, tell
+from sensor_node.fleet.watch import bounded
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.crystal import BILLION
@@ -29,9 +30,10 @@ from sensor_node.taxels import HarmonicSection, HybridSection, SwingSection, Tou
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from numpy.typing import NDArray
+
     from eskin.interval import Floats
     from sensor_node.firmware.schedule import Frame
-    from sensor_node.fleet.cbor import Bytes
     from sensor_node.fleet.clocks import Clocks
     from sensor_node.fleet.telling import Nodes, Place
     from sensor_node.machine.converter import Codes
@@ -40,9 +42,8 @@ if TYPE_CHECKING:
     from sensor_node.taxels.companion import Companion
 
 _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
-_BLOCK_BYTES: Final = 400
 _PEAK_BYTES: Final = 300
-"""More than a message takes beside its samples."""
+"""More than a peak takes."""
 _IN_COLUMNS: Final = HarmonicSection | TouchSection | SwingSection | HybridSection
 """Their worlds are formulas alone; others play a script or a recording."""
 
@@ -57,6 +58,7 @@ class Said:
         content: The messages' bytes, one after the other.
         truth: One array of nodes × samples for each channel; empty where no block is said.
         frame: Of which frame.
+        bounded: At which nodes a sample of the first quantity was bounded.
     """
 
     taxel: TaxelRows
@@ -64,6 +66,7 @@ class Said:
     content: bytes
     truth: tuple[Floats, ...]
     frame: Frame
+    bounded: NDArray[np.bool_]
 
 
 class TaxelRows:
@@ -80,6 +83,11 @@ class TaxelRows:
         clocks: The nodes' clocks.
         nodes: Who they are.
         sampling: How samples become blocks.
+
+    Attributes:
+        number: As given.
+        searches: Where the searches for peaks stand.
+        next: The next frame.
     """
 
     def __init__(
@@ -104,6 +112,7 @@ class TaxelRows:
         ]
         self._clocks = clocks
         self._nodes = nodes
+        self.number = number
         self._calibrated = CHAINS[taxel.chain](
             data_sheet(taxel, companions[0]), compiled_inversion()
         )
@@ -115,7 +124,7 @@ class TaxelRows:
         self._units = units
         schedule = self._schedule
         self._design = Design(
-            tuple(_names(*each) for each in zip(self.channels, units, strict=True)),
+            tuple(described(*each) for each in zip(self.channels, units, strict=True)),
             np.array([taxel.prominence(name) or 0.0 for name in self.quantities]),
             coverage,
             int(Encoding[sampling.encoding.upper()]),
@@ -129,7 +138,7 @@ class TaxelRows:
             ),
         )
         longest = max(2, round(taxel.longest_region_s * BILLION) // self._schedule.dt)
-        self._searches = _searches((len(quantities), len(seeds)), longest)
+        self.searches = _searches((len(quantities), len(seeds)), longest)
         self.next = self._schedule.frame(0)
 
     @property
@@ -176,11 +185,11 @@ class TaxelRows:
         shape = len(self._seeds), frame.n
         lows, highs = (np.stack([b.reshape(shape) for b in self._bounds[k::2]]) for k in (0, 1))
         output = self._room(frame.n, blocks=True)
-        given = self._design, self._nodes, self._searches, output
+        given = self._design, self._nodes, self.searches, output
         written = tell(frame.start, frame.closes, lows, highs, *given)
         self.next = self._schedule.frame(frame.number + 1)
         columns = tuple(np.asarray(self._truth[quantity]) for quantity in self.quantities)
-        return self._said(frame, output, written, columns)
+        return self._said(frame, output, written, columns, bounded(lows[0], highs[0]))
 
     def skip(self, ticks: int) -> tuple[Said, int]:
         """Pass over all frames that begin before a moment.
@@ -193,8 +202,8 @@ class TaxelRows:
             lost += self.next.n
             self.next = self._schedule.frame(self.next.number + 1)
         output = self._room(1, blocks=False)
-        written = skip(lost, self._design, self._nodes, self._searches, output)
-        return self._said(frame, output, written, ()), lost * len(self.channels)
+        written = skip(lost, self._design, self._nodes, self.searches, output)
+        return self._said(frame, output, written, (), np.zeros(0, bool)), lost * len(self.channels)
 
     def _measure(self, codes: Mapping[str, Codes], n: int) -> None:
         """Fill a lower and an upper bound a channel, nodes × samples; one data sheet for all."""
@@ -208,14 +217,19 @@ class TaxelRows:
         most = n // 2 + 2 * MOST_AT_ONCE
         each = len(self.quantities) * len(self._seeds)
         messages = each * (most + blocks)
-        size = each * (most * _PEAK_BYTES + blocks * (_BLOCK_BYTES + 16 * n))
+        size = each * (most * _PEAK_BYTES + blocks * (BLOCK_BYTES + 16 * n))
         return Output(np.empty(size, np.uint8), np.empty(messages, RECORD), np.empty(most, EVENT))
 
     def _said(
-        self, frame: Frame, output: Output, written: Place, truth: tuple[Floats, ...]
+        self,
+        frame: Frame,
+        output: Output,
+        written: Place,
+        truth: tuple[Floats, ...],
+        bounded: NDArray[np.bool_],
     ) -> Said:
         records = output.records[: written.messages].copy()
-        return Said(self, records, output.content[: written.at].tobytes(), truth, frame)
+        return Said(self, records, output.content[: written.at].tobytes(), truth, frame, bounded)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the start, or since the burst's trigger: nodes × samples."""
@@ -238,14 +252,6 @@ class _Worlds:
             {name: np.stack([one.truth[name] for one in each]) for name in each[0].truth},
             {name: np.stack([one.sensed[name] for one in each]) for name in each[0].sensed},
         )
-
-
-def _names(channel: str, unit: str) -> Bytes:
-    out = Writer()
-    for key, text in ((4, channel), (5, unit)):
-        out.integer(key)
-        out.text(text)
-    return np.frombuffer(bytes(out.buffer), np.uint8)
 
 
 def _searches(shape: tuple[int, int], longest: int) -> Search:

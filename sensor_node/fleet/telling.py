@@ -70,11 +70,19 @@ class Place(NamedTuple):
 
 
 class Nodes(NamedTuple):
-    """Some nodes: what they know of UTC at tick 0 (ns), their boots, their next sequences."""
+    """Some nodes.
+
+    Attributes:
+        readings: What they know of UTC at tick 0, ns.
+        boots: Their boots.
+        sequences: Their next sequences.
+        alone: 1 where one samples alone: nothing is said for it here.
+    """
 
     readings: Integers
     boots: Integers
     sequences: Integers
+    alone: Integers
 
 
 class Search(NamedTuple):
@@ -216,6 +224,8 @@ def tell(
     """
     room, missing, place = scratch(), np.full(1, nan), Place(0, 0)
     for row in range(lows.shape[1]):
+        if nodes.alone[row]:
+            continue
         for k in range(lows.shape[0]):
             lo, hi = lows[k, row], highs[k, row]
             place = _tell_block(lo, hi, row, k, ticks, design, nodes, output, place, room)
@@ -234,6 +244,8 @@ def skip(samples: int, design: Design, nodes: Nodes, searches: Search, output: O
     """Say that samples are missing; writes the peaks that stay undecided. Else as `tell`."""
     room, missing, place = scratch(), np.full(1, nan), Place(0, 0)
     for row in range(nodes.readings.size):
+        if nodes.alone[row]:
+            continue
         for k in range(design.prominences.size):
             if design.prominences[k] > 0.0:
                 place = _seek(

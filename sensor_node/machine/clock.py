@@ -32,6 +32,7 @@ class Clock:
         drift: Bound of the crystal's rate error, in parts of 1e9.
         crystal: The crystal.
         random: Draws the true offset.
+        origin: Real time at the start, ns; ``None``: now.
     """
 
     def __init__(
@@ -44,10 +45,11 @@ class Clock:
         drift: int,
         crystal: Crystal,
         random: np.random.Generator,
+        origin: int | None = None,
     ) -> None:
         self._start = start
         self._monotonic = monotonic
-        self._origin = monotonic()
+        self._origin = monotonic() if origin is None else origin
         self._speed = speed
         self._crystal = crystal
         self._rtc_error = rtc_error

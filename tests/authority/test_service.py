@@ -4,16 +4,30 @@ from __future__ import annotations
 
 import subprocess
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import httpx
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from typer.testing import CliRunner
 
-from authority.enrolment import NotReadyError, enrol, fetch, fetch_anchor
+from authority.enrolment import NotReadyError, enrol, enrol_fleet, fetch, fetch_anchor
 from authority.tokens import Tokens
+from eskin.command.pki import pki
 from eskin.errors import IdentityError
-from eskin.identity import Authority, IdentityKind, Trust, client_context, der, load_certificates
+from eskin.identity import (
+    Authority,
+    Identity,
+    IdentityKind,
+    Trust,
+    client_context,
+    der,
+    is_numbered,
+    load_certificates,
+    numbered,
+)
 from tests.processes import ESKIN, Running, accepts, free_port
 
 if TYPE_CHECKING:
@@ -43,6 +57,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
             f'[[identity]]\nkind = "{kind}"\nname = "{name}"\ndirectory = "{folder}"\n'
             for kind, name in names
         )
+        + f'[[identity]]\nkind = "node"\nname = "skin"\ncount = 12\ndirectory = "{folder}"\n'
     )
     argv = [ESKIN, "pki", "serve", "--config", str(config)]
     with Running(argv, log=folder / "log") as process:
@@ -120,6 +135,82 @@ def test_service_of_another_ca_is_not_believed(service: Service, tmp_path: Path)
     (tmp_path / "palm.token").write_text("secret")
     with pytest.raises(NotReadyError, match="CERTIFICATE_VERIFY_FAILED"):
         enrol(service.url, tmp_path, "palm", tmp_path / "out")
+
+
+def enrol_skins(service: Service, out: Path, count: int) -> list[Identity]:
+    return list(enrol_fleet(service.url, service.tokens, "skin", count, out, patience=20))
+
+
+def test_fleet_enrols_with_one_token_and_goes_on_where_it_was_cut_off(
+    service: Service, tmp_path: Path
+) -> None:
+    command = [
+        ESKIN, "pki", "enrol", "--url", service.url, "--enrol-dir", str(service.tokens),
+        "--kind", "node", "--name", "skin", "--count", "12", "--out", str(tmp_path),
+    ]  # fmt: skip
+    with Running(command, log=tmp_path / "log") as cut:
+        cut.wait_for((tmp_path / "skin-0003" / "chain.pem").exists, "some are enrolled")
+        cut.kill()
+    first = Identity.load(tmp_path / "skin-0001")
+    # An answer that was lost: the key is there, its certificate is not.
+    (tmp_path / "skin-0002" / "chain.pem").unlink()
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    assert "skin-0001 to skin-0012" in done.stdout
+    found = enrol_skins(service, tmp_path, 12)
+    assert [own.name for own in found] == numbered("skin", 12)
+    assert found[0].certificate == first.certificate
+    trust = Trust(load_certificates(service.tokens / "root.pem")[0])
+    for own in found:
+        trust.verify([der(certificate) for certificate in own.chain], IdentityKind.NODE)
+    listed = CliRunner().invoke(pki, ["tokens", "--dir", str(service.authority)])
+    row = next(line.split() for line in listed.stdout.splitlines() if "skin" in line)
+    assert row[:4] == ["skin", "node", "12", "12"]
+    with pytest.raises(IdentityError, match="skin-0001, for another key"):
+        enrol_skins(service, tmp_path / "thief", 1)
+    with pytest.raises(IdentityError, match="good for skin-0001 to skin-0012, not for 'skin-0013'"):
+        enrol_skins(service, tmp_path, 13)
+
+
+def test_fleet_waits_for_a_service_that_is_away(tmp_path: Path, service: Service) -> None:
+    asked = enrol_fleet(
+        f"https://127.0.0.1:{free_port()}", service.tokens, "skin", 1, tmp_path, patience=0
+    )
+    with pytest.raises(IdentityError, match=r"gave up after 0 s: .*cannot be reached"):
+        next(asked)
+
+
+def test_token_of_a_fleet_is_good_for_its_names_alone_and_expires(tmp_path: Path) -> None:
+    now = [datetime.now(UTC)]
+    tokens = Tokens(tmp_path / "tokens.json", clock=lambda: now[0])
+    first = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), count=3)
+    tokens.exclude(["skin-0003"])
+    assert tokens.redeem(first, b"key", "skin-0001").name == "skin-0001"
+    for name in ("skin-0004", "skin-0000", "skin-1", "skin-0001x", "skin", "", "other-0001"):
+        with pytest.raises(IdentityError, match="is good for skin-0001 to skin-0003, not for"):
+            tokens.redeem(first, b"key", name)
+    with pytest.raises(IdentityError, match="used before for skin-0003"):
+        tokens.redeem(first, b"key", "skin-0003")
+    second = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), count=3)
+    reopened = Tokens(tmp_path / "tokens.json", clock=lambda: now[0])
+    with pytest.raises(IdentityError, match="not known"):
+        reopened.redeem(first, b"key", "skin-0002")
+    with pytest.raises(IdentityError, match="skin-0001, for another key"):
+        reopened.redeem(second, b"other", "skin-0001")
+    assert [(each.name, used) for each, used in reopened.listed()] == [("skin", 2)]
+    now[0] += timedelta(hours=2)
+    with pytest.raises(IdentityError, match="expired"):
+        reopened.redeem(second, b"key", "skin-0002")
+    kept = b"".join(path.read_bytes() for path in tmp_path.iterdir())
+    assert second.encode() not in kept
+
+
+@given(st.text(max_size=9), st.integers(1, 200), st.integers(-5, 300))
+@example("", 12_000, 9_999)
+def test_numbered_names_are_known_again(other: str, count: int, number: int) -> None:
+    names = numbered("a-1", count)
+    assert is_numbered(names[number % count], "a-1", count)
+    assert is_numbered(f"a-1-{other}", "a-1", count) == (f"a-1-{other}" in names)
+    assert is_numbered(f"a-1-{number:04}", "a-1", count) == (f"a-1-{number:04}" in names)
 
 
 def test_ca_keys_are_private(service: Service) -> None:

@@ -22,7 +22,7 @@ def test_truth_is_read_back_as_it_was_while_open_for_writing(tmp_path: Path) -> 
     path = tmp_path / "truth.sqlite"
     truth = Truth(path, limit=1 << 20)
     assert Truth.oldest(path) is None
-    truth.store([block(3), block(5)])
+    truth.store({"n": [block(3), block(5)]})
     found = Truth.read(path, [Position(1, 3), Position(1, 4), Position(1, 5)])
     assert sorted(found) == [Position(1, 3), Position(1, 5)]
     kept, made = found[Position(1, 5)], block(5)
@@ -35,7 +35,7 @@ def test_oldest_truth_gives_way_beyond_the_limit(tmp_path: Path) -> None:
     path = tmp_path / "truth.sqlite"
     truth = Truth(path, limit=1 << 18)
     for sequence in range(400):
-        truth.store([block(sequence)])
+        truth.store({"n": [block(sequence)]})
     found = Truth.read(path, [Position(1, sequence) for sequence in range(400)])
     assert max(found) == Position(1, 399)
     assert 40 < len(found) < 140
@@ -66,10 +66,10 @@ def test_missing_truth_is_a_clear_error(tmp_path: Path) -> None:
 def test_end_is_after_the_latest_sample_of_the_latest_boot(tmp_path: Path) -> None:
     truth = Truth(tmp_path / "truth.sqlite", limit=1 << 20)
     assert truth.end() is None
-    truth.store([block(3), block(5, n=100), block(4)])
+    truth.store({"n": [block(3), block(5, n=100)], "other": [block(4)]})
     assert truth.end() == 10**18 + 4 + 250 * 1_000_000
     later = TrueBlock(Position(2, 0), "t01.area", 9 * 10**17, 1_000_000, np.zeros(10))
-    truth.store([later])
+    truth.store({"n": [later]})
     assert truth.end() == 10**18 + 4 + 250 * 1_000_000
     truth.close()
 
@@ -79,3 +79,20 @@ def test_second_node_on_one_truth_is_refused(tmp_path: Path) -> None:
     with pytest.raises(FlashError, match="another node keeps its truth here"):
         Truth(tmp_path / "truth.sqlite", limit=1 << 20)
     first.close()
+
+
+def test_nodes_of_one_file_are_told_apart(tmp_path: Path) -> None:
+    path = tmp_path / "truth.sqlite"
+    truth = Truth(path, limit=1 << 20)
+    truth.store({"a": [block(3), block(4, n=9)], "b": [block(4), block(7)]})
+    truth.close()
+    assert Truth.made(path) == {
+        "a": [Position(1, 3), Position(1, 4)],
+        "b": [Position(1, 4), Position(1, 7)],
+    }
+    for node, samples in (("a", 9), ("b", 250)):
+        found = Truth.read(path, [Position(1, 3), Position(1, 4)], node=node)
+        assert len(found[Position(1, 4)].values) == samples
+        assert (Position(1, 3) in found) == (node == "a")
+    assert Truth.oldest(path, node="b") == Position(1, 4)
+    assert Truth.oldest(path, node="c") is None

@@ -1,0 +1,53 @@
+"""Which name was enrolled for which key: a file that only grows."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING
+
+from eskin.errors import IdentityError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+class Uses:
+    """Names of fleets that were enrolled, each with the SHA-256 of its public key.
+
+    Args:
+        path: The file, which need not be there yet.
+
+    Raises:
+        IdentityError: It cannot be read.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._keys: dict[str, str] = {}
+        if not path.exists():
+            return
+        try:
+            for line in path.read_text().splitlines():
+                use = json.loads(line)
+                self._keys[use["name"]] = use["key"]
+        except (OSError, ValueError, KeyError, TypeError) as error:
+            raise IdentityError(f"{path}: enrolled names cannot be read: {error}") from error
+
+    def key(self, name: str) -> str | None:
+        """The key for which a name was enrolled; ``None`` if it was not."""
+        return self._keys.get(name)
+
+    def bind(self, name: str, key: str) -> None:
+        """Enrol a name for a key, durably.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        if self._keys.get(name) == key:
+            return
+        with self._path.open("a") as file:
+            file.write(json.dumps({"name": name, "key": key}) + "\n")
+            file.flush()
+            os.fsync(file.fileno())
+        self._keys[name] = key

@@ -1,0 +1,85 @@
+"""One node of a fleet, as its loop sees it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from sensor_node.commands import Commander
+from sensor_node.fleet.controls import MemberControls
+
+if TYPE_CHECKING:
+    from sensor_node.fleet.outbox import MemberOutbox
+    from sensor_node.fleet.radio import Radio
+    from sensor_node.fleet.soloist import Soloist
+    from sensor_node.fleet.squad import Squad
+
+
+class Member:
+    """One node of a fleet.
+
+    Args:
+        squad: With whom it samples.
+        row: Its place there.
+        radio: Its connection.
+        cloud: Common name of the only server that may command it.
+
+    Attributes:
+        name: Its name.
+        squad: As given.
+        row: As given.
+        radio: As given.
+        outbox: Where its messages wait.
+        commander: Does what the cloud asks of it.
+        more: Whether it has something to send.
+    """
+
+    __slots__ = ("commander", "more", "name", "outbox", "radio", "row", "squad")
+
+    def __init__(self, squad: Squad, row: int, radio: Radio, *, cloud: str) -> None:
+        self.name = squad.names[row]
+        self.squad = squad
+        self.row = row
+        self.radio = radio
+        self.outbox: MemberOutbox = squad.outboxes[row]
+        self.commander = Commander(
+            self.outbox,
+            own=radio.own,
+            cloud=cloud,
+            controls=MemberControls(squad, row),
+            enclosure=lambda: squad.enclosure(row),
+        )
+        self.more = False
+
+    @property
+    def alone(self) -> Soloist | None:
+        """What it is where it samples alone."""
+        return self.squad.soloists.get(self.row)
+
+    @property
+    def running(self) -> bool:
+        """Whether its firmware runs; else nothing is sent or taken."""
+        return self.alone is None or self.alone.running
+
+    def has_backlog(self) -> bool:
+        """Whether its connection did not take all that was written."""
+        return self.radio.writes
+
+    def catch_up(self) -> None:
+        """Do what is due by now; it samples alone."""
+        node = self.squad.soloists[self.row]
+        meter, radio = node.machine.ledger, self.radio
+        meter.sent, radio.sent = meter.sent + radio.sent, 0
+        meter.received, radio.received = meter.received + radio.received, 0
+        node.catch_up()
+        self.more = True
+
+    def take_commands(self) -> None:
+        """Do what it was asked.
+
+        Raises:
+            FlashError: A result could not be kept; its command comes again.
+        """
+        asked, self.radio.commands = self.radio.commands, []
+        for signed in asked:
+            self.commander.take(signed)
+            self.more = True
