@@ -65,8 +65,7 @@ class RealStack:
         self._running.enter_context(self.cloud)
         self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
         self._running.enter_context(self.gateway)
-        # Its imports are no part of what a block costs.
-        self.gateway.wait_for(lambda: "ready:" in self.gateway.output(), "the gateway is ready")
+        self._await_gateway(1)
         return self
 
     def __exit__(
@@ -76,6 +75,17 @@ class RealStack:
         trace: TracebackType | None,
     ) -> None:
         self._running.__exit__(kind, error, trace)
+
+    def start_gateway(self) -> None:
+        """Start the gateway again, after it was ended."""
+        starts = self.gateway.output().count("ready:")
+        self.gateway.start()
+        self._await_gateway(starts + 1)
+
+    def _await_gateway(self, starts: int) -> None:
+        # Its imports are no part of what a block costs.
+        ready = "the gateway is ready"
+        self.gateway.wait_for(lambda: self.gateway.output().count("ready:") >= starts, ready)
 
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""
