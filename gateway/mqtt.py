@@ -134,7 +134,7 @@ class MqttBroker:
         client.on_subscribe = self._on_subscribe
         client.on_disconnect = self._on_disconnect
         # Tells paho that a loop of ours writes; otherwise it would write in the caller's thread.
-        client.on_socket_register_write = _ignore
+        client.on_socket_register_write = lambda *_: None
         properties = None
         if five:
             properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho has no annotations here
@@ -219,7 +219,7 @@ class MqttBroker:
                     self._client.ack(item.mid, item.qos)
             else:
                 topic, payload, retain = item
-                self._client.publish(topic, payload, qos=0, retain=retain)
+                self._client.publish_once(topic, payload, retain=retain)
 
     def _farewell(self) -> None:
         self._hand_over()
@@ -282,14 +282,8 @@ class MqttBroker:
     def _on_message(self, message: paho.MQTTMessage) -> None:
         if not self._accepting:
             return
-        arrival = Arrival(
-            message.topic,
-            bytes(message.payload),
-            message.mid,
-            message.qos,
-            message.retain,
-            self._connection,
-        )
+        payload, mid, qos = bytes(message.payload), message.mid, message.qos
+        arrival = Arrival(message.topic, payload, mid, qos, message.retain, self._connection)
         if not self._inbox.put(arrival):
             # The node sends it again; kept, it would clog the broker's window.
             self._outgoing.append(arrival)
@@ -301,7 +295,3 @@ class MqttBroker:
             log.warning(
                 "broker: %s; trying again: %s:%d", fault, self._settings.host, self._settings.port
             )
-
-
-def _ignore(client: paho.Client, userdata: Any, sock: Any) -> None:
-    del client, userdata, sock

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, NamedTuple
 
-from eskin.messages.encoding import Encoding, require_scale, require_typed
+from eskin.messages.encoding import ENCODINGS, Encoding, require_scale, require_typed
 from eskin.messages.fields import MOST_COUNT
 from eskin.messages.head import Position, read_channel, read_position
 
@@ -18,9 +17,8 @@ _FIELDS: Final = frozenset(range(1, 18))
 _PLAIN: Final = frozenset(range(1, 15)) | {17}
 
 
-@dataclass(frozen=True, slots=True)
-class BlockSummary:
-    """A block whose samples were counted, but not looked at.
+class BlockSummary(NamedTuple):
+    """A block whose samples were counted, but not looked at; a tuple, because there are many.
 
     Whoever reads the samples checks that they are intervals and that ``bounds`` is their hull.
 
@@ -51,13 +49,13 @@ class BlockSummary:
     bounds: tuple[float, float]
 
     @classmethod
-    def read(cls, fields: Fields) -> Self:
+    def read(cls, fields: Fields) -> BlockSummary:
         """Read it from a block's decoded fields.
 
         Raises:
             MessageError: They are no block's.
         """
-        encoding = Encoding(fields.integer(11, 0, len(Encoding) - 1))
+        encoding = ENCODINGS[fields.integer(11, 0, len(ENCODINGS) - 1)]
         fields.only(_FIELDS if encoding is Encoding.Q16 else _PLAIN)
         if encoding is Encoding.Q16:
             require_scale(fields)

@@ -39,6 +39,7 @@ class Encoding(IntEnum):
     Q16 = 2
 
 
+ENCODINGS: Final = tuple(Encoding)
 _TYPES: Final = {
     Encoding.F64: ("<f8", 86, 8),
     Encoding.F32: ("<f4", 85, 4),
