@@ -14,6 +14,7 @@ from eskin.envelope import Opener, Sealer
 from eskin.identity import Identity, client_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement, ChannelInfo, Position, Status
+from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
 from tests.processes import wait_until
 
@@ -31,7 +32,6 @@ class Flood:
 
     Attributes:
         boot: The present one.
-        acknowledged: How many of the present flood the gateway vouched for.
         finished: When it vouched for the last, UTC ns.
     """
 
@@ -42,7 +42,7 @@ class Flood:
         self._opener = Opener([node], sender={site.thumbprint: site.certificate}.get)
         self.boot = 0
         self._told = threading.Semaphore(0)
-        self.acknowledged: set[int] = set()
+        self._acknowledged = SequenceRanges()
         self.finished = 0
         self._client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=_NODE)
         self._client.tls_set_context(client_context(node.directory / ROOT_FILE, node))
@@ -63,7 +63,7 @@ class Flood:
     def introduce(self) -> None:
         """Begin a boot, and wait until the gateway knows the node."""
         self.boot += 1
-        self.acknowledged = set()
+        self._acknowledged = SequenceRanges()
         now = time.time_ns()
         info = ChannelInfo("t01.capacitance", "F", 1_000_000, 1.0)
         status = Status(
@@ -72,15 +72,19 @@ class Flood:
         topic = node_topic(_NODE, Stream.STATUS)
         sealed = self._sealer.seal(status.encode(), topic=topic, introduce=True)
         self._client.publish(topic, sealed, qos=1, retain=True)
-        wait_until(lambda: 0 in self.acknowledged, "the node is known", seconds=_PATIENCE_S)
+        wait_until(lambda: self.durable >= 0, "the node is known", seconds=_PATIENCE_S)
         self._told.acquire()
 
     def seal(self, count: int) -> list[bytes]:
         """Envelopes of the next blocks, from sequence 1."""
+        return [self.seal_one(number) for number in range(1, count + 1)]
+
+    def seal_one(self, number: int) -> bytes:
+        """The envelope of one block."""
         topic = node_topic(_NODE, Stream.BLOCKS)
-        held = Position(self.boot, 1)
-        plain = (sample_block(Position(self.boot, number)) for number in range(1, count + 1))
-        return [self._sealer.seal(data, topic=topic, held=held) for data in plain]
+        held = Position(self.boot, self.durable + 1)
+        data = sample_block(Position(self.boot, number))
+        return self._sealer.seal(data, topic=topic, held=held)
 
     def send(self, envelope: bytes) -> None:
         """Publish one, at QoS 1."""
@@ -95,13 +99,19 @@ class Flood:
 
     def wait_for(self, count: int) -> None:
         """Wait until the gateway vouched for so many blocks."""
-        wait_until(lambda: len(self.acknowledged) > count, "all durable", seconds=_PATIENCE_S)
+        wait_until(lambda: self.durable >= count, "all durable", seconds=_PATIENCE_S)
+
+    @property
+    def durable(self) -> int:
+        """The last sequence up to which the gateway vouched for all; -1 where for none."""
+        first, last = next(iter(self._acknowledged), (1, -1))
+        return last if first == 0 else -1
 
     def _on_message(self, _client: mqtt.Client, _data: object, message: mqtt.MQTTMessage) -> None:
         opened = self._opener.open(bytes(message.payload), topic=message.topic)
         for boot, first, last in Acknowledgement.decode(opened.plaintext).spans:
             if boot == self.boot:
-                self.acknowledged.update(range(first, last + 1))
+                self._acknowledged.add(first, last)
         self.finished = time.time_ns()
 
     def _on_publish(self, *_: Any) -> None:
