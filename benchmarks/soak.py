@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.table import Table
 
 from benchmarks.flood import Flood
-from benchmarks.trend import Trend
+from benchmarks.trend import LEAST, Trend
 from tests.processes import wait_until
 from tests.stacks import RealStack
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from tests.processes import Running
 
 _WINDOW: Final = 4000
+_AT_ONCE: Final = 100
 _SAMPLES: Final = 600
 """Most samples of memory; at least one a second where there is time for it."""
 _REST_S: Final = 10.0
@@ -106,15 +107,15 @@ def _load(
     seconds: list[float] = []
     samples: list[dict[str, int]] = []
     sent = 0
-    while (now := time.monotonic() - begun) < duration:
-        due = min(int(now * rate), flood.durable + _WINDOW)
+    while (now := time.monotonic() - begun) < duration or len(seconds) < LEAST:
+        due = min(int(now * rate), flood.durable + _WINDOW, sent + _AT_ONCE)
         while sent < due:
             sent += 1
             flood.send(flood.seal_one(sent))
         if now >= len(seconds) * period:
             seconds.append(now)
             samples.append(memory(parts))
-        time.sleep(0.005)
+        time.sleep(0.002)
     return seconds, samples, sent
 
 

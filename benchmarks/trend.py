@@ -15,6 +15,8 @@ _STUDENT: Final = 2.101
 """Student's t for 95 %, two-sided, with 18 degrees of freedom: 20 buckets less a line's two."""
 _WARM_UP: Final = 0.25
 """Share of the time in which caches fill; it is left out."""
+LEAST: Final = 54
+"""Fewest samples: two in each stretch after the warm-up."""
 _FLAT: Final = 0.05
 """Growth an hour, as a share of the memory used, up to which memory is called flat."""
 
@@ -45,11 +47,11 @@ class Trend:
             used: Bytes.
 
         Raises:
-            ValueError: There are too few for twenty stretches after the warm-up.
+            ValueError: There are fewer than `LEAST`.
         """
+        if len(seconds) < LEAST:
+            raise ValueError(f"{len(seconds)} samples are too few; at least {LEAST} are needed")
         warm = int(len(seconds) * _WARM_UP)
-        if len(seconds) - warm < 2 * BUCKETS:
-            raise ValueError(f"{len(seconds)} samples are too few; at least 54 are needed")
         x = np.array([part.mean() for part in np.array_split(np.array(seconds[warm:]), BUCKETS)])
         y = np.array([np.median(part) for part in np.array_split(np.array(used[warm:]), BUCKETS)])
         mean = float(y.mean())

@@ -63,7 +63,7 @@ class RealStack:
     def __enter__(self) -> Self:
         self._running.enter_context(self.broker)
         self._running.enter_context(self.cloud)
-        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
+        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens", seconds=60)
         self._running.enter_context(self.gateway)
         self._await_gateway(1)
         return self
@@ -85,7 +85,9 @@ class RealStack:
     def _await_gateway(self, starts: int) -> None:
         # Its imports are no part of what a block costs.
         ready = "the gateway is ready"
-        self.gateway.wait_for(lambda: self.gateway.output().count("ready:") >= starts, ready)
+        self.gateway.wait_for(
+            lambda: self.gateway.output().count("ready:") >= starts, ready, seconds=60
+        )
 
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""
