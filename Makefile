@@ -23,7 +23,7 @@ DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 MICROPYTHON := tests/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
-.PHONY: help demo test test-compose lint bench chaos docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench soak chaos docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -48,6 +48,10 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 
 bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	$(BIN)/python -m benchmarks $(ARGS)
+
+soak: $(VENV)/.development ## Watch the real stack's memory under a steady load (ARGS="--duration 3600 --rate 1000")
+	@services/install_test_packages.sh mosquitto
+	$(BIN)/python -m benchmarks.soak $(ARGS)
 
 chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1")
 	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev

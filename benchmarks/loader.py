@@ -33,7 +33,7 @@ class Loader:
         site = Identity.load(pki / "site.main")
         self._sealer = Sealer(self._node, site.certificate)
         self._opener = Opener([self._node], sender={site.thumbprint: site.certificate}.get)
-        self._blocks = [_block(i + 1) for i in range(blocks)]
+        self._blocks = [sample_block(Position(1, i + 1)) for i in range(blocks)]
         self._waiting: set[int] = set()
         self._changed = threading.Condition()
         self._client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id="fingertip")
@@ -89,12 +89,13 @@ class Loader:
             self._changed.notify_all()
 
 
-def _block(sequence: int) -> bytes:
-    start = time.time_ns() + sequence * SAMPLES * 1_000_000
-    phase = sequence * SAMPLES + np.arange(SAMPLES)
+def sample_block(position: Position) -> bytes:
+    """A block of 250 samples: 1.1 kB."""
+    start = time.time_ns() + position.sequence * SAMPLES * 1_000_000
+    phase = position.sequence * SAMPLES + np.arange(SAMPLES)
     values = 5e-11 * (1.1 + np.sin(phase * 0.0126))
     tube = Tube((start, start + 4_000_000), 1_000_000, Interval.relative(values, 0.01), "F", 1.0)
-    return Block.pack(Position(1, sequence), "t01.capacitance", 0, tube, Encoding.Q16).encode()
+    return Block.pack(position, "t01.capacitance", 0, tube, Encoding.Q16).encode()
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from enum import StrEnum
+from functools import lru_cache
 
 from eskin.errors import MessageError
 
@@ -39,6 +40,7 @@ def node_topic(node: str, stream: Stream) -> str:
     return f"{NODES}/{node}/{stream}"
 
 
+@lru_cache(maxsize=16_384)
 def parse_node_topic(topic: str) -> tuple[str, Stream]:
     """The node and the stream of a private topic.
 

@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING
 
 from eskin.errors import UntrustedCertificateError
-from eskin.messages import Block, Gap, Peak, Status
+from eskin.messages import BlockSummary, Gap, Peak, Status
 from gateway import public
 
 if TYPE_CHECKING:
@@ -94,8 +94,8 @@ class Answers:
     def _publications(self, outcome: Outcome) -> Iterator[tuple[str, bytes, bool]]:
         now = self._clock()
         for node, message, live in outcome.messages:
-            shown = not isinstance(message, Block | Peak) or public.is_public(message)
-            if shown and isinstance(message, Block):
+            shown = not isinstance(message, BlockSummary | Peak) or public.is_public(message)
+            if shown and isinstance(message, BlockSummary):
                 yield *public.live(node, message), False
             elif shown and isinstance(message, Peak | Gap):
                 yield *public.event(node, message), False

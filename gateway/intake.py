@@ -17,7 +17,16 @@ from eskin.errors import (
     UnknownSenderError,
     UntrustedCertificateError,
 )
-from eskin.messages import Block, Gap, Message, Peak, Position, Result, Status, decode_message
+from eskin.messages import (
+    BlockSummary,
+    Gap,
+    Peak,
+    Position,
+    Result,
+    Status,
+    Summary,
+    decode_summary,
+)
 from eskin.topics import FROM_NODE, Stream, parse_node_topic
 from gateway.batch import Batch, DeadLetter, Entry
 from gateway.poison import poison_position
@@ -33,7 +42,7 @@ if TYPE_CHECKING:
     from gateway.senders import Senders
 
 _FITS: Final = {
-    Stream.BLOCKS: (Block,),
+    Stream.BLOCKS: (BlockSummary,),
     Stream.EVENTS: (Peak, Gap, Result),
     Stream.STATUS: (Status,),
 }
@@ -60,7 +69,7 @@ class Outcome:
 
     batch: Batch = field(default_factory=Batch)
     positions: dict[str, list[Position]] = field(default_factory=dict)
-    messages: list[tuple[str, Message, bool]] = field(default_factory=list)
+    messages: list[tuple[str, Summary, bool]] = field(default_factory=list)
     duplicates: int = 0
     rejected: Counter[Reason] = field(default_factory=Counter)
 
@@ -144,9 +153,9 @@ class Intake:
         outcome.batch.nodes[node] = record
         record.thumbprint = opened.thumbprint
         try:
-            message = decode_message(opened.plaintext)
+            message = decode_summary(opened.plaintext)
             if not isinstance(message, _FITS[stream]):
-                raise MessageError(f"a {type(message).__name__} has no place among the {stream}")
+                raise MessageError(f"a message of its kind has no place among the {stream}")
         except EskinError as error:
             self._bury(outcome, arrival, node, opened, str(error))
             return

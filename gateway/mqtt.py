@@ -12,16 +12,19 @@ import socket
 import threading
 import time
 from collections import deque
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as paho
-from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
+from paho.mqtt.enums import MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
 from eskin.topics import Stream, node_topic
 from gateway.arrival import Arrival
+from gateway.buffered_socket import BufferedSocket
+from gateway.client import Client
 
 if TYPE_CHECKING:
     import ssl
@@ -40,6 +43,7 @@ _TICK_S: Final = 0.5
 _MOST_OUTGOING: Final = 20_000
 _READS: Final = 64
 _FULL_TICK_S: Final = 0.005
+_FAREWELL_S: Final = 1.0
 
 
 class MqttBroker:
@@ -114,10 +118,12 @@ class MqttBroker:
                 self._outgoing.append(publication)
         self._wake()
 
-    def _make_client(self, name: str, context: ssl.SSLContext) -> paho.Client:
+    def _make_client(self, name: str, context: ssl.SSLContext) -> Client:
         five = self._settings.protocol == "5"
-        client = paho.Client(
-            CallbackAPIVersion.VERSION2,
+        # The context makes the sockets of this connection alone.
+        context.sslsocket_class = BufferedSocket
+        client = Client(
+            take=self._on_message,
             client_id=name,
             clean_session=None if five else True,
             protocol=_PROTOCOLS[self._settings.protocol],
@@ -127,9 +133,8 @@ class MqttBroker:
         client.on_connect = self._on_connect
         client.on_subscribe = self._on_subscribe
         client.on_disconnect = self._on_disconnect
-        client.on_message = self._on_message
         # Tells paho that a loop of ours writes; otherwise it would write in the caller's thread.
-        client.on_socket_register_write = _ignore
+        client.on_socket_register_write = lambda *_: None
         properties = None
         if five:
             properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho has no annotations here
@@ -158,16 +163,15 @@ class MqttBroker:
 
     def _serve(self) -> None:
         """Read and write until the connection ends or the thread shall."""
-        while (own := self._client.socket()) is not None and not self._stopping.is_set():
+        while isinstance(own := self._client.socket(), BufferedSocket):
+            if self._stopping.is_set():
+                return
             patient = self._inbox.full and not self._out_of_patience()
-            if patient or not _pending(own):
+            if patient or own.drained:
                 self._wait(own, read=not patient)
             if not patient and self._read(own):
                 return
-            self._hand_over()
-            if self._client.want_write() and self._client.loop_write():
-                return
-            if self._client.loop_misc():
+            if self._write(own) or self._client.loop_misc():
                 return
 
     def _out_of_patience(self) -> bool:
@@ -178,22 +182,31 @@ class MqttBroker:
         self._full_seen = now
         return now > self._full_since + self._settings.keepalive_s / 2
 
-    def _wait(self, own: Any, *, read: bool) -> None:
+    def _wait(self, own: BufferedSocket, *, read: bool) -> None:
         """Wait for something to do; with a full inbox, reading is not: TCP holds the broker."""
-        waiting = [own] if self._client.want_write() else []
+        waiting = [own] if own.unsent else []
         reading = [own, self._wake_out] if read else [self._wake_out]
         readable, _, _ = select.select(reading, waiting, [], _TICK_S if read else _FULL_TICK_S)
         if self._wake_out in readable:
             self._wake_out.recv(4096)
 
-    def _read(self, own: Any) -> bool:
+    def _read(self, own: BufferedSocket) -> bool:
         """Read what is there, up to a batch; tells whether the connection ended."""
         for _ in range(_READS):
             # The socket does not block: where nothing is there, this returns at once.
             if self._client.loop_read():
                 return True
-            if not _pending(own) or self._inbox.full:
+            if own.drained or self._inbox.full:
                 return False
+        return False
+
+    def _write(self, own: BufferedSocket) -> bool:
+        """Write what other threads left, all together; tells whether the connection ended."""
+        if not own.clogged:
+            self._hand_over()
+        if self._client.want_write() and self._client.loop_write():
+            return True
+        own.flush()
         return False
 
     def _hand_over(self) -> None:
@@ -206,16 +219,18 @@ class MqttBroker:
                     self._client.ack(item.mid, item.qos)
             else:
                 topic, payload, retain = item
-                self._client.publish(topic, payload, qos=0, retain=retain)
+                self._client.publish_once(topic, payload, retain=retain)
 
     def _farewell(self) -> None:
         self._hand_over()
-        if self._client.is_connected():
+        own = self._client.socket()
+        if self._client.is_connected() and isinstance(own, BufferedSocket):
+            self._client.loop_write()
+            with suppress(OSError):
+                own.settimeout(_FAREWELL_S)
+                own.flush()
             self._client.disconnect()
-            while self._client.want_write() and (own := self._client.socket()) is not None:
-                _, writable, _ = select.select([], [own], [], 1.0)
-                if not writable or self._client.loop_write():
-                    break
+            self._client.loop_write()
 
     def _wake(self) -> None:
         try:
@@ -264,18 +279,11 @@ class MqttBroker:
         if not self._stopping.is_set():
             self._lost(f"connection lost: {code}")
 
-    def _on_message(self, client: paho.Client, userdata: Any, message: paho.MQTTMessage) -> None:
-        del client, userdata
+    def _on_message(self, message: paho.MQTTMessage) -> None:
         if not self._accepting:
             return
-        arrival = Arrival(
-            message.topic,
-            bytes(message.payload),
-            message.mid,
-            message.qos,
-            message.retain,
-            self._connection,
-        )
+        payload, mid, qos = bytes(message.payload), message.mid, message.qos
+        arrival = Arrival(message.topic, payload, mid, qos, message.retain, self._connection)
         if not self._inbox.put(arrival):
             # The node sends it again; kept, it would clog the broker's window.
             self._outgoing.append(arrival)
@@ -287,13 +295,3 @@ class MqttBroker:
             log.warning(
                 "broker: %s; trying again: %s:%d", fault, self._settings.host, self._settings.port
             )
-
-
-def _pending(own: Any) -> bool:
-    """Whether TLS holds decrypted bytes that select cannot see."""
-    pending = getattr(own, "pending", None)
-    return pending is not None and pending() > 0
-
-
-def _ignore(client: paho.Client, userdata: Any, sock: Any) -> None:
-    del client, userdata, sock

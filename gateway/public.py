@@ -7,7 +7,7 @@ from typing import Any, Final
 
 import orjson
 
-from eskin.messages import Block, Energy, Gap, Peak, Status
+from eskin.messages import BlockSummary, Energy, Gap, Peak, Status
 from eskin.moment import format_moment
 from eskin.topics import live_topic
 
@@ -15,29 +15,27 @@ BIOMETRIC: Final = frozenset({"bioelectric"})
 """Quantities that tell of a person: everybody who may read public topics would read them."""
 
 
-def is_public(message: Block | Peak) -> bool:
+def is_public(message: BlockSummary | Peak) -> bool:
     """Whether everybody may know of what a channel measures."""
     return message.channel.rpartition(".")[2] not in BIOMETRIC
 
 
-def live(node: str, block: Block) -> tuple[str, bytes]:
+def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
     """Topic and JSON of a block's hull.
 
     ``t0`` is the earliest moment of the first sample, ``t1`` the latest of the last. An unbounded
     side is null.
     """
-    tube = block.tube
-    n = len(tube)
     lo, hi = block.bounds
     body = orjson.dumps(
         {
-            "t0": format_moment(tube.time[0]),
-            "t1": format_moment(tube.time[1] + (n - 1) * tube.dt),
+            "t0": format_moment(block.time[0]),
+            "t1": format_moment(block.time[1] + (block.n - 1) * block.dt),
             "lo": lo,  # orjson writes infinities as null
             "hi": hi,
-            "unit": tube.unit,
-            "coverage": union_bound(tube.coverage, n),
-            "n": n,
+            "unit": block.unit,
+            "coverage": union_bound(block.coverage, block.n),
+            "n": block.n,
         }
     )
     return live_topic(node, block.channel), body

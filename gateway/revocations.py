@@ -74,6 +74,14 @@ class Revocations:
             raise UntrustedCertificateError(self.fault or "no revocation list yet")
         return self._trust.verify(chain, IdentityKind.NODE)
 
+    def require_good(self, leaf: x509.Certificate, issuer: x509.Certificate) -> None:
+        """Judge a verified pair again.
+
+        Raises:
+            UntrustedCertificateError: As `Trust.require_good`.
+        """
+        self._trust.require_good(leaf, issuer, IdentityKind.NODE)
+
     def _complain(self, fault: str) -> None:
         if fault != self.fault:
             log.error("%s; the last good list stays, without one no node is trusted", fault)

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
 from collections import OrderedDict
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
+
+from cryptography import x509
 
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import common_name, der, thumbprint
@@ -13,13 +17,24 @@ from gateway.batch import Sender
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from cryptography import x509
-
     from gateway.revocations import Revocations
     from gateway.spool import Spool
 
 RECHECK_S: Final = 10.0
-"""For how long one verification is good; a new revocation list ends it at once."""
+"""For how long one judgement is good; a new revocation list ends it at once."""
+
+
+@dataclass(slots=True)
+class _Known:
+    """A pair whose signatures are verified.
+
+    ``judged`` is when it was last found valid and not revoked, ``kept`` whether the spool has it.
+    """
+
+    leaf: x509.Certificate
+    issuer: x509.Certificate
+    judged: float
+    kept: bool = False
 
 
 class Senders:
@@ -45,14 +60,15 @@ class Senders:
         self._capacity = capacity
         self._clock = clock
         self._now = clock()
-        self._known: OrderedDict[bytes, tuple[x509.Certificate, float]] = OrderedDict()
+        self._listed = float("-inf")
+        self._known: OrderedDict[bytes, _Known] = OrderedDict()
         self._fresh: dict[bytes, Sender] = {}
 
     def refresh(self) -> None:
         """Look at the clock and at the revocation list, once for many messages."""
         self._now = self._clock()
         if self._revocations.refresh(self._now):
-            self._known.clear()
+            self._listed = self._now
 
     def find(self, named: bytes) -> x509.Certificate | None:
         """The certificate with a thumbprint; ``None`` where it was never introduced.
@@ -61,12 +77,12 @@ class Senders:
             UntrustedCertificateError: It is not valid now, or revoked.
         """
         known = self._known.get(named)
-        if known is not None and self._now < known[1]:
-            return known[0]
+        if known is not None:
+            return self._judge(known)
         sender = self._fresh.get(named) or self._spool.sender(named)
         if sender is None:
             return None
-        return self._verify((sender.leaf, sender.issuer))
+        return self._verify((sender.leaf, sender.issuer)).leaf
 
     def introduce(self, chain: Sequence[bytes], node: str) -> None:
         """Take over the chain that a node's status carries.
@@ -74,15 +90,23 @@ class Senders:
         Raises:
             UntrustedCertificateError: It is no valid chain of that node.
         """
-        leaf = self._verify(chain)
+        known = self._known.get(hashlib.sha256(chain[0]).digest()) if chain else None
+        if known is None or list(chain) != [der(known.leaf), der(known.issuer)]:
+            known = self._verify(chain)
+        leaf = self._judge(known)
         if common_name(leaf) != node:
             raise UntrustedCertificateError(
                 f"certificate of {common_name(leaf)!r} on the topic of {node!r}"
             )
-        named = thumbprint(leaf)
+        if not known.kept:
+            self._keep(known)
+
+    def _keep(self, known: _Known) -> None:
+        named = thumbprint(known.leaf)
         if self._spool.sender(named) is None:
-            expires = int(leaf.not_valid_after_utc.timestamp())
-            self._fresh[named] = Sender(named, expires, der(leaf), bytes(chain[1]))
+            expires = int(known.leaf.not_valid_after_utc.timestamp())
+            self._fresh[named] = Sender(named, expires, der(known.leaf), der(known.issuer))
+        known.kept = True
 
     def fresh(self) -> list[Sender]:
         """Senders to be remembered with the next commit."""
@@ -92,11 +116,19 @@ class Senders:
         """The senders that `fresh` gave are durable now."""
         self._fresh.clear()
 
-    def _verify(self, chain: Sequence[bytes]) -> x509.Certificate:
+    def _judge(self, known: _Known) -> x509.Certificate:
+        """What may have changed since it was verified: the time, and the revocations."""
+        if known.judged < self._listed or self._now >= known.judged + RECHECK_S:
+            self._revocations.require_good(known.leaf, known.issuer)
+            known.judged = self._now
+        return known.leaf
+
+    def _verify(self, chain: Sequence[bytes]) -> _Known:
         leaf = self._revocations.verify(chain)
+        known = _Known(leaf, x509.load_der_x509_certificate(chain[1]), self._now)
         named = thumbprint(leaf)
-        self._known[named] = leaf, self._now + RECHECK_S
+        self._known[named] = known
         self._known.move_to_end(named)
         if len(self._known) > self._capacity:
             self._known.popitem(last=False)
-        return leaf
+        return known

@@ -85,7 +85,10 @@ class SpoolSection(Section):
     )
     batch_messages: int = Field(default=256, ge=1, le=900, description="messages in one commit")
     batch_ms: float = Field(
-        default=10.0, ge=0, le=1000, description="milliseconds to wait for more in one commit"
+        default=10.0,
+        ge=0,
+        le=1000,
+        description="milliseconds to wait for more in one commit, where more are coming",
     )
 
 

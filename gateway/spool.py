@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from eskin.errors import LockedError, SpoolError
 from eskin.lockfile import LockFile
 from eskin.messages import Position
+from eskin.sequences import SequenceRanges
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
 from gateway.reserve import Reserve
@@ -37,7 +38,7 @@ _CHECKPOINT_PAGES: Final = 1000
 RESERVE: Final = 8_000_000
 """Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
 _ADD_MESSAGE: Final = "INSERT INTO messages (node, received, body) VALUES (?, ?, ?)"
-_FORGET: Final = "DELETE FROM messages WHERE id = ?"
+_FORGET: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
 _KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?)"
 _KEEP_SENDER: Final = "INSERT OR REPLACE INTO senders VALUES (?, ?, ?, ?)"
 _ADD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters (at, node, reason, body, digest)
@@ -239,7 +240,8 @@ class Spool:
 
     def _forget(self, stored: Sequence[Stored], dead: Sequence[DeadLetter]) -> tuple[int, int]:
         with self._transaction(self._outlet) as connection:
-            connection.executemany(_FORGET, [(message.id,) for message in stored])
+            for first, last in SequenceRanges((message.id, message.id) for message in stored):
+                connection.execute(_FORGET, (first, last))
             return self._bury(connection, dead)
 
     def _regain(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import time
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final
 
@@ -10,6 +11,8 @@ from eskin.errors import SpoolError
 from gateway.reason import Reason
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from gateway.answers import Answers
     from gateway.arrival import Arrival
     from gateway.batch import Batch
@@ -24,6 +27,8 @@ log = logging.getLogger(__name__)
 
 _TICK_S: Final = 0.25
 _RETRY_S: Final = 0.25
+_COMPANY: Final = 4
+"""Messages that make waiting for one commit worth while."""
 
 
 class Worker:
@@ -37,6 +42,7 @@ class Worker:
         answers: Given only then.
         dispatcher: Publishes commands meanwhile.
         counters: What is counted.
+        clock: Monotonic seconds.
     """
 
     def __init__(
@@ -49,6 +55,7 @@ class Worker:
         answers: Answers,
         dispatcher: Dispatcher,
         counters: Counters,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._settings = settings
         self._inbox = inbox
@@ -57,6 +64,9 @@ class Worker:
         self._answers = answers
         self._dispatcher = dispatcher
         self._counters = counters
+        self._clock = clock
+        self._taken = clock()
+        self._pace = 0.0
         self._stopping = Event()
         self.fault: str | None = None
         self._thread = Thread(target=self._run, name="worker", daemon=True)
@@ -74,10 +84,9 @@ class Worker:
         ended = False
         while not ended:
             arrivals = self._inbox.take(
-                self._settings.batch_messages,
-                linger_s=self._settings.batch_ms / 1000.0,
-                wait_s=_TICK_S,
+                self._settings.batch_messages, linger_s=self._linger(), wait_s=_TICK_S
             )
+            self._note_pace(len(arrivals))
             ended = not arrivals and self._stopping.is_set()
             try:
                 if arrivals:
@@ -91,6 +100,16 @@ class Worker:
                 self._intake.forget()
                 self._answers.release(arrivals)
             self._dispatch()
+
+    def _linger(self) -> float:
+        """How long to wait for company: not at all, where hardly any would come."""
+        longest = self._settings.batch_ms / 1000.0
+        return longest if self._pace * longest >= _COMPANY else 0.0
+
+    def _note_pace(self, taken: int) -> None:
+        now = self._clock()
+        self._pace = taken / max(1e-6, now - self._taken)
+        self._taken = now
 
     def _dispatch(self) -> None:
         try:

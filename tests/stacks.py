@@ -68,10 +68,9 @@ class RealStack:
     def __enter__(self) -> Self:
         self._running.enter_context(self.broker)
         self._running.enter_context(self.cloud)
-        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
+        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens", seconds=60)
         self._running.enter_context(self.gateway)
-        # Its imports are no part of what a block costs.
-        self.gateway.wait_for(lambda: "ready:" in self.gateway.output(), "the gateway is ready")
+        self._await_gateway(1)
         return self
 
     def __exit__(
@@ -90,6 +89,19 @@ class RealStack:
         headers = {"Authorization": f"Bearer {token}"}
         url = f"http://127.0.0.1:{self._people}/api/v1"
         return httpx.Client(base_url=url, headers=headers, timeout=20)
+
+    def start_gateway(self) -> None:
+        """Start the gateway again, after it was ended."""
+        starts = self.gateway.output().count("ready:")
+        self.gateway.start()
+        self._await_gateway(starts + 1)
+
+    def _await_gateway(self, starts: int) -> None:
+        # Its imports are no part of what a block costs.
+        ready = "the gateway is ready"
+        self.gateway.wait_for(
+            lambda: self.gateway.output().count("ready:") >= starts, ready, seconds=60
+        )
 
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cbor2
 
@@ -30,9 +29,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
-    """The protected header.
+class Header(NamedTuple):
+    """The protected header; a tuple, because there are many.
 
     Attributes:
         salt: The sender's.
@@ -78,7 +76,8 @@ def _held(header: Mapping[object, object]) -> Position | None:
     if not isinstance(value, list) or len(value) != 2:
         raise MalformedEnvelopeError("header `held` is no pair of boot and sequence")
     try:
-        boot, sequence = (integer(number, "header `held`", 0, MOST_COUNT) for number in value)
+        boot = integer(value[0], "header `held`", 0, MOST_COUNT)
+        sequence = integer(value[1], "header `held`", 0, MOST_COUNT)
     except MessageError as error:
         raise MalformedEnvelopeError(str(error)) from error
     return Position(boot, sequence)
@@ -108,8 +107,8 @@ def read_tagged(envelope: bytes, tag: int, parts: int, what: str) -> tuple[Any, 
     if isinstance(tagged, cbor2.CBORTag) and tagged.tag == tag:
         value = tagged.value
         if isinstance(value, list) and len(value) == parts:
-            types = (bytes, dict, *(bytes for _ in value[2:]))
-            if all(isinstance(part, kind) for part, kind in zip(value, types, strict=True)):
+            found = tuple(map(type, value))
+            if found == (bytes, dict, *(bytes,) * (parts - 2)):
                 return tuple(value)
     raise MalformedEnvelopeError(f"envelope is no {what} (RFC 9052)")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from cryptography.exceptions import InvalidTag
 from cryptography.hazmat.primitives.ciphers.aead import AESGCM
@@ -23,9 +23,8 @@ if TYPE_CHECKING:
     from eskin.messages.head import Position
 
 
-@dataclass(frozen=True, slots=True)
-class Opened:
-    """What an envelope held, after it proved genuine.
+class Opened(NamedTuple):
+    """What an envelope held, after it proved genuine; a tuple, because there are many.
 
     Attributes:
         plaintext: The message.

@@ -7,7 +7,7 @@ Its folder holds ``key.pem`` (0600), ``chain.pem`` (its certificate, then the is
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Self
 
 from cryptography import x509
@@ -38,12 +38,18 @@ class Identity:
         key: The private key, EC P-256.
         chain: The certificate, then the issuing CA's.
         root: The root CA's certificate, the only anchor of trust.
+        thumbprint: SHA-256 of its certificate.
     """
 
     directory: Path
     key: ec.EllipticCurvePrivateKey
     chain: tuple[x509.Certificate, ...]
     root: x509.Certificate
+    thumbprint: bytes = field(init=False, compare=False)
+
+    def __post_init__(self) -> None:
+        # Asked for with each message: hashed once.
+        object.__setattr__(self, "thumbprint", thumbprint(self.chain[0]))
 
     @classmethod
     def load(cls, directory: Path) -> Self:
@@ -101,11 +107,6 @@ class Identity:
     def kind(self) -> IdentityKind:
         """Its kind, as its issuing CA says."""
         return issuer_kind(self.certificate)
-
-    @property
-    def thumbprint(self) -> bytes:
-        """SHA-256 of its certificate."""
-        return thumbprint(self.certificate)
 
 
 def load_certificates(path: Path) -> tuple[x509.Certificate, ...]:

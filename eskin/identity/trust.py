@@ -85,6 +85,18 @@ class Trust:
         self._require_not_revoked(leaf, issuer, kind)
         return leaf
 
+    def require_good(
+        self, leaf: x509.Certificate, issuer: x509.Certificate, kind: IdentityKind
+    ) -> None:
+        """Judge a pair that `verify` found good again, without the signatures: they stay valid.
+
+        Raises:
+            UntrustedCertificateError: It is outside of its validity now, or revoked.
+        """
+        for part in (self._root, issuer, leaf):
+            self._require_valid(part)
+        self._require_not_revoked(leaf, issuer, kind)
+
     def _require_issued(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
         name = certificate.subject.rfc4514_string()
         try:
@@ -96,13 +108,16 @@ class Trust:
             ) from error
         if not constraints.ca:
             raise UntrustedCertificateError(f"issuer of {name} is no CA")
+        for part in (certificate, issuer):
+            self._require_valid(part)
+
+    def _require_valid(self, part: x509.Certificate) -> None:
         now = self._clock()
-        for valid in (certificate, issuer):
-            if not valid.not_valid_before_utc <= now <= valid.not_valid_after_utc:
-                raise UntrustedCertificateError(
-                    f"{valid.subject.rfc4514_string()} is valid from {valid.not_valid_before_utc} "
-                    f"to {valid.not_valid_after_utc}; now is {now}"
-                )
+        if not part.not_valid_before_utc <= now <= part.not_valid_after_utc:
+            raise UntrustedCertificateError(
+                f"{part.subject.rfc4514_string()} is valid from {part.not_valid_before_utc} "
+                f"to {part.not_valid_after_utc}; now is {now}"
+            )
 
     def _require_issuing(self, issuer: x509.Certificate, kind: IdentityKind) -> None:
         self._require_issued(issuer, self._root)

@@ -7,9 +7,10 @@ from typing import TypeAlias
 from eskin.errors import MessageError
 from eskin.messages.acknowledgement import Acknowledgement
 from eskin.messages.block import Block
+from eskin.messages.block_summary import BlockSummary
 from eskin.messages.command import Command
 from eskin.messages.encoding import Encoding
-from eskin.messages.fields import load
+from eskin.messages.fields import Fields, load
 from eskin.messages.gap import Gap
 from eskin.messages.head import Kind, Position
 from eskin.messages.peak import Peak
@@ -30,6 +31,7 @@ from eskin.messages.vocabulary import CommandName, Mode
 __all__ = [
     "Acknowledgement",
     "Block",
+    "BlockSummary",
     "ChannelInfo",
     "Command",
     "CommandName",
@@ -48,13 +50,19 @@ __all__ = [
     "Result",
     "Shedding",
     "Status",
+    "Summary",
     "Sustained",
     "TaxelFaults",
     "decode_message",
+    "decode_summary",
 ]
 
 Message: TypeAlias = Block | Peak | Gap | Status | Result
 """Whatever a node says in its sequence."""
+
+
+Summary: TypeAlias = BlockSummary | Peak | Gap | Status | Result
+"""The same, with the samples of blocks left alone."""
 
 
 def decode_message(data: bytes) -> Message:
@@ -68,8 +76,24 @@ def decode_message(data: bytes) -> Message:
     """
     fields = load(data)
     kind = fields.integer(1, 0, 255)
-    if kind == Kind.BLOCK:
-        return Block.read(fields, data)
+    return Block.read(fields, data) if kind == Kind.BLOCK else _read_event(kind, fields)
+
+
+def decode_summary(data: bytes) -> Summary:
+    """Read whatever a node said, but no samples: four times as fast for a block.
+
+    Args:
+        data: The plaintext, deterministic CBOR.
+
+    Raises:
+        MessageError: It is no message of a node.
+    """
+    fields = load(data)
+    kind = fields.integer(1, 0, 255)
+    return BlockSummary.read(fields) if kind == Kind.BLOCK else _read_event(kind, fields)
+
+
+def _read_event(kind: int, fields: Fields) -> Peak | Gap | Status | Result:
     if kind == Kind.PEAK:
         return Peak.read(fields)
     if kind == Kind.GAP:

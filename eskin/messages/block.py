@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from eskin.errors import MessageError
+from eskin.messages.block_summary import MOST_SAMPLES, BlockSummary
 from eskin.messages.encoding import (
     Encoding,
     Scale,
@@ -16,26 +17,15 @@ from eskin.messages.encoding import (
     decode_q16,
     encode_floats,
     encode_q16,
+    require_scale,
 )
-from eskin.messages.fields import MOST_COUNT, dump, load
-from eskin.messages.head import (
-    Kind,
-    Position,
-    position_fields,
-    read_channel,
-    read_position,
-    require_channel,
-)
+from eskin.messages.fields import dump, load
+from eskin.messages.head import Kind, Position, position_fields, require_channel
 from eskin.tube import Tube
 
 if TYPE_CHECKING:
     from eskin.interval import Interval
     from eskin.messages.fields import Fields
-
-MOST_SAMPLES: Final = 1000
-_LONGEST_DT: Final = 10**12
-_FIELDS: Final = frozenset(range(1, 18))
-_PLAIN: Final = frozenset(range(1, 15)) | {17}
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,33 +93,22 @@ class Block:
     @classmethod
     def read(cls, fields: Fields, data: bytes) -> Self:
         """Read a block from its decoded fields."""
-        encoding = Encoding(fields.integer(11, 0, len(Encoding) - 1))
-        fields.only(_FIELDS if encoding is Encoding.Q16 else _PLAIN)
-        n = fields.integer(9, 1, MOST_SAMPLES)
+        said = BlockSummary.read(fields)
         lo, hi = fields.raw(12), fields.raw(13)
-        if encoding is Encoding.Q16:
-            scale = Scale(fields.integer(15, -1074, 1023), fields.integer(16, -(2**53), 2**53))
-            values = decode_q16(lo, hi, n, scale)
+        if said.encoding is Encoding.Q16:
+            values = decode_q16(lo, hi, said.n, require_scale(fields))
         else:
-            values = decode_floats(lo, hi, n, encoding)
-        bounds = fields.interval(14)
-        if bounds != _hull(values):
+            values = decode_floats(lo, hi, said.n, said.encoding)
+        if said.bounds != _hull(values):
             raise MessageError("field 14 is not the hull of the samples")
-        tube = Tube(
-            time=fields.moments(7),
-            dt=fields.integer(8, 1, _LONGEST_DT),
-            values=values,
-            unit=fields.text(5, 16),
-            coverage=fields.real(10, 0.0, 1.0),
-        )
         return cls(
-            position=read_position(fields),
-            channel=read_channel(fields, 4),
-            ticks=fields.integer(6, 0, MOST_COUNT),
-            tube=tube,
-            encoding=encoding,
-            widening=fields.real(17, 0.0),
-            bounds=bounds,
+            position=said.position,
+            channel=said.channel,
+            ticks=said.ticks,
+            tube=Tube(said.time, said.dt, values, said.unit, said.coverage),
+            encoding=said.encoding,
+            widening=said.widening,
+            bounds=said.bounds,
             _bytes=data,
         )
 

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
+    from eskin.messages.fields import Fields
 
 _UNBOUNDED: Final = 65_535
 _MOST_CODE: Final = 65_534
 _SAFE_EXPONENT: Final = 960
-_TAGS: Final = {"<f8": 86, "<f4": 85, "<u2": 69}
 
 
 class Encoding(IntEnum):
@@ -37,6 +37,15 @@ class Encoding(IntEnum):
     F64 = 0
     F32 = 1
     Q16 = 2
+
+
+ENCODINGS: Final = tuple(Encoding)
+_TYPES: Final = {
+    Encoding.F64: ("<f8", 86, 8),
+    Encoding.F32: ("<f4", 85, 4),
+    Encoding.Q16: ("<u2", 69, 2),
+}
+"""Each encoding's numpy type, CBOR tag (RFC 8746), and bytes of a sample."""
 
 
 class Scale:
@@ -103,17 +112,18 @@ class Scale:
 def encode_floats(values: Interval, encoding: Encoding) -> tuple[cbor2.CBORTag, cbor2.CBORTag]:
     """Write bounds as ``f64`` or ``f32``."""
     if encoding is Encoding.F64:
-        return _typed(values.inf, "<f8"), _typed(values.sup, "<f8")
+        return _typed(values.inf, encoding), _typed(values.sup, encoding)
     with np.errstate(over="ignore", under="ignore"):
         lo, hi = values.inf.astype(np.float32), values.sup.astype(np.float32)
         lo = np.where(lo > values.inf, np.nextafter(lo, np.float32(-np.inf)), lo)
         hi = np.where(hi < values.sup, np.nextafter(hi, np.float32(np.inf)), hi)
-    return _typed(lo, "<f4"), _typed(hi, "<f4")
+    return _typed(lo, encoding), _typed(hi, encoding)
 
 
 def encode_q16(values: Interval, scale: Scale) -> tuple[cbor2.CBORTag, cbor2.CBORTag]:
     """Write bounds as ``q16``."""
-    return _typed(scale.codes_down(values.inf), "<u2"), _typed(scale.codes_up(values.sup), "<u2")
+    lo, hi = scale.codes_down(values.inf), scale.codes_up(values.sup)
+    return _typed(lo, Encoding.Q16), _typed(hi, Encoding.Q16)
 
 
 def decode_floats(lo: object, hi: object, n: int, encoding: Encoding) -> Interval:
@@ -122,10 +132,9 @@ def decode_floats(lo: object, hi: object, n: int, encoding: Encoding) -> Interva
     Raises:
         MessageError: Wrong tag or length, a NaN, or lo > hi.
     """
-    dtype = "<f8" if encoding is Encoding.F64 else "<f4"
     return _ordered(
-        _untyped(lo, dtype, n, "lo").astype(np.float64),
-        _untyped(hi, dtype, n, "hi").astype(np.float64),
+        _untyped(lo, encoding, n, "lo").astype(np.float64),
+        _untyped(hi, encoding, n, "hi").astype(np.float64),
     )
 
 
@@ -136,8 +145,8 @@ def decode_q16(lo: object, hi: object, n: int, scale: Scale) -> Interval:
         MessageError: Wrong tag or length, or lo > hi.
     """
     return _ordered(
-        scale.values(_untyped(lo, "<u2", n, "lo"), -np.inf),
-        scale.values(_untyped(hi, "<u2", n, "hi"), np.inf),
+        scale.values(_untyped(lo, Encoding.Q16, n, "lo"), -np.inf),
+        scale.values(_untyped(hi, Encoding.Q16, n, "hi"), np.inf),
     )
 
 
@@ -148,14 +157,34 @@ def _ordered(lo: Floats, hi: Floats) -> Interval:
         raise MessageError(f"samples are no intervals: {error}") from error
 
 
-def _typed(array: NDArray[np.generic], dtype: str) -> cbor2.CBORTag:
-    return cbor2.CBORTag(_TAGS[dtype], array.astype(dtype).tobytes())
+def require_scale(fields: Fields) -> Scale:
+    """Read the scale of ``q16`` (fields 15 and 16).
+
+    Raises:
+        MessageError: A field is missing or out of range.
+    """
+    return Scale(fields.integer(15, -1074, 1023), fields.integer(16, -(2**53), 2**53))
 
 
-def _untyped(value: object, dtype: str, n: int, what: str) -> NDArray[Any]:
-    if not isinstance(value, cbor2.CBORTag) or value.tag != _TAGS[dtype]:
-        raise MessageError(f"{what} is no typed array with tag {_TAGS[dtype]}")
-    size = n * np.dtype(dtype).itemsize
-    if not isinstance(value.value, bytes) or len(value.value) != size:
-        raise MessageError(f"{what} does not hold {n} samples in {size} bytes")
-    return np.frombuffer(value.value, dtype=dtype)
+def require_typed(value: object, encoding: Encoding, n: int, what: str) -> bytes:
+    """The bytes of a typed array.
+
+    Raises:
+        MessageError: Wrong tag or length.
+    """
+    _, tag, size = _TYPES[encoding]
+    if not isinstance(value, cbor2.CBORTag) or value.tag != tag:
+        raise MessageError(f"{what} is no typed array with tag {tag}")
+    data = value.value
+    if not isinstance(data, bytes) or len(data) != n * size:
+        raise MessageError(f"{what} does not hold {n} samples in {n * size} bytes")
+    return data
+
+
+def _typed(array: NDArray[np.generic], encoding: Encoding) -> cbor2.CBORTag:
+    dtype, tag, _ = _TYPES[encoding]
+    return cbor2.CBORTag(tag, array.astype(dtype).tobytes())
+
+
+def _untyped(value: object, encoding: Encoding, n: int, what: str) -> NDArray[Any]:
+    return np.frombuffer(require_typed(value, encoding, n, what), dtype=_TYPES[encoding][0])

@@ -8,7 +8,7 @@ the bytes keeps the message.
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import cbor2
 
@@ -23,6 +23,7 @@ MOST_MOMENT: Final = 2**63 - 1
 """Limit of times in ns: signed 64 bit."""
 MOST_COUNT: Final = 2**53 - 1
 """Limit of counters: the integers that JavaScript keeps exact."""
+_KEYS: Final = 2**16
 
 
 def dump(fields: Mapping[int, object]) -> bytes:
@@ -39,7 +40,7 @@ def load(data: bytes) -> Fields:
     if len(data) > MOST_BYTES:
         raise MessageError(f"message of {len(data)} bytes; at most {MOST_BYTES} are allowed")
     value = load_any(data, "message")
-    if not isinstance(value, dict) or not all(_is_key(key) for key in value):
+    if not isinstance(value, dict) or not _are_keys(value):
         raise MessageError("message is no CBOR map with small integer keys")
     try:
         again = dump(value) if list(value) != sorted(value) else cbor2.dumps(value)
@@ -185,5 +186,7 @@ def integer_pair(value: object, what: str, least: int, most: int) -> tuple[int, 
     return lo, hi
 
 
-def _is_key(key: object) -> bool:
-    return type(key) is int and abs(key) < 2**16
+def _are_keys(value: dict[Any, object]) -> bool:
+    if not value:
+        return True
+    return set(map(type, value)) == {int} and min(value) > -_KEYS and max(value) < _KEYS

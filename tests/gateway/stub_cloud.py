@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 class StubCloud:
     """Stores in memory, each plaintext once.
 
-    ``mode``: ok, error, busy, nonsense, short, slow, reject, large. ``commands`` are given to the
-    gateway, a node's id and bytes; ``held`` is what it said last that it has.
+    ``mode``: ok, error, busy, flooded, nonsense, short, slow, reject, large. ``commands`` are given
+    to the gateway, a node's id and bytes; ``held`` is what it said last that it has.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -86,7 +86,12 @@ class StubCloud:
         mode = self.mode
         if mode == "slow":
             self.release.wait()
-        refusals = {"error": (500, b"oops"), "busy": (503, b"later"), "nonsense": (200, b"<html>")}
+        refusals = {
+            "error": (500, b"oops"),
+            "busy": (503, b"later"),
+            "flooded": (429, b"less"),
+            "nonsense": (200, b"<html>"),
+        }
         if mode in refusals:
             return refusals[mode]
         if mode == "large" and len(items) > 2:

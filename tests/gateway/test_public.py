@@ -13,7 +13,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Fault, Position, TaxelFaults
+from eskin.messages import (
+    Block,
+    BlockSummary,
+    Encoding,
+    Fault,
+    Position,
+    TaxelFaults,
+    decode_summary,
+)
 from eskin.moment import parse_moment
 from eskin.tube import Tube
 from gateway import public
@@ -29,6 +37,12 @@ _EVENT = {
 }  # fmt: skip
 
 
+def summary(packed: Block) -> BlockSummary:
+    said = decode_summary(packed.encode())
+    assert isinstance(said, BlockSummary)
+    return said
+
+
 @given(
     lo=st.floats(-1e300, 1e300),
     width=st.floats(0, 1e300),
@@ -39,7 +53,7 @@ def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n
     values = Interval(np.full(n, lo), np.full(n, lo + width))
     tube = Tube((EPOCH, EPOCH + early), 1_000_003, values, "F", 1.0)
     packed = Block.pack(Position(1, 2), "t01.capacitance", 0, tube, Encoding.F64)
-    topic, body = public.live("fingertip", packed)
+    topic, body = public.live("fingertip", summary(packed))
     said = orjson.loads(body)
     assert topic == "eskin/v1/live/fingertip/t01.capacitance"
     assert (said["lo"], said["hi"]) == packed.bounds
@@ -59,7 +73,7 @@ def test_unbounded_side_is_null() -> None:
     values = Interval([1.0, 2.0], [3.0, np.inf])
     tube = Tube((EPOCH, EPOCH), 1, values, "F", 1.0)
     packed = Block.pack(Position(1, 2), "t01.capacitance", 0, tube, Encoding.F64)
-    said = orjson.loads(public.live("n", packed)[1])
+    said = orjson.loads(public.live("n", summary(packed))[1])
     assert (said["lo"], said["hi"]) == (1.0, None)
 
 

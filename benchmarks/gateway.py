@@ -1,0 +1,138 @@
+"""The gateway beside a plain paho relay: CPU of a message, messages a second, latency.
+
+Every subject is stopped while the broker fills with 1 kB blocks (TLS, QoS 1), and then let go: what
+is measured is the subject that takes them as fast as it can, with no sender beside it. Rounds
+alternate, so that a noisy machine is noisy for all.
+"""
+
+from __future__ import annotations
+
+import signal
+import sqlite3
+import sys
+import time
+from contextlib import closing
+from statistics import median
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from benchmarks.flood import Flood
+from benchmarks.pipeline import cpu_seconds
+from benchmarks.relay import NAME
+from benchmarks.report import Row
+from eskin.identity import IdentityKind
+from tests.processes import Running, wait_until
+from tests.stacks import RealStack
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+_ROUNDS: Final = 3
+_STRETCH_US: Final = 60.0
+_DURABLE: Final = 10_000.0
+_PACE_HZ: Final = 100.0
+_LATENCY_MS: Final = 20.0
+
+
+def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
+    """CPU a block, blocks made durable a second, and p50 from publish to stored at 100/s.
+
+    The gateway's CPU is all that it does for a block: open, spool, acknowledge, publish its hull,
+    forward it to the cloud and hear its answer.
+    """
+    with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
+        stack.identities.make(IdentityKind.GATEWAY, NAME)
+        found: dict[str, list[tuple[float, float]]] = {"gateway": [], "relay": [], "subscriber": []}
+        for _ in range(_ROUNDS):
+            found["gateway"].append(_gateway(stack, flood, blocks))
+            for peer in ("relay", "subscriber"):
+                found[peer].append(_peer(stack, flood, peer, blocks))
+        flood.introduce()
+        latency = _latency(stack, flood)
+    return _rows(found, latency)
+
+
+def _gateway(stack: RealStack, flood: Flood, blocks: int) -> tuple[float, float]:
+    flood.introduce()
+    before = stack.stored_blocks()
+    used, begun = _drain(stack.gateway, flood, blocks, lambda: flood.wait_for(blocks))
+    durable = blocks / (flood.finished - begun) * 1e9
+    wait_until(lambda: stack.stored_blocks() >= before + blocks, "all stored", seconds=300)
+    return (cpu_seconds(stack.gateway) - used) / blocks * 1e6, durable
+
+
+def _peer(stack: RealStack, flood: Flood, peer: str, blocks: int) -> tuple[float, float]:
+    """One peer alone at the broker: the gateway is ended meanwhile."""
+    log = stack.folder / f"{peer}-{time.time_ns()}.log"
+    port = str(stack.broker.gateway_port)
+    argv = [sys.executable, "-m", "benchmarks.relay", str(stack.pki), port, peer, str(blocks)]
+    stack.gateway.stop()
+    with Running(argv, log=log) as running:
+        running.wait_for(lambda: "subscribed" in running.output(), "the peer is subscribed")
+        used, begun = _drain(running, flood, blocks, lambda: _wait_done(running))
+        spent = cpu_seconds(running) - used
+        done = int(running.output().split("done ")[1].split()[0])
+    stack.start_gateway()
+    return spent / blocks * 1e6, blocks / (done - begun) * 1e9
+
+
+def _drain(
+    running: Running, flood: Flood, blocks: int, wait: Callable[[], None]
+) -> tuple[float, int]:
+    """Let a subject take what the broker holds; gives its CPU seconds before, and when it began."""
+    envelopes = flood.seal(blocks)
+    used = cpu_seconds(running)
+    running.signal(signal.SIGSTOP)
+    try:
+        flood.fill(envelopes)
+        begun = time.time_ns()
+    finally:
+        running.signal(signal.SIGCONT)
+    wait()
+    return used, begun
+
+
+def _wait_done(running: Running) -> None:
+    running.wait_for(lambda: "done" in running.output(), "the peer took all", seconds=300)
+
+
+def _latency(stack: RealStack, flood: Flood) -> float:
+    """Median ms from publish to the store's commit, at a hundred blocks a second."""
+    count = int(_PACE_HZ * 10)
+    sent = np.zeros(count + 1, dtype=np.int64)
+    before = stack.stored_blocks()
+    started = time.monotonic()
+    for number, envelope in enumerate(flood.seal(count), start=1):
+        time.sleep(max(0.0, started + number / _PACE_HZ - time.monotonic()))
+        sent[number] = time.time_ns()
+        flood.send(envelope)
+    wait_until(lambda: stack.stored_blocks() >= before + count, "all stored", seconds=60)
+    with closing(sqlite3.connect(f"file:{stack.store}?mode=ro", uri=True)) as db:
+        query = "SELECT sequence, received FROM blocks WHERE boot = ? ORDER BY sequence"
+        stored = np.array(db.execute(query, (flood.boot,)).fetchall(), dtype=np.int64)
+    return float(np.median(stored[:, 1] - sent[stored[:, 0]])) / 1e6
+
+
+def _rows(found: dict[str, list[tuple[float, float]]], latency: float) -> list[Row]:
+    cpu = {who: median(used for used, _ in rounds) for who, rounds in found.items()}
+    rate = {who: median(rates for _, rates in rounds) for who, rounds in found.items()}
+    own, relay = cpu["gateway"], cpu["relay"]
+    return [
+        Row(
+            "CPU of the gateway a block (flood)", own, "us", "paho relay", relay, relay / own, 1.0,
+            own <= relay,
+        ),
+        Row("the same, at most 60 us", own, "us", "stretch", _STRETCH_US, _STRETCH_US / own, 1.0,
+            own <= _STRETCH_US),
+        Row("CPU of a bare paho subscriber a block", cpu["subscriber"], "us"),
+        Row(
+            "blocks a gateway makes durable", rate["gateway"], "blocks/s", "paho relay (volatile)",
+            rate["relay"], rate["gateway"] / rate["relay"], None, None,
+        ),
+        Row("the same, at least 10 k/s", rate["gateway"], "blocks/s", target=_DURABLE,
+            met=rate["gateway"] >= _DURABLE),
+        Row("publish to stored at 100 blocks/s, p50", latency, "ms", "at most", _LATENCY_MS,
+            _LATENCY_MS / latency, 1.0, latency <= _LATENCY_MS),
+    ]  # fmt: skip

@@ -1,0 +1,157 @@
+"""``python -m benchmarks.soak``: memory of broker, gateway and cloud under a steady load.
+
+One node sends blocks at a fixed rate over TLS, never with more than a window unacknowledged. In the
+end every block that was acknowledged must be in the cloud's store. Writes ``build/soak.json``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import psutil
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.flood import Flood
+from benchmarks.trend import LEAST, Trend
+from tests.processes import wait_until
+from tests.stacks import RealStack
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tests.processes import Running
+
+_WINDOW: Final = 4000
+_AT_ONCE: Final = 100
+_SAMPLES: Final = 600
+"""Most samples of memory; at least one a second where there is time for it."""
+_REST_S: Final = 10.0
+
+
+def main() -> None:
+    """Run, print, write; exit 1 where memory grows or a block is missing."""
+    parser = argparse.ArgumentParser(prog="make soak", description=__doc__)
+    parser.add_argument("--duration", type=float, default=3600.0, help="seconds of load")
+    parser.add_argument("--rate", type=float, default=1000.0, help="blocks a second")
+    options = parser.parse_args()
+    console = Console()
+    with tempfile.TemporaryDirectory(prefix="eskin-soak-") as folder:
+        said = f"{options.rate:g} blocks/s for {options.duration:g} s …"
+        with console.status(said):
+            found = soak(Path(folder) / "stack", duration=options.duration, rate=options.rate)
+    console.print(_table(found))
+    target = Path("build/soak.json")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps(found, indent=2) + "\n")
+    grows = any(part["verdict"] == "grows" for part in found["processes"].values())
+    sys.exit(1 if grows or found["missing"] else 0)
+
+
+def soak(folder: Path, *, duration: float, rate: float, rest: float = _REST_S) -> dict[str, Any]:
+    """Load the real stack.
+
+    Args:
+        folder: Takes all data.
+        duration: Seconds.
+        rate: Blocks a second.
+        rest: Seconds between the load and the last look at the memory.
+
+    Returns:
+        ``sent``, ``missing``, the rate reached, and for each process its memory in bytes before,
+        under and after the load, the growth an hour as an interval, and the verdict.
+    """
+    with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
+        parts = {"broker": stack.broker, "gateway": stack.gateway, "cloud": stack.cloud}
+        flood.introduce()
+        idle = memory(parts)
+        begun = time.monotonic()
+        seconds, samples, sent = _load(flood, parts, duration=duration, rate=rate)
+        flood.wait_for(sent)
+        took = time.monotonic() - begun
+        missing = _missing(stack, sent)
+        time.sleep(rest)
+        after = memory(parts)
+    return {
+        "sent": sent,
+        "missing": missing,
+        "rate": sent / took,
+        "processes": {
+            name: _process(seconds, [each[name] for each in samples], idle[name], after[name])
+            for name in parts
+        },
+    }
+
+
+def memory(parts: Mapping[str, Running]) -> dict[str, int]:
+    """Resident bytes of processes."""
+    found = {}
+    for name, part in parts.items():
+        assert part.process is not None
+        found[name] = int(psutil.Process(part.process.pid).memory_info().rss)
+    return found
+
+
+def _load(
+    flood: Flood, parts: Mapping[str, Running], *, duration: float, rate: float
+) -> tuple[list[float], list[dict[str, int]], int]:
+    """Send at the rate; a window that is full waits. Gives samples, and how many were sent."""
+    period = max(duration / _SAMPLES, min(1.0, duration / 200))
+    begun = time.monotonic()
+    seconds: list[float] = []
+    samples: list[dict[str, int]] = []
+    sent = 0
+    while (now := time.monotonic() - begun) < duration or len(seconds) < LEAST:
+        due = min(int(now * rate), flood.durable + _WINDOW, sent + _AT_ONCE)
+        while sent < due:
+            sent += 1
+            flood.send(flood.seal_one(sent))
+        if now >= len(seconds) * period:
+            seconds.append(now)
+            samples.append(memory(parts))
+        time.sleep(0.002)
+    return seconds, samples, sent
+
+
+def _missing(stack: RealStack, sent: int) -> int:
+    """How many acknowledged blocks the store lacks, once it has had time to get them."""
+    try:
+        wait_until(lambda: stack.stored_blocks() >= sent, "all blocks stored", seconds=120)
+    except AssertionError:
+        return sent - stack.stored_blocks()
+    return 0
+
+
+def _process(seconds: list[float], used: list[int], idle: int, after: int) -> dict[str, Any]:
+    trend = Trend.of(seconds, used)
+    return {
+        "idle": idle,
+        "mean": trend.mean,
+        "most": max(used),
+        "after": after,
+        "growth_an_hour": [trend.lo, trend.hi],
+        "verdict": trend.verdict,
+    }
+
+
+def _table(found: Mapping[str, Any]) -> Table:
+    table = Table(
+        title=f"soak: {found['sent']} blocks at {found['rate']:.0f}/s, {found['missing']} missing"
+    )
+    for heading in ("process", "idle MB", "mean", "most", "after", "growth an hour", "verdict"):
+        table.add_column(heading, justify="right")
+    for name, part in found["processes"].items():
+        lo, hi = part["growth_an_hour"]
+        sizes = (f"{part[key] / 1e6:.1f}" for key in ("idle", "mean", "most", "after"))
+        table.add_row(name, *sizes, f"{lo:+.1%} to {hi:+.1%}", part["verdict"])
+    return table
+
+
+if __name__ == "__main__":
+    main()

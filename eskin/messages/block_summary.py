@@ -1,0 +1,77 @@
+"""All that a block says beside its samples: enough to sort it, and to tell of its hull."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from eskin.messages.encoding import ENCODINGS, Encoding, require_scale, require_typed
+from eskin.messages.fields import MOST_COUNT
+from eskin.messages.head import Position, read_channel, read_position
+
+if TYPE_CHECKING:
+    from eskin.messages.fields import Fields
+
+MOST_SAMPLES: Final = 1000
+_LONGEST_DT: Final = 10**12
+_FIELDS: Final = frozenset(range(1, 18))
+_PLAIN: Final = frozenset(range(1, 15)) | {17}
+
+
+class BlockSummary(NamedTuple):
+    """A block whose samples were counted, but not looked at; a tuple, because there are many.
+
+    Whoever reads the samples checks that they are intervals and that ``bounds`` is their hull.
+
+    Attributes:
+        position: Boot and sequence.
+        channel: ``{taxel}.{quantity}``.
+        ticks: The node's clock at the first sample, ns since its start.
+        time: Enclosure of the first sample's moment, UTC ns.
+        dt: Sampling period in ns.
+        n: How many samples.
+        unit: UCUM code.
+        coverage: Probability with which each sample's interval encloses the truth.
+        encoding: How the samples are written.
+        widening: How much the encoding moved a bound outward at most, in ``unit``.
+        bounds: Hull of all samples, as the node says.
+    """
+
+    position: Position
+    channel: str
+    ticks: int
+    time: tuple[int, int]
+    dt: int
+    n: int
+    unit: str
+    coverage: float
+    encoding: Encoding
+    widening: float
+    bounds: tuple[float, float]
+
+    @classmethod
+    def read(cls, fields: Fields) -> BlockSummary:
+        """Read it from a block's decoded fields.
+
+        Raises:
+            MessageError: They are no block's.
+        """
+        encoding = ENCODINGS[fields.integer(11, 0, len(ENCODINGS) - 1)]
+        fields.only(_FIELDS if encoding is Encoding.Q16 else _PLAIN)
+        if encoding is Encoding.Q16:
+            require_scale(fields)
+        n = fields.integer(9, 1, MOST_SAMPLES)
+        require_typed(fields.raw(12), encoding, n, "lo")
+        require_typed(fields.raw(13), encoding, n, "hi")
+        return cls(
+            position=read_position(fields),
+            channel=read_channel(fields, 4),
+            ticks=fields.integer(6, 0, MOST_COUNT),
+            time=fields.moments(7),
+            dt=fields.integer(8, 1, _LONGEST_DT),
+            n=n,
+            unit=fields.text(5, 16),
+            coverage=fields.real(10, 0.0, 1.0),
+            encoding=encoding,
+            widening=fields.real(17, 0.0),
+            bounds=fields.interval(14),
+        )
