@@ -11,7 +11,6 @@ import select
 import socket
 import threading
 import time
-from collections import deque
 from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as paho
@@ -20,8 +19,10 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from eskin.envelope import MOST_ENVELOPE
 from eskin.topics import Stream, node_topic
 from gateway.arrival import Arrival
+from gateway.outgoing import Outgoing
 
 if TYPE_CHECKING:
     import ssl
@@ -37,7 +38,6 @@ log = logging.getLogger(__name__)
 
 _PROTOCOLS: Final = {"3.1.1": MQTTProtocolVersion.MQTTv311, "5": MQTTProtocolVersion.MQTTv5}
 _TICK_S: Final = 0.5
-_MOST_OUTGOING: Final = 20_000
 _READS: Final = 64
 _FULL_TICK_S: Final = 0.005
 
@@ -67,7 +67,7 @@ class MqttBroker:
         self._backoff = backoff
         self._stopping = threading.Event()
         self._accepting = True
-        self._outgoing: deque[tuple[str, bytes, bool] | Arrival] = deque()
+        self._outgoing = Outgoing()
         self._wake_in, self._wake_out = socket.socketpair()
         for end in (self._wake_in, self._wake_out):
             end.settimeout(0.0)
@@ -102,16 +102,14 @@ class MqttBroker:
 
     def acknowledge(self, arrivals: Sequence[Arrival]) -> None:
         """Send PUBACKs."""
-        self._outgoing.extend(arrivals)
+        self._outgoing.acknowledge(arrivals)
         self._wake()
 
     def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
         """Publish at QoS 0; dropped and counted where there is no broker, or it does not read."""
         for publication in publications:
-            if not self._subscribed or len(self._outgoing) >= _MOST_OUTGOING:
+            if not self._subscribed or not self._outgoing.put(publication):
                 self.dropped += 1
-            else:
-                self._outgoing.append(publication)
         self._wake()
 
     def _make_client(self, name: str, context: ssl.SSLContext) -> paho.Client:
@@ -164,7 +162,8 @@ class MqttBroker:
                 self._wait(own, read=not patient)
             if not patient and self._read(own):
                 return
-            self._hand_over()
+            if not self._client.want_write():  # else the broker does not read, and paho's queue
+                self._hand_over()  # has no end
             if self._client.want_write() and self._client.loop_write():
                 return
             if self._client.loop_misc():
@@ -198,8 +197,7 @@ class MqttBroker:
 
     def _hand_over(self) -> None:
         """Give paho what other threads left for it."""
-        while self._outgoing:
-            item = self._outgoing.popleft()
+        while (item := self._outgoing.take()) is not None:
             if isinstance(item, Arrival):
                 # On another connection this identifier may name another message.
                 if item.qos and item.connection == self._connection:
@@ -270,7 +268,8 @@ class MqttBroker:
             return
         arrival = Arrival(
             message.topic,
-            bytes(message.payload),
+            # One byte too long is known as too long; the rest would only fill the memory.
+            bytes(message.payload[: MOST_ENVELOPE + 1]),
             message.mid,
             message.qos,
             message.retain,
@@ -278,7 +277,7 @@ class MqttBroker:
         )
         if not self._inbox.put(arrival):
             # The node sends it again; kept, it would clog the broker's window.
-            self._outgoing.append(arrival)
+            self._outgoing.acknowledge([arrival._replace(payload=b"")])
 
     def _lost(self, fault: str) -> None:
         self._subscribed = False
