@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, Final, Self
 
 from demo.layout import Layout
@@ -122,7 +123,7 @@ class Site:
         A node that has no connection when it is told to end keeps what it has for its next start.
 
         Raises:
-            AssertionError: Something still waits.
+            AssertionError: Something waits, and for so long nothing of it has arrived.
         """
         for part in self.nodes:
             part.running.stop(seconds=seconds)
@@ -130,10 +131,15 @@ class Site:
                 part.running.start()
                 self._wait_for_earlier_boots(part.name, seconds)
                 part.running.stop(seconds=seconds)
-        try:
-            wait_until(lambda: not any(self.waiting().values()), "all is stored", seconds=seconds)
-        except AssertionError as error:
-            raise AssertionError(f"{error}: {self.waiting()}") from None
+        while before := self._still_waiting():
+            less = partial(self._is_less, before)
+            wait_until(less, f"less waits than {self.waiting()}", seconds=seconds)
+
+    def _still_waiting(self) -> int:
+        return sum(self.waiting().values())
+
+    def _is_less(self, before: int) -> bool:
+        return self._still_waiting() < before
 
     def _wait_for_earlier_boots(self, node: str, seconds: float) -> None:
         """Wait until what a node said before its last start has left its flash."""
