@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import logging
-import ssl
 import subprocess
 import time
 from typing import TYPE_CHECKING
 
 import pytest
-from cryptography import x509
 
 from eskin.identity import Identity, IdentityKind
 from tests.brokers import Mosquitto
@@ -90,16 +88,3 @@ def test_certificates_of_both_cas_pass_until_the_old_one_is_retired(guarded: Gua
     guarded.pki("revoke", "--name", "palm")
     wait_until(lambda: not passes(new), "the new CA revokes", seconds=LIMIT_S)
     assert passes(old)
-
-
-def test_renewed_certificate_is_shown_without_a_restart(guarded: Guarded) -> None:
-    with guarded.party(guarded.own.node) as party:
-        assert party.connected
-        fresh = guarded.own.make(IdentityKind.SERVER, "server.broker")
-
-        def shown() -> bool:
-            pem = ssl.get_server_certificate(("127.0.0.1", guarded.broker.node_port))
-            return x509.load_pem_x509_certificate(pem.encode()) == fresh.certificate
-
-        wait_until(shown, "the broker shows its renewed certificate")
-        assert party.connected
