@@ -23,7 +23,7 @@ DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 MICROPYTHON := tests/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
-.PHONY: help demo test test-compose lint bench soak chaos docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench soak chaos powercut docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -56,6 +56,10 @@ soak: $(VENV)/.development ## Watch the real stack's memory under a steady load 
 chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1")
 	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev
 	$(BIN)/python -m tests.chaos $(ARGS)
+
+powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")
+	@services/install_test_packages.sh gcc libc6-dev
+	$(BIN)/python -m tests.powercut $(ARGS)
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \

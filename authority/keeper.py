@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import logging
+from contextlib import suppress
 from datetime import UTC, datetime
 from functools import partial
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Final, Self
 
 from authority.enrolment import fetch_revocations, fetch_site, renew
-from eskin.errors import IdentityError
+from eskin.errors import IdentityError, LockedError
 from eskin.identity import (
     Identity,
     common_name,
@@ -18,6 +19,7 @@ from eskin.identity import (
     load_certificates,
     settle,
 )
+from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
     from eskin.settings import RenewalSection
 
 log = logging.getLogger(__name__)
+
+_RENEWAL: Final = "renewal"
+"""Whoever renews an identity owns this file of its folder meanwhile."""
 
 
 class Keeper:
@@ -97,12 +102,14 @@ class Keeper:
             self._faults.pop(what, None)
 
     def _renew(self, directory: Path) -> None:
-        settle(directory)
-        now = datetime.now(UTC)
-        forget_past(directory, now)
-        if is_due(Identity.load(directory).certificate, now):
-            own = renew(self._url, directory)
-            log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
+        """Renew what is due; where gateways share a site's folder, one of them does it."""
+        with suppress(LockedError), LockFile(directory / _RENEWAL):
+            settle(directory)
+            now = datetime.now(UTC)
+            forget_past(directory, now)
+            if is_due(Identity.load(directory).certificate, now):
+                own = renew(self._url, directory)
+                log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
 
     def _follow_site(self, directory: Path, site: Path) -> None:
         name = common_name(load_certificates(site)[0])

@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import logging
 import ssl
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import uvicorn
 
 from authority.application import create_application
 from authority.tokens import TOKENS_FILE, Tokens
-from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
+from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, write_whole
 
 if TYPE_CHECKING:
-    from authority.settings import AuthoritySettings, Expected
+    from fastapi import FastAPI
+
+    from authority.settings import AuthoritySection, AuthoritySettings, Expected
 
 log = logging.getLogger(__name__)
 
@@ -31,22 +33,51 @@ def run(settings: AuthoritySettings) -> None:
     tokens = Tokens(own.directory / TOKENS_FILE)
     for expected in settings.identity:
         _hand_out(expected, authority, tokens, timedelta(hours=own.token_hours))
-    identity = _server_identity(settings, authority)
     lifetime = timedelta(days=own.certificate_days)
-    log.info("ready: https://%s:%d", own.host, own.port)
-    uvicorn.run(
-        create_application(
-            authority, tokens, lifetime=lifetime, grace=timedelta(days=own.grace_days)
-        ),
-        host=own.host,
-        port=own.port,
-        ssl_certfile=identity.directory / CHAIN_FILE,
-        ssl_keyfile=identity.directory / KEY_FILE,
-        ssl_version=ssl.PROTOCOL_TLS_SERVER,
-        log_config=None,
-        access_log=False,
-        server_header=False,
+    app = create_application(
+        authority, tokens, lifetime=lifetime, grace=timedelta(days=own.grace_days)
     )
+    log.info("ready: https://%s:%d", own.host, own.port)
+    Server(app, own, authority).run()
+
+
+class Server(uvicorn.Server):
+    """Serves under a certificate of its own CA: a fresh one at the start, and when it is due.
+
+    Args:
+        app: What is served.
+        settings: Where, and under which names.
+        authority: Issues; only on the event loop, like all that it does.
+    """
+
+    def __init__(self, app: FastAPI, settings: AuthoritySection, authority: Authority) -> None:
+        self._settings = settings
+        self._authority = authority
+        self._identity = _server_identity(settings, authority)
+        config = uvicorn.Config(
+            app,
+            host=settings.host,
+            port=settings.port,
+            ssl_certfile=self._identity.directory / CHAIN_FILE,
+            ssl_keyfile=self._identity.directory / KEY_FILE,
+            ssl_version=ssl.PROTOCOL_TLS_SERVER,
+            log_config=None,
+            access_log=False,
+            server_header=False,
+        )
+        super().__init__(config)
+
+    async def on_tick(self, counter: int) -> bool:
+        """Look after the certificate once a second; uvicorn calls ten times as often."""
+        if counter % 10 == 0 and is_due(self._identity.certificate, datetime.now(UTC)):
+            self._renew()
+        return await super().on_tick(counter)
+
+    def _renew(self) -> None:
+        self._identity = own = _server_identity(self._settings, self._authority)
+        if self.config.ssl is not None:
+            self.config.ssl.load_cert_chain(own.directory / CHAIN_FILE, own.directory / KEY_FILE)
+        log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
 
 
 def _hand_out(
@@ -66,11 +97,14 @@ def _hand_out(
     log.info("token ready: kind=%s name=%s", expected.kind, expected.name)
 
 
-def _server_identity(settings: AuthoritySettings, authority: Authority) -> Identity:
-    """A fresh certificate for the service itself at each start."""
-    own = settings.authority
+def _server_identity(settings: AuthoritySection, authority: Authority) -> Identity:
+    """A fresh certificate for the service itself."""
     key = new_key()
     chain = authority.issue(
-        IdentityKind.SERVER, "server.authority", key.public_key(), hosts=own.names
+        IdentityKind.SERVER,
+        "server.authority",
+        key.public_key(),
+        hosts=settings.names,
+        lifetime=timedelta(days=settings.certificate_days),
     )
-    return Identity.save(own.directory / "server", key=key, chain=chain, root=authority.root)
+    return Identity.save(settings.directory / "server", key=key, chain=chain, root=authority.root)

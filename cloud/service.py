@@ -14,6 +14,7 @@ from cloud.application import gateway_application, people_application
 from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
 from cloud.ingest.replay import Replay
+from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
 from cloud.listener import Certificate, Listener, bind
@@ -67,7 +68,7 @@ def make_cloud(
         IdentityError: The server's identity cannot be read.
     """
     own = settings.gateways
-    feed, board = Feed(store, recent=settings.live.recent), Board()
+    feed, board = _make_feed(settings, store), Board()
     trust = Trust(Identity.load(own.identity).root)
     verifier = Verifier(
         Gatekeeper(trust, revocations=own.revocations).verify,
@@ -77,7 +78,15 @@ def make_cloud(
         replay=Replay(),
     )
     metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
-    return Cloud(settings, store, feed, board, verifier, metrics, limiter, clock, dashboard)
+    uploads = Uploads(own.uploads_bytes)
+    return Cloud(
+        settings, store, feed, board, verifier, uploads, metrics, limiter, clock, dashboard
+    )
+
+
+def _make_feed(settings: CloudSettings, store: Store) -> Feed:
+    live = settings.live
+    return Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
 
 
 async def _serve(cloud: Cloud) -> None:

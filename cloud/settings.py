@@ -74,6 +74,11 @@ class GatewaysSection(Section):
     body_bytes: int = Field(
         default=8_388_608, ge=65_536, le=134_217_728, description="bytes that one batch may have"
     )
+    uploads_bytes: int = Field(
+        default=134_217_728,
+        ge=134_217_728,
+        description="bytes of all batches that are not stored yet; more are answered with 503",
+    )
     skew_s: float = Field(
         default=30.0, ge=0, le=300, description="seconds by which a gateway's clock may differ"
     )
@@ -127,6 +132,9 @@ class LiveSection(Section):
     subscribers: int = Field(default=100, ge=1, le=10_000, description="streams at once")
     recent: int = Field(
         default=2_000, ge=1, le=1_000_000, description="messages kept in memory for all streams"
+    )
+    recent_bytes: int = Field(
+        default=33_554_432, ge=1_048_576, description="their bytes; older ones are read again"
     )
     backlog: int = Field(
         default=100_000, ge=1, description="messages that a resumed stream is given at most"

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cloud.commands import Board
+    from cloud.ingest.uploads import Uploads
     from cloud.ingest.warrant import Verifier
     from cloud.limiter import Limiter
     from cloud.live import Feed
@@ -28,6 +29,7 @@ class Cloud:
         feed: Tells what is stored as it comes.
         board: Wakes gateways that wait for commands.
         verifier: Checks gateways' tokens.
+        uploads: Room for what gateways bring.
         metrics: Counts.
         limiter: Counts what each address asks.
         clock: Gives UTC ns.
@@ -39,6 +41,7 @@ class Cloud:
     feed: Feed
     board: Board
     verifier: Verifier
+    uploads: Uploads
     metrics: Metrics
     limiter: Limiter
     clock: Callable[[], int]

@@ -106,6 +106,8 @@ class Forwarder:
         try:
             answers = self._cloud.send([(message.node, message.body) for message in stored])
         except CloudError as error:
+            if error.status is None:  # slow, perhaps: what it cannot do in time, it does twice
+                self._most = max(1, len(stored) // 2)
             if error.status != httpx.codes.REQUEST_ENTITY_TOO_LARGE:
                 raise
             return self._shrink(stored, error)

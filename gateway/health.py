@@ -68,6 +68,7 @@ class Health:
                 "capacity": inbox.capacity,
                 "most": inbox.most,
                 "refused": inbox.refused,
+                "bytes": inbox.used,
             },
             "spool": {
                 "messages": spool.messages,
@@ -99,6 +100,7 @@ class Health:
                 lambda: spool.statistics.dropped_letters,
             ),
             "inbox_messages": ("messages in the inbox", lambda: inbox.statistics.depth),
+            "inbox_bytes": ("their bytes", lambda: inbox.statistics.used),
             "inbox_most": ("most messages ever in it", lambda: inbox.statistics.most),
             "inbox_refused": ("messages that found it full", lambda: inbox.statistics.refused),
             "publications_dropped": ("publications without a broker", lambda: broker.dropped),

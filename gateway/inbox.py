@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from threading import Condition
 from typing import TYPE_CHECKING, Final
 
+from eskin.envelope import MOST_ENVELOPE
+
 if TYPE_CHECKING:
     from gateway.arrival import Arrival
 
@@ -24,19 +26,28 @@ class InboxStatistics:
         capacity: Most that may wait.
         most: Most that ever waited.
         refused: Messages that found it full, and were dropped without acknowledgement.
+        used: Bytes waiting.
     """
 
     depth: int
     capacity: int
     most: int
     refused: int
+    used: int
 
 
 class Inbox:
-    """Holds arrivals in order; one thread puts, one takes."""
+    """Holds arrivals in order; one thread puts, one takes.
 
-    def __init__(self, capacity: int) -> None:
+    Args:
+        capacity: Most messages.
+        most_bytes: Most bytes; one message has room in any case.
+    """
+
+    def __init__(self, capacity: int, *, most_bytes: int) -> None:
         self._capacity = capacity
+        self._most_bytes = most_bytes
+        self._used = 0
         self._waiting: deque[Arrival] = deque()
         self._changed = Condition()
         self._wanted = 1
@@ -46,11 +57,12 @@ class Inbox:
     def put(self, arrival: Arrival) -> bool:
         """Add one; ``False`` where there is no room, which is counted."""
         with self._changed:
-            depth = len(self._waiting) + 1
-            if depth > self._capacity:
+            depth, used = len(self._waiting) + 1, self._used + len(arrival.payload)
+            if depth > self._capacity or (used > self._most_bytes and depth > 1):
                 self._refused += 1
                 return False
             self._waiting.append(arrival)
+            self._used = used
             self._most = max(self._most, depth)
             # The taker says how many are worth waking it for: a wake-up costs more than a message.
             if depth >= self._wanted:
@@ -59,8 +71,8 @@ class Inbox:
 
     @property
     def full(self) -> bool:
-        """Whether the next message would find no room."""
-        return len(self._waiting) >= self._capacity
+        """Whether the next message would find no room, or might not."""
+        return len(self._waiting) >= self._capacity or self._used > self._most_bytes - MOST_ENVELOPE
 
     def take(self, most: int, *, linger_s: float, wait_s: float) -> list[Arrival]:
         """Take a batch.
@@ -83,6 +95,7 @@ class Inbox:
                 arrival = self._waiting.popleft()
                 size += len(arrival.payload)
                 batch.append(arrival)
+            self._used -= size
             return batch
 
     def _await(self, wanted: int, seconds: float) -> None:
@@ -97,4 +110,6 @@ class Inbox:
     def statistics(self) -> InboxStatistics:
         """How it fares now."""
         with self._changed:
-            return InboxStatistics(len(self._waiting), self._capacity, self._most, self._refused)
+            return InboxStatistics(
+                len(self._waiting), self._capacity, self._most, self._refused, self._used
+            )

@@ -11,7 +11,6 @@ import select
 import socket
 import threading
 import time
-from collections import deque
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
@@ -21,10 +20,12 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from eskin.envelope import MOST_ENVELOPE
 from eskin.topics import Stream, node_topic
 from gateway.arrival import Arrival
 from gateway.buffered_socket import BufferedSocket
 from gateway.client import Client
+from gateway.outgoing import Outgoing
 
 if TYPE_CHECKING:
     import ssl
@@ -40,7 +41,6 @@ log = logging.getLogger(__name__)
 
 _PROTOCOLS: Final = {"3.1.1": MQTTProtocolVersion.MQTTv311, "5": MQTTProtocolVersion.MQTTv5}
 _TICK_S: Final = 0.5
-_MOST_OUTGOING: Final = 20_000
 _READS: Final = 64
 _FULL_TICK_S: Final = 0.005
 _FAREWELL_S: Final = 1.0
@@ -71,7 +71,7 @@ class MqttBroker:
         self._backoff = backoff
         self._stopping = threading.Event()
         self._accepting = True
-        self._outgoing: deque[tuple[str, bytes, bool] | Arrival] = deque()
+        self._outgoing = Outgoing()
         self._wake_in, self._wake_out = socket.socketpair()
         for end in (self._wake_in, self._wake_out):
             end.settimeout(0.0)
@@ -106,16 +106,14 @@ class MqttBroker:
 
     def acknowledge(self, arrivals: Sequence[Arrival]) -> None:
         """Send PUBACKs."""
-        self._outgoing.extend(arrivals)
+        self._outgoing.acknowledge(arrivals)
         self._wake()
 
     def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
         """Publish at QoS 0; dropped and counted where there is no broker, or it does not read."""
         for publication in publications:
-            if not self._subscribed or len(self._outgoing) >= _MOST_OUTGOING:
+            if not self._subscribed or not self._outgoing.put(publication):
                 self.dropped += 1
-            else:
-                self._outgoing.append(publication)
         self._wake()
 
     def _make_client(self, name: str, context: ssl.SSLContext) -> Client:
@@ -202,6 +200,7 @@ class MqttBroker:
 
     def _write(self, own: BufferedSocket) -> bool:
         """Write what other threads left, all together; tells whether the connection ended."""
+        # A broker that does not read fills a queue that has an end, not the socket's.
         if not own.clogged:
             self._hand_over()
         if self._client.want_write() and self._client.loop_write():
@@ -211,8 +210,7 @@ class MqttBroker:
 
     def _hand_over(self) -> None:
         """Give paho what other threads left for it."""
-        while self._outgoing:
-            item = self._outgoing.popleft()
+        while (item := self._outgoing.take()) is not None:
             if isinstance(item, Arrival):
                 # On another connection this identifier may name another message.
                 if item.qos and item.connection == self._connection:
@@ -282,11 +280,14 @@ class MqttBroker:
     def _on_message(self, message: paho.MQTTMessage) -> None:
         if not self._accepting:
             return
-        payload, mid, qos = bytes(message.payload), message.mid, message.qos
-        arrival = Arrival(message.topic, payload, mid, qos, message.retain, self._connection)
+        # One byte too long is known as too long; the rest would only fill the memory.
+        payload = bytes(message.payload[: MOST_ENVELOPE + 1])
+        arrival = Arrival(
+            message.topic, payload, message.mid, message.qos, message.retain, self._connection
+        )
         if not self._inbox.put(arrival):
             # The node sends it again; kept, it would clog the broker's window.
-            self._outgoing.append(arrival)
+            self._outgoing.acknowledge([arrival._replace(payload=b"")])
 
     def _lost(self, fault: str) -> None:
         self._subscribed = False

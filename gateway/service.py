@@ -99,7 +99,7 @@ class Gateway:
         self.left = 0
         self._settings = settings
         self.counters = Counters()
-        self.inbox = Inbox(settings.broker.inbox_messages)
+        self.inbox = Inbox(settings.broker.inbox_messages, most_bytes=settings.broker.inbox_bytes)
         self.spool = Spool(
             settings.spool.path,
             capacity=settings.spool.capacity_bytes,

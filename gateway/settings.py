@@ -29,6 +29,9 @@ class BrokerSection(Section):
         le=65535,
         description="messages held between broker and spool; more than the broker's window",
     )
+    inbox_bytes: int = Field(
+        default=67_108_864, ge=1_048_576, description="their bytes; when full, the broker waits"
+    )
 
 
 class IdentitySection(Section):

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
+from eskin.envelope import MOST_ENVELOPE
 from eskin.errors import EnvelopeError, FlashError, MessageError
 from eskin.messages import Acknowledgement
 from eskin.sequences import SequenceRanges
@@ -154,6 +155,9 @@ class Publisher:
         inbox = self._inboxes.get(message.topic)
         if inbox is None:
             log.warning("message ignored: topic=%.200r", message.topic)
+            return
+        if len(message.payload) > MOST_ENVELOPE:
+            log.warning("message ignored: topic=%s bytes=%d", message.topic, len(message.payload))
             return
         try:
             if message.payload:  # without one, the broker forgets what it has kept

@@ -17,25 +17,32 @@ from tests.identities import Identities
 from tests.processes import ESKIN, Running, accepts, free_port
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
     from types import TracebackType
 
 
 class RealStack:
-    """Mosquitto, gateway and cloud.
+    """Mosquitto, gateways and cloud.
+
+    Args:
+        folder: Where all lies.
+        gateways: How many; several share the site's load.
+        keepalive_s: Seconds between a gateway's pings.
 
     Attributes:
         folder: Where all lies.
         pki: Folder of all identities.
         identities: The CA.
         broker: Mosquitto.
-        gateway: The gateway.
+        gateways: All of them.
+        gateway: The first.
         cloud: The cloud.
         store: The cloud's database.
-        spool: The gateway's.
+        spool: The first gateway's.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, gateways: int = 1, keepalive_s: int = 15) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self.pki = folder / "pki"
@@ -50,27 +57,25 @@ class RealStack:
             "gateways": {"port": self._ingest, "identity": self.pki / "server.cloud"},
         })  # fmt: skip
         self.broker = Mosquitto(folder / "broker", self.identities)
-        gateway_toml = write_settings(folder / "gateway.toml", {
-            "broker": {"host": "127.0.0.1", "port": self.broker.gateway_port},
-            "identity": {"directory": self.pki / "gateway.g1", "site": self.pki / "site.main"},
-            "cloud": {"url": f"https://127.0.0.1:{self._ingest}/api/v1/ingest"},
-            "spool": {"path": self.spool},
-            "http": {"port": free_port()},
-        })  # fmt: skip
         self.cloud = Running(
             [ESKIN, "cloud", "--config", str(cloud_toml)], log=folder / "cloud.log"
         )
-        self.gateway = Running(
-            [ESKIN, "gateway", "--config", str(gateway_toml)], log=folder / "gateway.log"
-        )
+        broker = {"host": "127.0.0.1", "port": self.broker.gateway_port, "keepalive_s": keepalive_s,
+                  "group": "site" if gateways > 1 else ""}  # fmt: skip
+        self.gateways = [self._make_gateway(n, broker) for n in range(1, gateways + 1)]
+        self.gateway = self.gateways[0]
         self._running = ExitStack()
 
     def __enter__(self) -> Self:
-        self._running.enter_context(self.broker)
-        self._running.enter_context(self.cloud)
-        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens", seconds=60)
-        self._running.enter_context(self.gateway)
-        self._await_gateway(1)
+        with ExitStack() as running:
+            running.enter_context(self.broker)
+            running.enter_context(self.cloud)
+            self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens", seconds=60)
+            for gateway in self.gateways:
+                running.enter_context(gateway)
+            for gateway in self.gateways:
+                _await_ready(gateway, 1)
+            self._running = running.pop_all()
         return self
 
     def __exit__(
@@ -94,15 +99,27 @@ class RealStack:
         """Start the gateway again, after it was ended."""
         starts = self.gateway.output().count("ready:")
         self.gateway.start()
-        self._await_gateway(starts + 1)
+        _await_ready(self.gateway, starts + 1)
 
-    def _await_gateway(self, starts: int) -> None:
-        # Its imports are no part of what a block costs.
-        ready = "the gateway is ready"
-        self.gateway.wait_for(
-            lambda: self.gateway.output().count("ready:") >= starts, ready, seconds=60
-        )
+    def _make_gateway(self, number: int, broker: Mapping[str, object]) -> Running:
+        own = self.identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
+        spool = self.spool if number == 1 else self.folder / f"spool-{number}.sqlite"
+        config = write_settings(self.folder / f"gateway-{number}.toml", {
+            "broker": broker,
+            "identity": {"directory": own.directory, "site": self.pki / "site.main"},
+            "cloud": {"url": f"https://127.0.0.1:{self._ingest}/api/v1/ingest"},
+            "spool": {"path": spool},
+            "http": {"port": free_port()},
+        })  # fmt: skip
+        log = self.folder / f"gateway-{number}.log"
+        return Running([ESKIN, "gateway", "--config", str(config)], log=log)
 
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""
         return int(ask(self.store, "SELECT count(*) FROM blocks")[0][0])
+
+
+def _await_ready(gateway: Running, starts: int) -> None:
+    """Its imports are no part of what a block costs."""
+    ready = "the gateway is ready"
+    gateway.wait_for(lambda: gateway.output().count("ready:") >= starts, ready, seconds=60)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import hashlib
+from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING, Final
 
 from cloud.ingest.errors import BatchTooLargeError, BatchTypeError
 
 if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
     from fastapi import Request
 
     from cloud.ingest.warrant import Warrant
@@ -17,11 +20,13 @@ if TYPE_CHECKING:
 MEDIA_TYPE: Final = "application/cbor"
 
 
-async def receive(cloud: Cloud, request: Request) -> tuple[Warrant, bytes]:
-    """The gateway's warrant, and the body that it was made for.
+@asynccontextmanager
+async def received(cloud: Cloud, request: Request) -> AsyncIterator[tuple[Warrant, bytes]]:
+    """The gateway's warrant, and the body that it was made for, which has room while this runs.
 
     Raises:
         IngestError: It is not CBOR, from no gateway of ours, too long, or of another hash.
+        StoreError: Too many bytes wait to be stored.
     """
     kind = request.headers.get("content-type")
     if (kind or "").partition(";")[0].strip().lower() != MEDIA_TYPE:
@@ -29,20 +34,26 @@ async def receive(cloud: Cloud, request: Request) -> tuple[Warrant, bytes]:
     # A stranger shall not fill our memory.
     authorization = request.headers.get("authorization")
     warrant = await asyncio.to_thread(cloud.verifier.verify, authorization)
-    body = await _read(request, cloud.settings.gateways.body_bytes)
-    digest = await asyncio.to_thread(lambda: hashlib.sha256(body).hexdigest())
-    warrant.require_body(digest)
-    return warrant, body
+    most = cloud.settings.gateways.body_bytes
+    announced = request.headers.get("content-length", "")
+    size = int(announced) if announced.isdecimal() else most
+    if size > most:
+        raise _too_large(most)
+    with cloud.uploads.hold(size):
+        body = await _read(request, most)
+        digest = await asyncio.to_thread(lambda: hashlib.sha256(body).hexdigest())
+        warrant.require_body(digest)
+        yield warrant, body
 
 
 async def _read(request: Request, most: int) -> bytes:
-    announced = request.headers.get("content-length", "")
     body = bytearray()
-    if not announced.isdecimal() or int(announced) <= most:
-        async for part in request.stream():
-            body += part
-            if len(body) > most:
-                break
-        else:
-            return bytes(body)
-    raise BatchTooLargeError(f"the body is longer than {most} bytes; send smaller batches")
+    async for part in request.stream():
+        body += part
+        if len(body) > most:
+            raise _too_large(most)
+    return bytes(body)
+
+
+def _too_large(most: int) -> BatchTooLargeError:
+    return BatchTooLargeError(f"the body is longer than {most} bytes; send smaller batches")

@@ -32,15 +32,18 @@ class Feed:
     Args:
         store: Holds what memory does not.
         recent: How many entries are kept in memory.
+        recent_bytes: Their bytes, at most.
 
     Attributes:
         closed: Whether streams should end.
         subscribers: How many streams there are.
     """
 
-    def __init__(self, store: Store, *, recent: int) -> None:
+    def __init__(self, store: Store, *, recent: int, recent_bytes: int) -> None:
         self._store = store
         self._most = recent
+        self._most_bytes = recent_bytes
+        self._used = 0
         with store.read() as connection:
             self._last = self._floor = last_cursor(connection)
         self._recent: deque[Entry] = deque()
@@ -72,9 +75,12 @@ class Feed:
         if not entries:
             return
         self._recent.extend(entries)
+        self._used += sum(entry.size for entry in entries)
         self._last = entries[-1].cursor
-        while len(self._recent) > self._most:
-            self._floor = self._recent.popleft().cursor
+        while len(self._recent) > self._most or self._used > self._most_bytes:
+            oldest = self._recent.popleft()
+            self._used -= oldest.size
+            self._floor = oldest.cursor
         self._wake()
 
     def close(self) -> None:

@@ -15,7 +15,7 @@ from cloud.commands.deliveries import (
     mark_delivered,
 )
 from cloud.dependencies import CloudState
-from cloud.ingest.reception import MEDIA_TYPE, receive
+from cloud.ingest.reception import MEDIA_TYPE, received
 from cloud.problems import documented
 from cloud.routes.documents import CBOR_BODY
 from cloud.state import Cloud
@@ -40,8 +40,8 @@ class CborResponse(Response):
 )
 async def post_deliveries(cloud: CloudState, request: Request) -> Response:
     """Commands that a gateway does not hold yet, and those that it should deliver no more."""
-    _, body = await receive(cloud, request)
-    holding = Holding.read(body)
+    async with received(cloud, request) as (_, body):
+        holding = Holding.read(body)
     await _mark(cloud, holding)
     deadline = time.monotonic() + holding.wait_s
     while True:

@@ -9,7 +9,7 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState
 from cloud.ingest.batch import read_batch
-from cloud.ingest.reception import receive
+from cloud.ingest.reception import received
 from cloud.ingest.warrant import Warrant
 from cloud.problems import documented
 from cloud.routes.answers import as_json
@@ -31,9 +31,9 @@ log = logging.getLogger(__name__)
 )
 async def post_ingest(cloud: CloudState, request: Request) -> Response:
     """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
-    warrant, body = await receive(cloud, request)
-    with cloud.metrics.ingest_seconds.time():
-        outcome = await _store(cloud, warrant, body)
+    async with received(cloud, request) as (warrant, body):
+        with cloud.metrics.ingest_seconds.time():
+            outcome = await _store(cloud, warrant, body)
     for result in outcome.results:
         cloud.metrics.items.labels(result.result).inc()
         if result.reason is not None:

@@ -23,3 +23,9 @@ class Entry:
     channel: str | None
     block: bytes | None
     event: dict[str, Any] | None
+
+    @property
+    def size(self) -> int:
+        """Bytes of the message."""
+        body = self.block if self.event is None else self.event.get("data")
+        return len(body or b"")

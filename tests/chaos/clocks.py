@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import struct
-import subprocess
 from pathlib import Path
 from typing import Final
+
+from tests.preloads import build_preload
 
 _SOURCE: Final = Path(__file__).with_name("wallclock.c")
 
@@ -36,7 +37,4 @@ class Wallclock:
 
 def build_library(folder: Path) -> Path:
     """Compile what moves clocks; gives the shared library."""
-    library = folder / "wallclock.so"
-    options = ["-shared", "-fPIC", "-O2", "-Wall", "-Wextra", "-Werror"]
-    subprocess.run(["gcc", *options, "-o", str(library), str(_SOURCE)], check=True)
-    return library
+    return build_preload(_SOURCE, folder)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tests.chaos.site import Part
+    from tests.chaos.part import Part
 
 
 class Fault(Protocol):
@@ -74,6 +74,57 @@ class Cut:
         part.host.plug()
 
 
+class HalfOpen:
+    """It hears nothing, and is heard: one side of each connection believes that all is well."""
+
+    def begin(self, part: Part) -> None:
+        """Make it deaf."""
+        part.host.deafen()
+
+    def end(self, part: Part) -> None:
+        """Let it hear."""
+        part.host.heal()
+
+
+class Renewal:
+    """Its certificates are renewed in mid-flow, each with a fresh key."""
+
+    def begin(self, part: Part) -> None:
+        """Renew them; a gateway's site, too."""
+        for directory in part.identities:
+            part.renew(directory)
+        if part.name == "broker":
+            part.running.signal(signal.SIGHUP)
+
+    def end(self, part: Part) -> None:
+        """Nothing is to be taken back."""
+
+
+class Flood:
+    """Killed, and flooded by somebody's rubbish as soon as it is back, beside all that waits."""
+
+    def begin(self, part: Part) -> None:
+        """End it as a power cut would."""
+        part.running.kill()
+
+    def end(self, part: Part) -> None:
+        """Start it, and let the flood begin."""
+        part.running.start()
+        part.flood()
+
+
+class Parrot:
+    """The broker repeats whatever nodes and gateways said, several times and out of order."""
+
+    def begin(self, part: Part) -> None:
+        """Let it begin."""
+        part.parrot.start()
+
+    def end(self, part: Part) -> None:
+        """Silence it."""
+        part.parrot.kill()
+
+
 @dataclass(frozen=True, slots=True)
 class Lossy:
     """A share of the packets is lost, both ways."""
@@ -133,6 +184,10 @@ FAULTS: Final[Mapping[str, Fault]] = {
     "restart": Restart(),
     "hang": Hang(),
     "cut": Cut(),
+    "half open": HalfOpen(),
+    "renewal": Renewal(),
+    "flood": Flood(),
+    "parrot": Parrot(),
     "lossy": Lossy(0.2),
     "reset": Reset(),
     "disk full": DiskFull(),
@@ -141,7 +196,13 @@ FAULTS: Final[Mapping[str, Fault]] = {
 }
 """By the name under which a plan has them."""
 
-EVERYWHERE: Final = ("kill", "restart", "hang", "cut", "lossy", "reset")
+EVERYWHERE: Final = (
+    "kill", "restart", "hang", "cut", "half open", "lossy", "reset", "disk full", "renewal"
+)  # fmt: skip
 """What can happen to every part."""
-STORING: Final = ("disk full", "clock ahead", "clock behind")
-"""What can happen to parts that keep data and know the time; not to the broker."""
+BROKER: Final = ("parrot",)
+"""What can happen to the broker alone."""
+GATEWAY: Final = ("flood",)
+"""What can happen to gateways alone."""
+TIMED: Final = ("clock ahead", "clock behind")
+"""What can happen to parts that know the time; not to the broker."""

@@ -64,6 +64,10 @@ class Host:
         reject = ("-i", "eth0", "-p", "tcp", "-j", "REJECT", "--reject-with", "tcp-reset")
         self._filter("-A", "INPUT", *reject)
 
+    def deafen(self) -> None:
+        """Drop whatever comes in; what goes out still arrives."""
+        self._filter("-A", "INPUT", "-i", "eth0", "-j", "DROP")
+
     def heal(self) -> None:
         """Let everything through again."""
         self._filter("-F")

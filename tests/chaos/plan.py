@@ -6,7 +6,7 @@ import random
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from tests.chaos.faults import EVERYWHERE, STORING
+from tests.chaos.faults import BROKER, EVERYWHERE, GATEWAY, TIMED
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -16,6 +16,8 @@ _LONGEST_S: Final = 6.0
 _TOGETHER: Final = 0.35
 """How often another fault comes before the last one is over."""
 _LONGEST_PAUSE_S: Final = 1.0
+_LONG_S: Final = 300.0
+"""Plans that last so long have the cloud away for a minute and a half."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,12 +55,14 @@ def make_plan(seed: int, *, seconds: float, parts: Sequence[str]) -> list[Stroke
     strokes = []
     busy = dict.fromkeys(parts, 0.0)
     now = 0.0
-    for stroke in _opening():
+    for stroke in _opening() + (_absence() if seconds >= _LONG_S else []):
         strokes.append(stroke)
         busy[stroke.part] = max(busy[stroke.part], stroke.end)
-        now = max(now, stroke.end)
+    now = max((stroke.end for stroke in _opening()), default=0.0)
     for fault, part, length, pause, together in _endless(draw, parts):
         begin = max(now + pause, busy[part] + 0.1)
+        if begin > now + _LONGEST_S:
+            continue  # it is away for long
         if begin + length > seconds:
             break
         strokes.append(Stroke(fault, part, round(begin, 2), round(begin + length, 2)))
@@ -77,12 +81,18 @@ def _opening() -> list[Stroke]:
     ]
 
 
+def _absence() -> list[Stroke]:
+    """The cloud is away for long, whatever else happens meanwhile."""
+    return [Stroke("cut", "cloud", 8.0, 98.0)]
+
+
 def _endless(
     draw: random.Random, parts: Sequence[str]
 ) -> Iterator[tuple[str, str, float, float, bool]]:
     while True:
         part = draw.choice(parts)
-        possible = EVERYWHERE if part == "broker" else (*EVERYWHERE, *STORING)
+        possible = (*EVERYWHERE, *(BROKER if part == "broker" else TIMED))
+        possible += GATEWAY if part.startswith("gateway") else ()
         length = draw.uniform(_SHORTEST_S, draw.uniform(_SHORTEST_S, _LONGEST_S))
         pause = draw.uniform(0.0, _LONGEST_PAUSE_S)
         yield draw.choice(possible), part, length, pause, draw.random() < _TOGETHER

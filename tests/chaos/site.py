@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING, Final, Self
 
 from demo.layout import Layout
@@ -12,6 +13,7 @@ from tests.brokers import mosquitto, write_configuration
 from tests.chaos.clocks import Wallclock, build_library
 from tests.chaos.disks import Disk
 from tests.chaos.hosts import Host, make_switch
+from tests.chaos.part import INSIDER, Part
 from tests.files import ask, write_settings
 from tests.identities import Identities
 from tests.processes import ESKIN, Running, wait_until
@@ -21,31 +23,13 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from eskin.identity import Identity
+
 NODES: Final = ("fingertip", "palm", "forearm")
 GATEWAYS: Final = ("gateway-1", "gateway-2")
 _PORTS: Final = (8883, 8884, 8885)
 _INGEST: Final = 8443
 _MEBIBYTE: Final = 1 << 20
-
-
-class Part:
-    """One process with its host, its clock and its disk."""
-
-    def __init__(
-        self,
-        name: str,
-        argv: Sequence[str],
-        *,
-        host: Host,
-        disk: Disk,
-        clock: Wallclock,
-        log: Path,
-    ) -> None:
-        self.name = name
-        self.host = host
-        self.disk = disk
-        self.clock = clock
-        self.running = Running([*host.prefix, *argv], log=log, env=clock.environment)
 
 
 class Site:
@@ -62,7 +46,7 @@ class Site:
         self._library = build_library(root)
         self._exits = ExitStack()
         make_switch()
-        hosts = {
+        hosts = self._hosts = {
             name: Host(name, number)
             for number, name in enumerate(("broker", "cloud", *GATEWAYS, *NODES), start=1)
         }
@@ -89,6 +73,7 @@ class Site:
         for part in self.parts:
             part.running.start()
             self._exits.callback(_end, part.running)
+            self._exits.callback(part.calm)
         return self
 
     def __exit__(
@@ -138,7 +123,7 @@ class Site:
         A node that has no connection when it is told to end keeps what it has for its next start.
 
         Raises:
-            AssertionError: Something still waits.
+            AssertionError: Something waits, and for so long nothing of it has arrived.
         """
         for part in self.nodes:
             part.running.stop(seconds=seconds)
@@ -146,10 +131,15 @@ class Site:
                 part.running.start()
                 self._wait_for_earlier_boots(part.name, seconds)
                 part.running.stop(seconds=seconds)
-        try:
-            wait_until(lambda: not any(self.waiting().values()), "all is stored", seconds=seconds)
-        except AssertionError as error:
-            raise AssertionError(f"{error}: {self.waiting()}") from None
+        while before := self._still_waiting():
+            less = partial(self._is_less, before)
+            wait_until(less, f"less waits than {self.waiting()}", seconds=seconds)
+
+    def _still_waiting(self) -> int:
+        return sum(self.waiting().values())
+
+    def _is_less(self, before: int) -> bool:
+        return self._still_waiting() < before
 
     def _wait_for_earlier_boots(self, node: str, seconds: float) -> None:
         """Wait until what a node said before its last start has left its flash."""
@@ -177,7 +167,9 @@ class Site:
         file = write_configuration(
             folder, self._identities, server, host=host.address, ports=_PORTS
         )
-        return self._part("broker", [mosquitto(), "-c", str(file)], host, disk)
+        with file.open("a") as config:
+            config.write(f"\nlistener {INSIDER} 127.0.0.1\nallow_anonymous true\n")
+        return self._part("broker", [mosquitto(), "-c", str(file)], host, disk, server)
 
     def _make_cloud(self, host: Host) -> Part:
         disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
@@ -186,7 +178,7 @@ class Site:
             "store": {"path": self.layout.store},
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
         })  # fmt: skip
-        return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk)
+        return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)
 
     def _make_gateway(self, host: Host, number: int) -> Part:
         spool = self._spool(host.name)
@@ -200,7 +192,8 @@ class Site:
                       "timeout_s": 3.0, "retry_most_s": 2.0},
             "spool": {"path": spool},
         })  # fmt: skip
-        return self._part(host.name, [ESKIN, "gateway", "--config", str(config)], host, disk)
+        argv = [ESKIN, "gateway", "--config", str(config)]
+        return self._part(host.name, argv, host, disk, own, self._identities.site)
 
     def _make_node(self, host: Host) -> Part:
         name = host.name
@@ -220,12 +213,22 @@ class Site:
             "flash": {"path": flash, "capacity_bytes": 32 * _MEBIBYTE},
             "truth": {"path": self.layout.truth(name), "limit_bytes": 4096 * _MEBIBYTE},
         })  # fmt: skip
-        return self._part(name, [ESKIN, "node", "--config", str(config)], host, disk)
+        return self._part(name, [ESKIN, "node", "--config", str(config)], host, disk, own)
 
-    def _part(self, name: str, argv: Sequence[str], host: Host, disk: Disk) -> Part:
-        clock = Wallclock(self.layout.root / f"{name}.clock", self._library)
-        log = self._logs / f"{name}.log"
-        return Part(name, argv, host=host, disk=disk, clock=clock, log=log)
+    def _part(
+        self, name: str, argv: Sequence[str], host: Host, disk: Disk, *identities: Identity
+    ) -> Part:
+        return Part(
+            name,
+            argv,
+            host=host,
+            disk=disk,
+            clock=Wallclock(self.layout.root / f"{name}.clock", self._library),
+            identities=[own.directory for own in identities],
+            authority=self._identities.authority,
+            attacker=self._hosts["broker"].prefix,
+            log=self._logs / f"{name}.log",
+        )
 
 
 def _end(running: Running) -> None:

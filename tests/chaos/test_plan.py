@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from itertools import pairwise
 
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.chaos.faults import FAULTS
@@ -14,6 +14,7 @@ PARTS = ("broker", "cloud", "gateway-1", "gateway-2", "fingertip")
 SEEDS = st.integers(0, 2**32)
 
 
+@settings(deadline=None)
 @given(seed=SEEDS, seconds=st.floats(1.0, 600.0))
 def test_plan_fits(seed: int, seconds: float) -> None:
     plan = make_plan(seed, seconds=seconds, parts=PARTS)

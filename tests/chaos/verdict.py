@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 _WHY: Final = {
     "sampling overrun": ("hang", "disk full"),
     "flash write failed": ("disk full",),
-    "flash full": ("cut", "hang", "kill", "lossy", "reset", "disk full"),
+    "flash full": ("cut", "half open", "hang", "kill", "flood", "lossy", "reset", "disk full"),
 }
 """Reason of a gap to the faults that can be behind it."""
 

@@ -12,7 +12,8 @@ from cloud import limits
 from cloud.limiter import source_of
 from cloud.settings import LimitsSection
 from cloud.store.audit_log import read_deeds
-from tests.cloud.clouds import problem, standing
+from tests.cloud.clouds import batch, count_blocks, problem, standing
+from tests.cloud.messages import block
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
@@ -80,6 +81,18 @@ async def test_long_body_is_refused(stand: Stand) -> None:
             assert str(most) in problem(answer, 413)
         answer = await client.post("/api/v1/nodes/x/commands", content=b"x" * most)
         assert answer.status_code != 413
+
+
+async def test_batches_that_find_no_room_in_memory_are_told_to_come_again(stand: Stand) -> None:
+    room, body = stand.cloud.uploads, batch(block(0))
+    with room.hold(stand.cloud.settings.gateways.uploads_bytes - len(body)):
+        assert (await stand.ingest(body)).status_code == 200
+        with room.hold(1):
+            answer = await stand.ingest(body)
+            assert "gateways.uploads_bytes" in problem(answer, 503)
+            assert int(answer.headers["retry-after"]) > 0
+    assert room.used == 0
+    assert count_blocks(stand) == 1
 
 
 async def test_slow_body_is_refused(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:

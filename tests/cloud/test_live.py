@@ -130,6 +130,16 @@ async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
         assert len(stand.cloud.feed._recent) == 10
 
 
+async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:
+    feed, said = stand.cloud.feed, [block(n) if n % 5 else peak(n) for n in range(100)]
+    feed._most_bytes = 10 * len(said[1].encode())
+    await stand.ingest(batch(*said))
+    assert 5 < len(feed._recent) < 20
+    assert feed._used == sum(entry.size for entry in feed._recent) <= feed._most_bytes
+    heard = await take(stand, 100)
+    assert [int(event["id"]) for event in heard] == list(range(1, 101))
+
+
 async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
     other = "t02.capacitance"
     put(stand.cloud.store, block(0), block(1, channel=other), gap(2), peak(3, channel=other))

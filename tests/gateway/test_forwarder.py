@@ -190,6 +190,10 @@ def test_slow_cloud_is_given_up_and_asked_again(
     made = Setup(tmp_path, client, stub)
     with pytest.raises(CloudError, match="Timeout"):
         made.forwarder.forward()
+    asked = made.counters.value("messages_forwarded_total")
+    with pytest.raises(CloudError, match="Timeout"):
+        made.forwarder.forward()
+    assert made.counters.value("messages_forwarded_total") - asked == asked // 2, "it is given less"
     stub.release.set()
     stub.mode = "ok"
     while made.forwarder.forward():

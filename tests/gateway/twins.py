@@ -96,7 +96,7 @@ class Inside:
         self.senders = Senders(self.spool, self.revocations, clock=self.clock)
         self.records = Records(self.spool)
         self.presence = Presence(15.0)
-        self.inbox = Inbox(1000)
+        self.inbox = Inbox(1000, most_bytes=10_000_000)
         self.intake = Intake(
             opener=Opener([identities.site], sender=self.senders.find),
             senders=self.senders,

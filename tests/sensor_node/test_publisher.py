@@ -7,9 +7,10 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+import paho.mqtt.client as mqtt
 import pytest
 
-from eskin.envelope import Sealer
+from eskin.envelope import MOST_ENVELOPE, Sealer
 from eskin.errors import FlashError
 from eskin.messages import Acknowledgement, Block, Peak, Position, Status
 from eskin.topics import Stream, node_topic
@@ -102,6 +103,18 @@ def test_broker_s_word_alone_forgets_nothing(
         assert peer.held == Position(1, 0)
         peer.acknowledging = True
         wait_until(lambda: empty(bench), "flash is empty")
+
+
+def test_word_that_is_too_long_for_one_is_not_kept(publishing: Callable[..., Any]) -> None:
+    message = mqtt.MQTTMessage(topic=node_topic("fingertip", Stream.ACKS).encode())
+    with publishing() as publisher:
+        kept = publisher._inboxes[publisher._acks_topic]
+        publisher._stopping.set()
+        publisher._thread.join()
+        for size in (MOST_ENVELOPE + 1, MOST_ENVELOPE):
+            message.payload = bytes(size)
+            publisher._on_message(None, None, message)
+        assert [len(word) for word in kept.queue] == [MOST_ENVELOPE]
 
 
 def test_held_follows_what_is_acknowledged(

@@ -1,0 +1,89 @@
+"""Keepers that share a folder, and a CA service that outlives its own certificate."""
+
+from __future__ import annotations
+
+import logging
+import ssl
+from datetime import UTC, datetime, timedelta
+from threading import Barrier, Thread
+from typing import TYPE_CHECKING
+
+import pytest
+from cryptography import x509
+
+from authority.enrolment import fetch_anchor
+from authority.keeper import Keeper
+from eskin.identity import IdentityKind
+from eskin.settings import RenewalSection
+from tests.identities import Identities
+from tests.processes import ESKIN, Running, accepts, free_port
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+LIFE_S = 6.0
+GATEWAYS = 4
+
+
+class Service(Running):
+    """The CA service, whose certificates live for seconds."""
+
+    def __init__(self, folder: Path) -> None:
+        self.port = free_port()
+        self.own = Identities(folder / "pki")
+        config = folder / "authority.toml"
+        config.write_text(
+            f'[authority]\ndirectory = "{self.own.ca}"\nport = {self.port}\n'
+            f"certificate_days = {LIFE_S / 86_400}\n"
+        )
+        argv = [ESKIN, "pki", "serve", "--config", str(config)]
+        super().__init__(argv, log=folder / "ca.log")
+
+    @property
+    def serial(self) -> int:
+        """Number of the certificate that it shows."""
+        shown = ssl.get_server_certificate(("127.0.0.1", self.port))
+        return x509.load_pem_x509_certificate(shown.encode()).serial_number
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
+    with Service(tmp_path_factory.mktemp("authority")) as running:
+        running.wait_for(lambda: accepts(running.port), "it listens", seconds=60)
+        yield running
+
+
+def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> None:
+    first = service.serial
+    service.wait_for(lambda: service.serial != first, "it shows another one", seconds=60)
+    # Whoever asks is still answered, under the same root.
+    url = f"https://127.0.0.1:{service.port}"
+    anchor = service.own.node.directory / "anchor.pem"
+    fetch_anchor(url, service.own.node.directory, IdentityKind.NODE, anchor)
+    assert anchor.read_bytes() == service.own.authority.anchor_file(IdentityKind.NODE).read_bytes()
+
+
+def test_gateways_that_share_a_site_s_folder_renew_it_once(
+    service: Service, caplog: pytest.LogCaptureFixture
+) -> None:
+    caplog.set_level(logging.WARNING)
+    aged = datetime.now(UTC) - timedelta(days=80)
+    site = service.own.make(IdentityKind.SITE, "site.main", now=aged, lifetime=timedelta(days=90))
+    settings = RenewalSection(url=f"https://127.0.0.1:{service.port}")
+    together = Barrier(GATEWAYS)
+
+    def look() -> None:
+        keeper = Keeper(settings, [site.directory])
+        together.wait()
+        keeper.look()
+
+    before = len(service.own.authority.issued())
+    threads = [Thread(target=look) for _ in range(GATEWAYS)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    issued = [entry.name for entry in service.own.authority.issued()[before:]]
+    assert issued.count("site.main") == 1
+    assert caplog.messages == []

@@ -1,0 +1,71 @@
+"""What the broker does not read fills no memory."""
+
+from __future__ import annotations
+
+import ssl
+from random import Random
+from typing import TYPE_CHECKING
+from unittest.mock import Mock
+
+import paho.mqtt.client as paho
+import pytest
+
+from eskin.envelope import MOST_ENVELOPE
+from gateway.backoff import Backoff
+from gateway.buffered_socket import BufferedSocket
+from gateway.inbox import Inbox
+from gateway.mqtt import MqttBroker
+from gateway.settings import BrokerSection
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+_MEBIBYTE = 1 << 20
+
+
+@pytest.fixture
+def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[MqttBroker]:
+    """One that says that it is connected."""
+    made = MqttBroker(
+        BrokerSection(),
+        name="gateway.g1",
+        context=ssl.create_default_context(),
+        inbox=Inbox(16, most_bytes=_MEBIBYTE),
+        backoff=Backoff(1.0, 1.0, random=Random(1)),  # noqa: S311 - a pause, no secret
+    )
+    monkeypatch.setattr(made, "_subscribed", True)
+    yield made
+    made._wake_in.close()
+    made._wake_out.close()
+
+
+def test_publications_that_nobody_reads_are_bounded_in_bytes(broker: MqttBroker) -> None:
+    broker.publish([("t", bytes(_MEBIBYTE), False)] * 40)
+    assert len(broker._outgoing) == 32
+    assert broker.dropped == 8
+
+
+def test_nothing_is_handed_over_while_the_broker_does_not_read(
+    broker: MqttBroker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[int] = []
+    once = "publish_once"
+    monkeypatch.setattr(
+        broker._client, once, lambda _topic, payload, **_: given.append(len(payload))
+    )
+    broker.publish([("t", bytes(7), False)])
+    own = Mock(spec=BufferedSocket, clogged=True)
+    assert not broker._write(own)
+    assert given == []
+    own.clogged = False
+    assert not broker._write(own)
+    assert given == [7]
+    assert own.flush.call_count == 2
+
+
+def test_message_that_is_too_long_takes_no_more_than_the_longest(broker: MqttBroker) -> None:
+    message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/blocks")
+    message.payload = bytes(10 * MOST_ENVELOPE)
+    broker._on_message(message)
+    (arrival,) = broker._inbox.take(1, linger_s=0, wait_s=0)
+    assert len(arrival.payload) == MOST_ENVELOPE + 1
