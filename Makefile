@@ -49,8 +49,8 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	$(BIN)/python -m benchmarks $(ARGS)
 
-chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1")
-	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev
+chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
+	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql
 	$(BIN)/python -m tests.chaos $(ARGS)
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
@@ -62,7 +62,7 @@ dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules

@@ -46,9 +46,11 @@ def run(settings: CloudSettings) -> None:
     """
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     with ExitStack() as stack:
-        stack.enter_context(_only_one(settings.store.path))
+        place = settings.store.place
+        if isinstance(place, Path):
+            stack.enter_context(_only_one(place))
         store = stack.enter_context(
-            Store(settings.store.path, readers=settings.store.readers, queue=settings.store.queue)
+            Store(place, readers=settings.store.readers, queue=settings.store.queue)
         )
         asyncio.run(_serve(make_cloud(settings, store, clock=time.time_ns)))
     log.info("stopped")
@@ -111,7 +113,7 @@ async def _serve(cloud: Cloud) -> None:
             "ready: people=%s gateways=%s store=%s",
             listeners[0].url,
             listeners[1].url,
-            cloud.store.path,
+            cloud.store,
         )
         await stopping.wait()
         cloud.feed.close()
@@ -122,7 +124,7 @@ async def _serve(cloud: Cloud) -> None:
 
 @contextmanager
 def _only_one(path: Path) -> Iterator[None]:
-    """Hold the store for this process: what the writer remembers must be the whole truth."""
+    """Hold a file for this process: SQLite has no way to tell others what is new."""
     try:
         owner = LockFile(path)
     except LockedError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, insert, select, update
@@ -22,15 +23,24 @@ _MOST_RANGES: Final = 10_000
 class Ledger:
     """Rows of nodes, channels and sequences, and the last cursor; written back by `save`.
 
-    Only the writing thread uses it. After a rollback it is forgotten and read anew.
+    Only the writing thread uses it. After a rollback, and after somebody else wrote, it is
+    forgotten and read anew.
     """
 
     def __init__(self) -> None:
+        self._name = secrets.token_hex(16)
         self.forget()
+
+    def refresh(self, connection: Connection) -> None:
+        """Drop what somebody else may have changed; at the beginning of each transaction."""
+        writer = connection.execute(select(feed.c.writer)).scalar_one()
+        if writer != self._name:
+            self.forget()
 
     def forget(self) -> None:
         """Drop everything that is remembered."""
         self._cursor: int | None = None
+        self._moved = False
         self._ranges: dict[tuple[str, int], SequenceRanges] = {}
         self._written: dict[tuple[str, int], dict[int, int]] = {}
         self._rows: dict[Table, dict[tuple[str, ...], Row | None]] = {nodes: {}, channels: {}}
@@ -43,6 +53,7 @@ class Ledger:
         if self._cursor is None:
             self._cursor = connection.execute(select(feed.c.cursor)).scalar_one()
         self._cursor += 1
+        self._moved = True
         return self._cursor
 
     def ranges(self, connection: Connection, node: str, boot: int) -> SequenceRanges:
@@ -83,8 +94,11 @@ class Ledger:
 
     def save(self, connection: Connection) -> None:
         """Write what changed, within the transaction of what it speaks of."""
-        if self._cursor is not None:
-            connection.execute(update(feed).values(cursor=self._cursor))
+        if not (self._changed or self._added or self._moved):
+            return
+        values = {"writer": self._name} | ({"cursor": self._cursor} if self._moved else {})
+        connection.execute(update(feed).values(values))
+        self._moved = False
         # One statement for all rows of a kind: a batch of a fleet changes thousands.
         changed: dict[Table, list[Row]] = {}
         fresh: dict[Table, list[Row]] = {}

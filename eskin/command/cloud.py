@@ -63,7 +63,7 @@ def login(
     from cloud.store import Store
 
     settings = _load(config or context.obj)
-    with Store(settings.store.path) as store:
+    with Store(settings.store.place) as store:
         code = create_login_code(
             store, lifetime=timedelta(minutes=minutes), scopes=(Scope.READ, Scope.OPERATE)
         )
@@ -89,7 +89,7 @@ def token(
     except ValueError:
         allowed = ", ".join(Scope)
         raise typer.BadParameter(f"{scope} is not allowed; use {allowed}") from None
-    with Store(_load(config or context.obj).store.path) as store:
+    with Store(_load(config or context.obj).store.place) as store:
         typer.echo(create_token(store, scopes=scopes, name=name, lifetime=timedelta(days=days)))
 
 
@@ -103,7 +103,7 @@ def tokens(context: typer.Context, config: Config = None) -> None:
     from cloud.shapes import token_shape
     from cloud.store import Store
 
-    with Store(_load(config or context.obj).store.path) as store, store.read() as connection:
+    with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
         rows = [token_shape(row, now=store.clock()) for row in list_tokens(connection)]
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for heading in ("id", "name", "scopes", "state", "expires"):
@@ -124,7 +124,7 @@ def revoke(
     from cloud.access import revoke_token
     from cloud.store import Store
 
-    with Store(_load(config or context.obj).store.path) as store:
+    with Store(_load(config or context.obj).store.place) as store:
         if not revoke_token(store, number):
             raise SettingsError("--id", f"{number!r} is no token that could be revoked")
     typer.echo(f"revoked {number}")
@@ -136,7 +136,7 @@ def audit_log(context: typer.Context, config: Config = None) -> None:
     from cloud.store import Store
     from cloud.store.audit_log import check_deeds, read_deeds
 
-    with Store(_load(config or context.obj).store.path) as store, store.read() as connection:
+    with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
         for row in read_deeds(connection):
             words = (format_moment(row["time"]), row["actor"] or "-", row["address"] or "-")
             typer.echo(" ".join((*words, row["action"], row["target"], row["detail"])).rstrip())

@@ -250,7 +250,7 @@ def test_every_setting_is_described() -> None:
     assert len(settings) > 15
     assert all(setting.help for setting in settings)
     needed = {setting.name for setting in settings if setting.default is None}
-    assert needed == {"store.path", "gateways.identity"}
+    assert needed == {"gateways.identity"}
 
 
 def test_unusable_identity_is_named(tmp_path: Path, identities: Identities) -> None:
