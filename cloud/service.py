@@ -13,11 +13,12 @@ from typing import TYPE_CHECKING
 from cloud.application import gateway_application, people_application
 from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
-from cloud.ingest.replay import Replay
+from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
 from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
+from cloud.live.relay import relay
 from cloud.metrics import Metrics
 from cloud.state import Cloud
 from cloud.store import Store
@@ -48,7 +49,7 @@ def run(settings: CloudSettings) -> None:
     with ExitStack() as stack:
         place = settings.store.place
         if isinstance(place, Path):
-            stack.enter_context(_only_one(place))
+            stack.enter_context(only_one(place))
         store = stack.enter_context(
             Store(place, readers=settings.store.readers, queue=settings.store.queue)
         )
@@ -76,7 +77,8 @@ def make_cloud(
         audience=own.audience,
         skew=own.skew_s,
         clock=clock,
-        replay=Replay(),
+        # One process needs no commit to know what it has seen.
+        replay=Replay() if isinstance(store.place, Path) else SharedReplay(store),
     )
     metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
     return Cloud(settings, store, feed, board, verifier, metrics, limiter, clock, dashboard)
@@ -106,6 +108,9 @@ async def _serve(cloud: Cloud) -> None:
     async with asyncio.TaskGroup() as group:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
             group.create_task(listener.run_until_told(), name=name)
+        listening = None
+        if not isinstance(cloud.store.place, Path):
+            listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
         for listener in listeners:
             await listener.ready.wait()
@@ -118,13 +123,19 @@ async def _serve(cloud: Cloud) -> None:
         await stopping.wait()
         cloud.feed.close()
         cloud.board.close()
+        if listening is not None:
+            listening.cancel()
         for listener in listeners:
             listener.should_exit = True
 
 
 @contextmanager
-def _only_one(path: Path) -> Iterator[None]:
-    """Hold a file for this process: SQLite has no way to tell others what is new."""
+def only_one(path: Path) -> Iterator[None]:
+    """Hold a file for this process: SQLite has no way to tell others what is new.
+
+    Raises:
+        StoreError: Another process has it.
+    """
     try:
         owner = LockFile(path)
     except LockedError as error:

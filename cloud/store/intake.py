@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import insert
 
+from cloud.store.bulk import insert_many
 from cloud.store.channels import add_block, check_units, declare
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
@@ -128,7 +129,7 @@ def take_in(
     batch = _Batch(connection, ledger, now)
     results = [_take(batch, item, gateway) for item in items]
     if batch.blocks:
-        connection.execute(insert(blocks), batch.blocks)
+        insert_many(connection, blocks, batch.blocks)
     if batch.events:
         connection.execute(insert(events), batch.events)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0

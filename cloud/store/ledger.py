@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, insert, select, update
 
+from cloud.store.news import FEED, tell
 from cloud.store.schema import channels, feed, nodes, sequences
+from eskin.errors import StoreError
 from eskin.sequences import SequenceRanges
 
 if TYPE_CHECKING:
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
 
 Row: TypeAlias = dict[str, Any]
 
+MOVING: Final = "moving"
+"""Who writes while a store is moved to another place."""
 _MOST_RANGES: Final = 10_000
 
 
@@ -25,16 +29,27 @@ class Ledger:
 
     Only the writing thread uses it. After a rollback, and after somebody else wrote, it is
     forgotten and read anew.
+
+    Attributes:
+        name: By which others know who wrote.
     """
 
     def __init__(self) -> None:
-        self._name = secrets.token_hex(16)
+        self.name = secrets.token_hex(16)
         self.forget()
 
     def refresh(self, connection: Connection) -> None:
-        """Drop what somebody else may have changed; at the beginning of each transaction."""
+        """Drop what somebody else may have changed; at the beginning of each transaction.
+
+        Raises:
+            StoreError: Not all is there yet: a store is being moved here.
+        """
         writer = connection.execute(select(feed.c.writer)).scalar_one()
-        if writer != self._name:
+        if writer == MOVING:
+            raise StoreError(
+                "a store is being moved here; let `eskin cloud move` end, or start it again"
+            )
+        if writer != self.name:
             self.forget()
 
     def forget(self) -> None:
@@ -96,8 +111,10 @@ class Ledger:
         """Write what changed, within the transaction of what it speaks of."""
         if not (self._changed or self._added or self._moved):
             return
-        values = {"writer": self._name} | ({"cursor": self._cursor} if self._moved else {})
+        values = {"writer": self.name} | ({"cursor": self._cursor} if self._moved else {})
         connection.execute(update(feed).values(values))
+        if self._moved:
+            tell(connection, FEED, self._cursor, self.name)
         self._moved = False
         # One statement for all rows of a kind: a batch of a fleet changes thousands.
         changed: dict[Table, list[Row]] = {}

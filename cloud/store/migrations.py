@@ -11,7 +11,16 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import Connection, func, insert, inspect, select, text
 
 from cloud.store.events import ENERGY
-from cloud.store.schema import audit_log, commands, feed, metadata, nodes, states, versions
+from cloud.store.schema import (
+    audit_log,
+    commands,
+    feed,
+    metadata,
+    nodes,
+    states,
+    versions,
+    warrants,
+)
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -21,7 +30,7 @@ if TYPE_CHECKING:
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log}
+    later = {commands, states, audit_log, warrants}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -42,6 +51,10 @@ def _fifth(connection: Connection) -> None:
     _add_columns(connection, feed, ("writer",))
 
 
+def _sixth(connection: Connection) -> None:
+    metadata.create_all(connection, [warrants])
+
+
 def _add_columns(connection: Connection, table: Table, names: Iterable[str]) -> None:
     """Add columns where they are not there: the first migration makes tables as they are today."""
     standing = {column["name"] for column in inspect(connection).get_columns(table.name)}
@@ -57,6 +70,7 @@ MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     _third,
     _fourth,
     _fifth,
+    _sixth,
 )
 CURRENT: Final = len(MIGRATIONS)
 

@@ -40,8 +40,14 @@ def reading_engine(url: URL, *, readers: int) -> Engine:
     return _engine(url, size=readers, options=_READING, pre_ping=True)
 
 
-def connecting(options: str = "") -> dict[str, Any]:
-    """What libpq is told besides the URL: nobody waits for ever for a server that is away."""
+def arguments(url: URL) -> dict[str, Any]:
+    """What libpq is told for a connection of the driver's own."""
+    _, words = url.get_dialect()().create_connect_args(url)
+    return words | _patience("")
+
+
+def _patience(options: str) -> dict[str, Any]:
+    """Nobody waits for ever for a server that is away."""
     return {
         "connect_timeout": _CONNECT_S,
         "keepalives_idle": 5,
@@ -61,5 +67,5 @@ def _engine(url: URL, *, size: int, options: str, pre_ping: bool = False) -> Eng
         max_overflow=0,
         pool_timeout=30,
         pool_pre_ping=pre_ping,
-        connect_args=connecting(options),
+        connect_args=_patience(options),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -128,6 +129,39 @@ def revoke(
         if not revoke_token(store, number):
             raise SettingsError("--id", f"{number!r} is no token that could be revoked")
     typer.echo(f"revoked {number}")
+
+
+@cloud.command()
+def move(
+    context: typer.Context,
+    source: Annotated[
+        Path, typer.Option("--from", exists=True, dir_okay=False, help="SQLite file to move.")
+    ],
+    config: Config = None,
+) -> None:
+    """Move a store from its SQLite file to where the settings say; goes on where it was."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from cloud.service import only_one
+    from cloud.store import Store
+    from cloud.store.move import move as carry
+
+    target = _load(config or context.obj).store.place
+    console = Console(stderr=True)
+    bar = Progress(console=console, transient=True, disable=not console.is_terminal)
+    with only_one(source), bar:
+        Store(source).close()  # migrates what an earlier version left
+        task = bar.add_task("moving", total=None)
+        counts = carry(
+            source,
+            target,
+            now=time.time_ns(),
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    for name, count in counts.items():
+        typer.echo(f"{count:12} {name}")
+    typer.echo("moved, and compared row by row")
 
 
 @cloud.command("audit-log")
