@@ -17,8 +17,8 @@ class StoreSection(Section):
 
     url: str | None = Field(
         default=None,
-        description="PostgreSQL server, `postgresql://USER@HOST:PORT/DATABASE`; its folder of a "
-        "Unix socket is written `postgresql://USER@/DATABASE?host=FOLDER`",
+        description="PostgreSQL server, `postgresql://USER@HOST:PORT/DATABASE`; by a Unix "
+        "socket in a folder: `postgresql://USER@/DATABASE?host=FOLDER`",
     )
     path: Path | None = Field(
         default=None,

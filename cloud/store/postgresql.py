@@ -43,7 +43,7 @@ def reading_engine(url: URL, *, readers: int) -> Engine:
 def arguments(url: URL) -> dict[str, Any]:
     """What libpq is told for a connection of the driver's own."""
     _, words = url.get_dialect()().create_connect_args(url)
-    return words | _patience("")
+    return {**words, **_patience("")}
 
 
 def _patience(options: str) -> dict[str, Any]:

@@ -121,7 +121,7 @@ def test_second_cloud_on_the_same_store_is_refused(
     folder.mkdir()
     other = Service(folder, identities)
     config = Path(other.argv[-1])
-    config.write_text(config.read_text().replace(str(other.path), str(service.place)))
+    config.write_text(config.read_text().replace(str(other.place), str(service.place)))
     Running.start(other)
     assert other.process is not None
     assert other.process.wait(20) == 1
