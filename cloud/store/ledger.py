@@ -5,7 +5,7 @@ from __future__ import annotations
 import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from sqlalchemy import and_, bindparam, delete, insert, select, update
+from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
 
 from cloud.store.news import FEED, tell
 from cloud.store.schema import channels, feed, nodes, sequences
@@ -13,7 +13,7 @@ from eskin.errors import StoreError
 from eskin.sequences import SequenceRanges
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from sqlalchemy import ColumnElement, Connection, Table
 
@@ -70,6 +70,48 @@ class Ledger:
         self._cursor += 1
         self._moved = True
         return self._cursor
+
+    def prepare(
+        self,
+        connection: Connection,
+        *,
+        boots: Iterable[tuple[str, int]],
+        places: Iterable[tuple[str, str]],
+    ) -> None:
+        """Read at once what a batch will ask for, where it is not remembered.
+
+        Args:
+            connection: The writing thread's, in a transaction.
+            boots: Nodes and their boots.
+            places: Nodes and their channels.
+        """
+        unknown = [key for key in dict.fromkeys(boots) if key not in self._ranges]
+        self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
+        self._prepare_rows(connection, channels, dict.fromkeys(places))
+        if not unknown:
+            return
+        found: dict[tuple[str, int], dict[int, int]] = {key: {} for key in unknown}
+        s = sequences.c
+        query = select(s.node, s.boot, s.first, s.last).where(tuple_(s.node, s.boot).in_(unknown))
+        for node, boot, first, last in connection.execute(query):
+            found[node, boot][first] = last
+        for key, written in found.items():
+            self._written[key] = written
+            self._ranges[key] = SequenceRanges(sorted(written.items()))
+
+    def _prepare_rows(
+        self, connection: Connection, table: Table, keys: Iterable[tuple[str, ...]]
+    ) -> None:
+        rows = self._rows[table]
+        unknown = [key for key in keys if key not in rows]
+        if not unknown:
+            return
+        columns = table.primary_key.columns
+        rows.update(dict.fromkeys(unknown))
+        for row in connection.execute(
+            select(table).where(tuple_(*columns).in_(unknown))
+        ).mappings():
+            rows[tuple(row[column.name] for column in columns)] = dict(row)
 
     def ranges(self, connection: Connection, node: str, boot: int) -> SequenceRanges:
         """What was stored of one boot of a node."""
