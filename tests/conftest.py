@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from eskin.identity import IdentityKind
 from tests.identities import Identities
 from tests.postgresql import Cluster
 
@@ -34,7 +35,7 @@ def identities(tmp_path_factory: pytest.TempPathFactory) -> Identities:
 
 
 @pytest.fixture(scope="session")
-def cluster() -> Iterator[Cluster]:
+def cluster(identities: Identities) -> Iterator[Cluster]:
     """A PostgreSQL server, started when the first test asks for it."""
-    with Cluster() as running:
+    with Cluster(identities.make(IdentityKind.SERVER, "server.database")) as running:
         yield running

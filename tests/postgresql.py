@@ -18,12 +18,15 @@ from sqlalchemy import delete
 from cloud.store import Store
 from cloud.store.place import read_url
 from cloud.store.schema import feed, metadata, versions
-from tests.processes import Running, wait_until
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE
+from tests.processes import Running, free_port, wait_until
 
 if TYPE_CHECKING:
     from types import TracebackType
 
     from sqlalchemy import URL
+
+    from eskin.identity import Identity
 
 _ADMIN: Final = "eskin"
 _TEMPLATE: Final = "pattern"
@@ -42,12 +45,17 @@ def program(name: str) -> str:
 class Cluster:
     """A running server; its databases go with it.
 
+    Args:
+        identity: With which it listens on loopback, too, by TLS and for passwords.
+
     Attributes:
         folder: Its data, its socket and its log.
+        port: On loopback; 0 if it does not listen there.
         running: Its process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, identity: Identity | None = None) -> None:
+        self.port = 0 if identity is None else free_port()
         self.folder = Path(tempfile.mkdtemp(prefix="pg-"))
         self._numbers = count(1)
         prefix = _as_somebody_else(self.folder) if os.geteuid() == 0 else []
@@ -57,9 +65,27 @@ class Cluster:
              "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
             check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
         )  # fmt: skip
-        options = [f"-c{name}={value}" for name, value in _SETTINGS.items()]
+        settings = dict(_SETTINGS)
+        if identity is not None:
+            settings |= {"listen_addresses": "127.0.0.1", "port": str(self.port)}
+            settings |= self._encrypt(identity)
+        options = [f"-c{name}={value}" for name, value in settings.items()]
         words = [*prefix, program("postgres"), "-D", str(data), "-k", str(self.folder), *options]
         self.running = Running(words, log=self.folder / "log")
+
+    def _encrypt(self, identity: Identity) -> dict[str, str]:
+        """Let strangers in by TLS and with a password only."""
+        data = self.folder / "data"
+        owner = data.stat()
+        files = {"ssl_cert_file": CHAIN_FILE, "ssl_key_file": KEY_FILE}
+        for name in files.values():
+            shutil.copyfile(identity.directory / name, data / name)
+            (data / name).chmod(0o600)
+            os.chown(data / name, owner.st_uid, owner.st_gid)
+        (data / "pg_hba.conf").write_text(
+            "local all all trust\nhostssl all all all scram-sha-256\n"
+        )
+        return {"ssl": "on"} | files
 
     def __enter__(self) -> Self:
         self.start()
@@ -123,10 +149,12 @@ class Cluster:
         return True
 
     def _words(self, database: str) -> str:
-        return f"host={self.folder} user={_ADMIN} dbname={database}"
+        port = f" port={self.port}" if self.port else ""
+        return f"host={self.folder}{port} user={_ADMIN} dbname={database}"
 
     def _url(self, database: str) -> URL:
-        return read_url(f"postgresql://{_ADMIN}@/{database}?host={self.folder}")
+        port = f":{self.port}" if self.port else ""
+        return read_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
 
 
 _KEPT: Final = (versions, feed)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _STORES: Final = ("sqlite", "postgresql")
 _PARTS: Final = ("broker", "cloud", *GATEWAYS, *NODES)
-_START_S: Final = 60.0
+_START_S: Final = 180.0
 _DRAIN_S: Final = 90.0
 _OF_ITS_OWN: Final = "ESKIN_CHAOS_NAMESPACE"
 

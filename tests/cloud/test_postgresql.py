@@ -8,10 +8,12 @@ from typing import TYPE_CHECKING
 import pytest
 from sqlalchemy import delete, func, select, text, update
 
+from cloud.settings import StoreSection
 from cloud.store import Store, migrations
 from cloud.store.audit_log import Action, Deed, check_deeds, record
 from cloud.store.schema import audit_log, blocks, channels, feed, nodes, sequences, versions
 from eskin.errors import StoreError
+from eskin.identity.identity import ROOT_FILE
 from tests.cloud.clouds import problem, put, standing
 from tests.cloud.messages import NODE, START, block, status
 
@@ -168,3 +170,27 @@ def test_nul_in_a_name_is_no_name(store: Store) -> None:
     with store.read() as connection:
         query = select(nodes.c.node).where(nodes.c.node == f"{NODE}\0")
         assert connection.execute(query).all() == []
+
+
+def test_server_is_come_to_by_tls_and_with_its_password(
+    cluster: Cluster, tmp_path: Path, identities: Identities
+) -> None:
+    place = cluster.fresh()
+    cluster.execute("CREATE ROLE remote LOGIN SUPERUSER PASSWORD 'word'", database="postgres")
+    root = identities.gateway.directory / ROOT_FILE
+    (tmp_path / "word").write_text("word\n")
+    (tmp_path / "other").write_text("guess")
+    url = f"postgresql://remote@localhost:{cluster.port}/{place.database}"
+    section = StoreSection(url=url, password_file=tmp_path / "word", root=root)
+    with Store(section.place) as store, store.read() as connection:
+        words = "SELECT ssl FROM pg_stat_ssl WHERE pid = pg_backend_pid()"
+        assert connection.execute(text(words)).scalar_one() is True
+    for changed, said in (
+        ({"root": tmp_path / "word"}, "root certificate|SSL"),
+        ({"password_file": tmp_path / "other"}, "the password is wrong; see store.password_file"),
+        ({"url": url.replace("localhost", "127.0.0.2")}, "does not answer"),
+        ({"url": url.replace("store_", "lost_")}, "make it with createdb"),
+    ):
+        wrong = section.model_copy(update=changed)
+        with pytest.raises(StoreError, match=said):
+            Store(wrong.place)
