@@ -53,8 +53,8 @@ soak: $(VENV)/.development ## Watch the real stack's memory under a steady load 
 	@services/install_test_packages.sh mosquitto
 	$(BIN)/python -m benchmarks.soak $(ARGS)
 
-chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1")
-	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev
+chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
+	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql
 	$(BIN)/python -m tests.chaos $(ARGS)
 
 powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")
@@ -70,7 +70,7 @@ dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules

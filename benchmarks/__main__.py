@@ -12,6 +12,7 @@ from benchmarks.envelope import measure_envelope
 from benchmarks.fleet import measure_emulation, measure_fleet
 from benchmarks.gateway import measure_gateway
 from benchmarks.icm import measure_icm
+from benchmarks.ingest import measure_ingest
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
 from benchmarks.peaks import measure_peaks
@@ -43,6 +44,8 @@ def main() -> None:
             rows += measure_pipeline(data / "pipeline", blocks=options.blocks)
         with console.status("the gateway beside a plain paho relay …"):
             rows += measure_gateway(data / "gateway", blocks=6000)
+        with console.status(f"{options.blocks} blocks into both stores and over HTTPS …"):
+            rows += measure_ingest(data / "ingest", blocks=options.blocks)
         with console.status(f"{options.nodes} nodes of a fleet over the network …"):
             rows += measure_fleet(data / "fleet", nodes=options.nodes, seconds=15.0)
         with console.status("physics and firmware of 10000 nodes …"):

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING
 from cloud.application import gateway_application, people_application
 from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
-from cloud.ingest.replay import Replay
+from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
 from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
+from cloud.live.relay import relay
 from cloud.metrics import Metrics
 from cloud.state import Cloud
 from cloud.store import Store
@@ -47,9 +48,11 @@ def run(settings: CloudSettings) -> None:
     """
     logging.getLogger("uvicorn").setLevel(logging.WARNING)
     with ExitStack() as stack:
-        stack.enter_context(_only_one(settings.store.path))
+        place = settings.store.place
+        if isinstance(place, Path):
+            stack.enter_context(only_one(place))
         store = stack.enter_context(
-            Store(settings.store.path, readers=settings.store.readers, queue=settings.store.queue)
+            Store(place, readers=settings.store.readers, queue=settings.store.queue)
         )
         asyncio.run(_serve(make_cloud(settings, store, clock=time.time_ns)))
     log.info("stopped")
@@ -75,7 +78,8 @@ def make_cloud(
         audience=own.audience,
         skew=own.skew_s,
         clock=clock,
-        replay=Replay(),
+        # One process needs no commit to know what it has seen.
+        replay=Replay() if isinstance(store.place, Path) else SharedReplay(store),
     )
     metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
     uploads = Uploads(own.uploads_bytes)
@@ -113,6 +117,9 @@ async def _serve(cloud: Cloud) -> None:
     async with asyncio.TaskGroup() as group:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
             group.create_task(listener.run_until_told(), name=name)
+        listening = None
+        if not isinstance(cloud.store.place, Path):
+            listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
         for listener in listeners:
             await listener.ready.wait()
@@ -120,18 +127,24 @@ async def _serve(cloud: Cloud) -> None:
             "ready: people=%s gateways=%s store=%s",
             listeners[0].url,
             listeners[1].url,
-            cloud.store.path,
+            cloud.store,
         )
         await stopping.wait()
         cloud.feed.close()
         cloud.board.close()
+        if listening is not None:
+            listening.cancel()
         for listener in listeners:
             listener.should_exit = True
 
 
 @contextmanager
-def _only_one(path: Path) -> Iterator[None]:
-    """Hold the store for this process: what the writer remembers must be the whole truth."""
+def only_one(path: Path) -> Iterator[None]:
+    """Hold a file for this process: SQLite has no way to tell others what is new.
+
+    Raises:
+        StoreError: Another process has it.
+    """
     try:
         owner = LockFile(path)
     except LockedError as error:

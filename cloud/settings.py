@@ -2,28 +2,39 @@
 
 from __future__ import annotations
 
-from ipaddress import ip_address
 from pathlib import Path
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from cloud.loopback import is_loopback
+from cloud.store.place import Place, read_url, stays_here
+from eskin.errors import SettingsError
 from eskin.settings import RenewalSection, Section, Settings
-
-
-def is_loopback(host: str) -> bool:
-    """Whether an address, or the name localhost, stays on this machine."""
-    if host == "localhost":
-        return True
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return False
 
 
 class StoreSection(Section):
     """Where data is kept."""
 
-    path: Path = Field(description="SQLite file; made, with its folder, where there is none")
+    url: str | None = Field(
+        default=None,
+        description="PostgreSQL server, `postgresql://USER@HOST:PORT/DATABASE`; by a Unix "
+        "socket in a folder: `postgresql://USER@/DATABASE?host=FOLDER`",
+    )
+    path: Path | None = Field(
+        default=None,
+        validate_default=True,
+        description="SQLite file, where there is no `store.url`; made, with its folder, where "
+        "there is none",
+    )
+    password_file: Path | None = Field(
+        default=None,
+        description="file with the server's password; without it libpq's own, such as `PGPASSFILE`",
+    )
+    root: Path | None = Field(
+        default=None,
+        validate_default=True,
+        description="root certificate (PEM) that the server's leads to; needed beyond loopback",
+    )
     readers: int = Field(default=4, ge=1, le=64, description="connections that read at once")
     queue: int = Field(
         default=64, ge=1, le=10_000, description="writes that may wait; more are answered with 503"
@@ -31,6 +42,61 @@ class StoreSection(Section):
     dead_letters: int = Field(
         default=10_000, ge=1, description="dead letters kept; the oldest goes first, and is counted"
     )
+
+    @field_validator("url")
+    @classmethod
+    def _is_ours(cls, value: str | None) -> str | None:
+        if value is not None:
+            read_url(value)
+        return value
+
+    @field_validator("path")
+    @classmethod
+    def _one_place(cls, value: Path | None, info: ValidationInfo) -> Path | None:
+        url = info.data.get("url")
+        if "url" in info.data and (value is None) == (url is None):
+            what = "is missing" if value is None else f"stands beside store.url, {url!r}"
+            raise ValueError(f"{what}; name an SQLite file here, or a server in store.url")
+        return value
+
+    @field_validator("root")
+    @classmethod
+    def _plain_stays_here(cls, value: Path | None, info: ValidationInfo) -> Path | None:
+        url = info.data.get("url")
+        if url is not None and value is None and not stays_here(read_url(url)):
+            raise ValueError(
+                f"plaintext stays on loopback, and store.url is {url!r}; name the root "
+                "certificate that the server's own leads to"
+            )
+        return value
+
+    @property
+    def place(self) -> Place:
+        """Where the store is.
+
+        Raises:
+            SettingsError: The password cannot be read.
+        """
+        if self.url is None:
+            assert self.path is not None  # noqa: S101 - one of the two is there, see above
+            return self.path
+        url = read_url(self.url)
+        if self.password_file is not None:
+            url = url.set(password=_read_secret(self.password_file))
+        if self.root is not None:
+            encrypted = {"sslmode": "verify-full", "sslrootcert": str(self.root)}
+            url = url.update_query_dict(encrypted)
+        return url
+
+
+def _read_secret(path: Path) -> str:
+    try:
+        secret = path.read_text().strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError("store.password_file", f"{path} cannot be read: {error}") from error
+    if not secret:
+        raise SettingsError("store.password_file", f"{path} is empty; write the password there")
+    return secret
 
 
 class PeopleSection(Section):

@@ -5,10 +5,11 @@ set -euo pipefail
 # The command or file by which a package is known to be there, also where another system installed it.
 declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chromium]=chromium
   [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap
-  [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h)
+  [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h
+  [postgresql]=initdb)
 missing=()
 for package in "$@"; do
-  [ -e "${command[$package]}" ] || PATH=$PATH:/usr/sbin:/sbin command -v "${command[$package]}" >/dev/null ||
+  [ -e "${command[$package]}" ] || PATH=$PATH:/usr/sbin:/sbin:/usr/lib/postgresql/15/bin command -v "${command[$package]}" >/dev/null ||
     missing+=("$package")
 done
 [ ${#missing[@]} -eq 0 ] && exit 0

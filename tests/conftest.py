@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
+from eskin.identity import IdentityKind
 from tests.identities import Identities
+from tests.postgresql import Cluster
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 HERE = Path(__file__).parent
 CALCULATING = ("eskin", "sensor_node")
@@ -26,3 +32,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def identities(tmp_path_factory: pytest.TempPathFactory) -> Identities:
     """A CA, a node, a site and a gateway."""
     return Identities(tmp_path_factory.mktemp("identities"))
+
+
+@pytest.fixture(scope="session")
+def cluster(identities: Identities) -> Iterator[Cluster]:
+    """A PostgreSQL server, started when the first test asks for it."""
+    with Cluster(identities.make(IdentityKind.SERVER, "server.database")) as running:
+        yield running

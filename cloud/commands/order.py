@@ -12,6 +12,7 @@ from cloud.commands.errors import BacklogError
 from cloud.commands.wish import merge_wish
 from cloud.query.places import find_node
 from cloud.store.commands import find_command, find_state, keep_state, write_state
+from cloud.store.news import COMMANDS, tell
 from cloud.store.schema import channels, commands
 from eskin.errors import CommandError
 from eskin.messages import Command, CommandName
@@ -79,6 +80,7 @@ def issue(
         "data": sign(command),
     }
     connection.execute(insert(commands), row)
+    tell(connection, COMMANDS)
     known = find_state(connection, node)
     wish = json.loads(known["desired"]) if known is not None and known["desired"] else {}
     wish = merge_wish(wish, order.name, order.arguments)

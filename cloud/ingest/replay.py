@@ -2,8 +2,36 @@
 
 from __future__ import annotations
 
+import hashlib
 import heapq
 import threading
+from typing import TYPE_CHECKING, Final, Protocol
+
+from sqlalchemy import delete, insert, select
+
+from cloud.store.schema import warrants
+from eskin.moment import SECOND
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from cloud.store import Store
+
+_PATIENCE_S: Final = 30.0
+
+
+class Memory(Protocol):
+    """Remembers names until they expire."""
+
+    def first(self, name: str, *, until: float, now: float) -> bool:
+        """Whether a name comes for the first time; it is remembered.
+
+        Args:
+            name: Unique among tokens.
+            until: When it expires, in seconds.
+            now: The present, in seconds.
+        """
+        ...
 
 
 class Replay:
@@ -23,13 +51,7 @@ class Replay:
         return len(self._names)
 
     def first(self, name: str, *, until: float, now: float) -> bool:
-        """Whether a name comes for the first time; it is remembered.
-
-        Args:
-            name: Unique among tokens.
-            until: When it expires, in seconds.
-            now: The present, in seconds.
-        """
+        """Whether a name comes for the first time; see `Memory`."""
         with self._lock:
             while self._expiries and (
                 self._expiries[0][0] < now or len(self._expiries) >= self._capacity
@@ -40,3 +62,28 @@ class Replay:
             heapq.heappush(self._expiries, (until, name))
             self._names.add(name)
             return True
+
+
+class SharedReplay:
+    """The same for all processes on one store."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    def first(self, name: str, *, until: float, now: float) -> bool:
+        """Whether a name comes for the first time; see `Memory`.
+
+        Raises:
+            StoreError: It cannot be remembered.
+        """
+        digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()
+
+        def work(connection: Connection) -> bool:
+            here = warrants.c.digest == digest
+            connection.execute(delete(warrants).where(warrants.c.until < int(now * SECOND)))
+            if connection.execute(select(warrants.c.until).where(here)).first() is not None:
+                return False
+            connection.execute(insert(warrants).values(digest=digest, until=int(until * SECOND)))
+            return True
+
+        return self._store.write(work).result(_PATIENCE_S)

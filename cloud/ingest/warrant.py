@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
-    from cloud.ingest.replay import Replay
+    from cloud.ingest.replay import Memory
 
 LONGEST: Final = 60
 """Seconds for which a token may be good."""
@@ -73,7 +73,7 @@ class Verifier:
         audience: str,
         skew: float,
         clock: Callable[[], int],
-        replay: Replay,
+        replay: Memory,
     ) -> None:
         self._verify_chain = verify_chain
         self._audience = audience

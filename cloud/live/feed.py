@@ -72,16 +72,41 @@ class Feed:
 
     def append(self, entries: Sequence[Entry]) -> None:
         """Add entries and wake all streams; on the event loop only."""
-        if not entries:
+        fresh = [entry for entry in entries if entry.cursor > self._last]
+        if not fresh:
             return
-        self._recent.extend(entries)
-        self._used += sum(entry.size for entry in entries)
-        self._last = entries[-1].cursor
+        if fresh[0].cursor != self._last + 1:  # another process stored what lies between
+            self.advance(fresh[-1].cursor)
+            return
+        self._recent.extend(fresh)
+        self._used += sum(entry.size for entry in fresh)
+        self._last = fresh[-1].cursor
         while len(self._recent) > self._most or self._used > self._most_bytes:
             oldest = self._recent.popleft()
             self._used -= oldest.size
             self._floor = oldest.cursor
         self._wake()
+
+    def advance(self, cursor: int) -> None:
+        """Have streams read the store up to a cursor: another process stored some of it."""
+        if cursor > self._last:
+            self._recent.clear()
+            self._used = 0
+            self._last = self._floor = cursor
+            self._wake()
+
+    async def catch_up(self) -> None:
+        """Go on to what is stored by now, whoever stored it.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+
+        def look() -> int:
+            with self._store.read() as connection:
+                return last_cursor(connection)
+
+        self.advance(await asyncio.to_thread(look))
 
     def close(self) -> None:
         """Have all streams end."""

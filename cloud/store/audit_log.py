@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import insert, select
 
 from cloud.store.schema import audit_log
+from cloud.store.words import storable
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -71,11 +72,11 @@ def record(connection: Connection, deed: Deed, *, now: int) -> None:
     row = {
         "number": number,
         "time": now,
-        "actor": deed.actor[:100],
-        "address": deed.address[:64],
+        "actor": storable(deed.actor[:100]),
+        "address": storable(deed.address[:64]),
         "action": deed.action.value,
-        "target": deed.target[:200],
-        "detail": deed.detail[:_LONGEST_DETAIL],
+        "target": storable(deed.target[:200]),
+        "detail": storable(deed.detail[:_LONGEST_DETAIL]),
     }
     connection.execute(insert(audit_log), row | {"digest": _seal(before, row)})
 

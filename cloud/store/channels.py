@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def check_units(connection: Connection, ledger: Ledger, node: str, message: Message) -> str | None:
     """Why a message cannot be stored beside what is there: its unit is another one."""
-    for channel, unit in _units(message):
+    for channel, unit in units(message):
         row = ledger.row(connection, channels, node, channel)
         if row is not None and row["unit"] != unit:
             return (
@@ -26,7 +26,8 @@ def check_units(connection: Connection, ledger: Ledger, node: str, message: Mess
     return None
 
 
-def _units(message: Message) -> list[tuple[str, str]]:
+def units(message: Message) -> list[tuple[str, str]]:
+    """The channels that a message speaks of, with their units."""
     if isinstance(message, Block):
         return [(message.channel, message.tube.unit)]
     if isinstance(message, Peak):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import insert, select, update
 
 from cloud.store.events import event_row
+from cloud.store.news import COMMANDS, tell
 from cloud.store.schema import commands, states
 
 if TYPE_CHECKING:
@@ -63,6 +64,7 @@ def keep_result(connection: Connection, node: str, result: Result, data: bytes) 
         .where(here)
         .values(outcome=outcome, reason=result.reason, t_lo=result.time[0], t_hi=result.time[1])
     )
+    tell(connection, COMMANDS)
     said = outcome if result.reason is None else f"{outcome}: {result.reason}"
     detail = f"{command['name']} {_written(json.loads(command['arguments']))}".rstrip()
     return event_row(

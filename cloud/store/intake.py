@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import insert
 
-from cloud.store.channels import add_block, check_units, declare
+from cloud.store.bulk import insert_many
+from cloud.store.channels import add_block, check_units, declare, units
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
@@ -126,9 +127,15 @@ def take_in(
         dead_letters: How many dead letters are kept.
     """
     batch = _Batch(connection, ledger, now)
+    said = [(item.node, item.message) for item in items if item.message is not None]
+    ledger.prepare(
+        connection,
+        boots=[(node, message.position.boot) for node, message in said],
+        places=[(node, place) for node, message in said for place, _ in units(message)],
+    )
     results = [_take(batch, item, gateway) for item in items]
     if batch.blocks:
-        connection.execute(insert(blocks), batch.blocks)
+        insert_many(connection, blocks, batch.blocks)
     if batch.events:
         connection.execute(insert(events), batch.events)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0

@@ -2,35 +2,60 @@
 
 from __future__ import annotations
 
+import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from sqlalchemy import and_, bindparam, delete, insert, select, update
+from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
 
+from cloud.store.news import FEED, tell
 from cloud.store.schema import channels, feed, nodes, sequences
+from eskin.errors import StoreError
 from eskin.sequences import SequenceRanges
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from sqlalchemy import ColumnElement, Connection, Table
 
 Row: TypeAlias = dict[str, Any]
 
+MOVING: Final = "moving"
+"""Who writes while a store is moved to another place."""
 _MOST_RANGES: Final = 10_000
 
 
 class Ledger:
     """Rows of nodes, channels and sequences, and the last cursor; written back by `save`.
 
-    Only the writing thread uses it. After a rollback it is forgotten and read anew.
+    Only the writing thread uses it. After a rollback, and after somebody else wrote, it is
+    forgotten and read anew.
+
+    Attributes:
+        name: By which others know who wrote.
     """
 
     def __init__(self) -> None:
+        self.name = secrets.token_hex(16)
         self.forget()
+
+    def refresh(self, connection: Connection) -> None:
+        """Drop what somebody else may have changed; at the beginning of each transaction.
+
+        Raises:
+            StoreError: Not all is there yet: a store is being moved here.
+        """
+        writer = connection.execute(select(feed.c.writer)).scalar_one()
+        if writer == MOVING:
+            raise StoreError(
+                "a store is being moved here; let `eskin cloud move` end, or start it again"
+            )
+        if writer != self.name:
+            self.forget()
 
     def forget(self) -> None:
         """Drop everything that is remembered."""
         self._cursor: int | None = None
+        self._moved = False
         self._ranges: dict[tuple[str, int], SequenceRanges] = {}
         self._written: dict[tuple[str, int], dict[int, int]] = {}
         self._rows: dict[Table, dict[tuple[str, ...], Row | None]] = {nodes: {}, channels: {}}
@@ -43,7 +68,50 @@ class Ledger:
         if self._cursor is None:
             self._cursor = connection.execute(select(feed.c.cursor)).scalar_one()
         self._cursor += 1
+        self._moved = True
         return self._cursor
+
+    def prepare(
+        self,
+        connection: Connection,
+        *,
+        boots: Iterable[tuple[str, int]],
+        places: Iterable[tuple[str, str]],
+    ) -> None:
+        """Read at once what a batch will ask for, where it is not remembered.
+
+        Args:
+            connection: The writing thread's, in a transaction.
+            boots: Nodes and their boots.
+            places: Nodes and their channels.
+        """
+        unknown = [key for key in dict.fromkeys(boots) if key not in self._ranges]
+        self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
+        self._prepare_rows(connection, channels, dict.fromkeys(places))
+        if not unknown:
+            return
+        found: dict[tuple[str, int], dict[int, int]] = {key: {} for key in unknown}
+        s = sequences.c
+        query = select(s.node, s.boot, s.first, s.last).where(tuple_(s.node, s.boot).in_(unknown))
+        for node, boot, first, last in connection.execute(query):
+            found[node, boot][first] = last
+        for key, written in found.items():
+            self._written[key] = written
+            self._ranges[key] = SequenceRanges(sorted(written.items()))
+
+    def _prepare_rows(
+        self, connection: Connection, table: Table, keys: Iterable[tuple[str, ...]]
+    ) -> None:
+        rows = self._rows[table]
+        unknown = [key for key in keys if key not in rows]
+        if not unknown:
+            return
+        columns = table.primary_key.columns
+        rows.update(dict.fromkeys(unknown))
+        for row in connection.execute(
+            select(table).where(tuple_(*columns).in_(unknown))
+        ).mappings():
+            rows[tuple(row[column.name] for column in columns)] = dict(row)
 
     def ranges(self, connection: Connection, node: str, boot: int) -> SequenceRanges:
         """What was stored of one boot of a node."""
@@ -83,8 +151,13 @@ class Ledger:
 
     def save(self, connection: Connection) -> None:
         """Write what changed, within the transaction of what it speaks of."""
-        if self._cursor is not None:
-            connection.execute(update(feed).values(cursor=self._cursor))
+        if not (self._changed or self._added or self._moved):
+            return
+        values = {"writer": self.name} | ({"cursor": self._cursor} if self._moved else {})
+        connection.execute(update(feed).values(values))
+        if self._moved:
+            tell(connection, FEED, self._cursor, self.name)
+        self._moved = False
         # One statement for all rows of a kind: a batch of a fleet changes thousands.
         changed: dict[Table, list[Row]] = {}
         fresh: dict[Table, list[Row]] = {}

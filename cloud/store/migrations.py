@@ -1,4 +1,8 @@
-"""Migrations, in order; each and its record share one transaction."""
+"""Migrations, in order; each and its record share one transaction.
+
+They are the same for SQLite and PostgreSQL. Whoever migrates holds the store's write lock, so that
+of several that start at once one does it, and the others find it done.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +11,26 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import Connection, func, insert, inspect, select, text
 
 from cloud.store.events import ENERGY
-from cloud.store.schema import audit_log, commands, feed, metadata, nodes, states, versions
+from cloud.store.schema import (
+    audit_log,
+    commands,
+    feed,
+    metadata,
+    nodes,
+    states,
+    versions,
+    warrants,
+)
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable
+
+    from sqlalchemy import Table
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log}
+    later = {commands, states, audit_log, warrants}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -29,28 +44,32 @@ def _third(connection: Connection) -> None:
 
 
 def _fourth(connection: Connection) -> None:
-    _add(connection, ENERGY)
+    _add_columns(connection, nodes, ENERGY)
 
 
 def _fifth(connection: Connection) -> None:
-    _add(connection, ("faults",))
+    _add_columns(connection, nodes, ("faults", "places"))
 
 
 def _sixth(connection: Connection) -> None:
-    _add(connection, ("places",))
+    _add_columns(connection, feed, ("writer",))
 
 
-def _add(connection: Connection, columns: Sequence[str]) -> None:
-    """Add columns to the nodes, unless they stand there from the first."""
-    standing = {column["name"] for column in inspect(connection).get_columns(nodes.name)}
-    for name in columns:
+def _seventh(connection: Connection) -> None:
+    metadata.create_all(connection, [warrants])
+
+
+def _add_columns(connection: Connection, table: Table, names: Iterable[str]) -> None:
+    """Add columns where they are not there: the first migration makes tables as they are today."""
+    standing = {column["name"] for column in inspect(connection).get_columns(table.name)}
+    for name in names:
         if name not in standing:
-            kind = nodes.c[name].type.compile(connection.dialect)
-            connection.execute(text(f"ALTER TABLE {nodes.name} ADD COLUMN {name} {kind}"))
+            kind = table.c[name].type.compile(connection.dialect)
+            connection.execute(text(f"ALTER TABLE {table.name} ADD COLUMN {name} {kind}"))
 
 
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
-    *(_first, _second, _third, _fourth, _fifth, _sixth),
+    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh),
 )
 CURRENT: Final = len(MIGRATIONS)
 
@@ -67,10 +86,7 @@ def migrate(connection: Connection, *, now: int) -> None:
     """
     standing = schema_version(connection)
     if standing > CURRENT:
-        raise StoreError(
-            f"the store has schema version {standing}, this program knows {CURRENT}; "
-            "start the newer program, or another store"
-        )
+        raise _later(standing)
     for version in range(standing + 1, CURRENT + 1):
         MIGRATIONS[version - 1](connection)
         connection.execute(insert(versions).values(version=version, applied=now))
@@ -81,3 +97,27 @@ def schema_version(connection: Connection) -> int:
     if not inspect(connection).has_table(versions.name):
         return 0
     return connection.execute(select(func.max(versions.c.version))).scalar_one() or 0
+
+
+def require_current(connection: Connection) -> None:
+    """Check that the schema is the one that this program knows.
+
+    Raises:
+        StoreError: It is another one.
+    """
+    standing = connection.execute(select(func.max(versions.c.version))).scalar_one() or 0
+    if standing > CURRENT:
+        raise _later(standing)
+    if standing < CURRENT:
+        raise StoreError(
+            f"the store has schema version {standing}, this program needs {CURRENT}; "
+            "start it again, so that it migrates"
+        )
+
+
+def _later(version: int) -> StoreError:
+    """The refusal of a store of a later version."""
+    return StoreError(
+        f"the store has schema version {version}, this program knows {CURRENT}; "
+        "start the newer program, or another store"
+    )

@@ -6,10 +6,9 @@ Times are UTC ns since 1970, 64 bit. An unbounded side is an infinite float.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 from sqlalchemy import (
-    DDL,
     BigInteger,
     Column,
     Double,
@@ -17,14 +16,11 @@ from sqlalchemy import (
     Integer,
     LargeBinary,
     MetaData,
-    String,
     Table,
-    Text,
-    event,
 )
 
-if TYPE_CHECKING:
-    from sqlalchemy.schema import ExecutableDDLElement
+from cloud.store.append_only import keep_append_only
+from cloud.store.words import Words
 
 metadata = MetaData()
 
@@ -43,15 +39,19 @@ versions = Table(
 feed = Table(
     "feed",
     metadata,
-    Column("name", String(16), primary_key=True),
+    Column("name", Words(16), primary_key=True),
     Column("cursor", BigInteger, nullable=False),
+    Column("writer", Words(32)),
 )
-"""The last cursor given out; it never runs backwards, whatever is removed later."""
+"""The last cursor given out; it never runs backwards, whatever is removed later.
+
+``writer`` is who gave it out: what others remember of the store is then no longer all.
+"""
 
 nodes = Table(
     "nodes",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
     Column("first_seen", BigInteger, nullable=False),
     Column("last_seen", BigInteger, nullable=False),
     Column("online", Integer, nullable=False),
@@ -59,8 +59,8 @@ nodes = Table(
     Column("sequence", BigInteger, nullable=False),
     Column("status_boot", BigInteger),
     Column("status_sequence", BigInteger),
-    Column("profile", String(64)),
-    Column("description", String(200)),
+    Column("profile", Words(64)),
+    Column("description", Words(200)),
     Column("uptime", BigInteger),
     Column("messages", BigInteger),
     Column("used", BigInteger),
@@ -72,8 +72,8 @@ nodes = Table(
     Column("charge_hi", Double),
     Column("sustained", Integer),
     Column("shedding", Integer),
-    Column("faults", Text),  # JSON, as the API tells it
-    Column("places", Text),
+    Column("faults", Words()),  # JSON, as the API tells it
+    Column("places", Words()),
 )
 """Each node with its latest position and its latest status.
 
@@ -83,9 +83,9 @@ nodes = Table(
 channels = Table(
     "channels",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
-    Column("channel", String(CHANNEL_LENGTH), primary_key=True),
-    Column("unit", String(UNIT_LENGTH), nullable=False),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("channel", Words(CHANNEL_LENGTH), primary_key=True),
+    Column("unit", Words(UNIT_LENGTH), nullable=False),
     Column("coverage", Double, nullable=False),
     Column("dt", BigInteger, nullable=False),
     Column("blocks", BigInteger, nullable=False),
@@ -101,11 +101,11 @@ channels = Table(
 blocks = Table(
     "blocks",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("sequence", BigInteger, primary_key=True, autoincrement=False),
     Column("cursor", BigInteger, nullable=False),
-    Column("channel", String(CHANNEL_LENGTH), nullable=False),
+    Column("channel", Words(CHANNEL_LENGTH), nullable=False),
     Column("t", BigInteger, nullable=False),
     Column("t_end", BigInteger, nullable=False),
     Column("error", BigInteger, nullable=False),
@@ -143,13 +143,13 @@ first sample's moment; ``error`` is how far a moment may lie from its middle.
 events = Table(
     "events",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
     Column("cursor", BigInteger, primary_key=True, autoincrement=False),
     Column("boot", BigInteger, nullable=False),
     Column("sequence", BigInteger, nullable=False),
-    Column("kind", String(8), nullable=False),
-    Column("channel", String(CHANNEL_LENGTH)),
-    Column("verdict", String(8)),
+    Column("kind", Words(8), nullable=False),
+    Column("channel", Words(CHANNEL_LENGTH)),
+    Column("verdict", Words(8)),
     Column("t_lo", BigInteger, nullable=False),
     Column("t_hi", BigInteger, nullable=False),
     Column("count_lo", BigInteger),
@@ -158,9 +158,9 @@ events = Table(
     Column("height_hi", Double),
     Column("prominence_lo", Double),
     Column("prominence_hi", Double),
-    Column("unit", String(UNIT_LENGTH)),
+    Column("unit", Words(UNIT_LENGTH)),
     Column("coverage", Double),
-    Column("detail", Text),
+    Column("detail", Words()),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary),
     Index("events_by_cursor", "cursor"),
@@ -175,15 +175,15 @@ events = Table(
 commands = Table(
     "commands",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
     Column("id", BigInteger, primary_key=True, autoincrement=False),
-    Column("name", String(16), nullable=False),
-    Column("arguments", Text, nullable=False),
+    Column("name", Words(16), nullable=False),
+    Column("arguments", Words(), nullable=False),
     Column("issued", BigInteger, nullable=False),
     Column("expires", BigInteger, nullable=False),
     Column("delivered", BigInteger),
-    Column("outcome", String(8)),
-    Column("reason", String(200)),
+    Column("outcome", Words(8)),
+    Column("reason", Words(200)),
     Column("t_lo", BigInteger),
     Column("t_hi", BigInteger),
     Column("data", LargeBinary, nullable=False),
@@ -198,11 +198,11 @@ time (``t_lo``, ``t_hi``) are the node's word.
 states = Table(
     "states",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
-    Column("desired", Text),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("desired", Words()),
     Column("desired_at", BigInteger),
     Column("desired_by", BigInteger),
-    Column("reported", Text),
+    Column("reported", Words()),
     Column("boot", BigInteger),
     Column("sequence", BigInteger),
     Column("t_lo", BigInteger),
@@ -214,7 +214,7 @@ states = Table(
 sequences = Table(
     "sequences",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
     Column("boot", BigInteger, primary_key=True, autoincrement=False),
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),
@@ -224,10 +224,10 @@ sequences = Table(
 dead_letters = Table(
     "dead_letters",
     metadata,
-    Column("node", String(NODE_LENGTH), primary_key=True),
-    Column("digest", String(64), primary_key=True),
-    Column("reason", Text, nullable=False),
-    Column("gateway", String(NODE_LENGTH + 9), nullable=False),
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("digest", Words(64), primary_key=True),
+    Column("reason", Words(), nullable=False),
+    Column("gateway", Words(NODE_LENGTH + 9), nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
     Index("dead_letters_by_received", "received"),
@@ -237,9 +237,9 @@ dead_letters = Table(
 tokens = Table(
     "tokens",
     metadata,
-    Column("digest", String(64), primary_key=True),
-    Column("name", String(100), nullable=False),
-    Column("scopes", String(64), nullable=False),
+    Column("digest", Words(64), primary_key=True),
+    Column("name", Words(100), nullable=False),
+    Column("scopes", Words(64), nullable=False),
     Column("created", BigInteger, nullable=False),
     Column("expires", BigInteger),
     Column("revoked", BigInteger),
@@ -249,8 +249,8 @@ tokens = Table(
 login_codes = Table(
     "login_codes",
     metadata,
-    Column("digest", String(64), primary_key=True),
-    Column("scopes", String(64), nullable=False),
+    Column("digest", Words(64), primary_key=True),
+    Column("scopes", Words(64), nullable=False),
     Column("expires", BigInteger, nullable=False),
 )
 """One-time codes by SHA-256; gone once used."""
@@ -258,30 +258,34 @@ login_codes = Table(
 sessions = Table(
     "sessions",
     metadata,
-    Column("digest", String(64), primary_key=True),
-    Column("scopes", String(64), nullable=False),
-    Column("token", String(64)),
+    Column("digest", Words(64), primary_key=True),
+    Column("scopes", Words(64), nullable=False),
+    Column("token", Words(64)),
     Column("expires", BigInteger, nullable=False),
 )
 """Sessions of browsers by SHA-256; ``token`` is the one that opened it, and closes it."""
+
+warrants = Table(
+    "warrants",
+    metadata,
+    Column("digest", Words(64), primary_key=True),
+    Column("until", BigInteger, nullable=False),
+    Index("warrants_by_until", "until"),
+)
+"""Gateways' tokens that were used, by SHA-256, for as long as they are good."""
 
 audit_log = Table(
     "audit_log",
     metadata,
     Column("number", BigInteger, primary_key=True, autoincrement=False),
     Column("time", BigInteger, nullable=False),
-    Column("actor", String(100), nullable=False),
-    Column("address", String(64), nullable=False),
-    Column("action", String(32), nullable=False),
-    Column("target", String(200), nullable=False),
-    Column("detail", Text, nullable=False),
-    Column("digest", String(64), nullable=False),
+    Column("actor", Words(100), nullable=False),
+    Column("address", Words(64), nullable=False),
+    Column("action", Words(32), nullable=False),
+    Column("target", Words(200), nullable=False),
+    Column("detail", Words(), nullable=False),
+    Column("digest", Words(64), nullable=False),
 )
 """Who did what, append only; ``digest`` chains each row to all before it."""
 
-for _verb in ("UPDATE", "DELETE"):
-    _refusal: ExecutableDDLElement = DDL(  # type: ignore[no-untyped-call]  # DDL() has no annotations
-        f"CREATE TRIGGER audit_log_no_{_verb.lower()} BEFORE {_verb} ON audit_log "
-        "BEGIN SELECT RAISE(ABORT, 'the audit log is append only'); END"
-    )
-    event.listen(audit_log, "after_create", _refusal.execute_if(dialect="sqlite"))
+keep_append_only(audit_log)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Self, TypeVar
 
 from sqlalchemy import update
 from sqlalchemy.exc import SQLAlchemyError
 
-from cloud.store.engine import reading_engine, writing_engine
+from cloud.store.faults import explain
 from cloud.store.ledger import Ledger
-from cloud.store.migrations import CURRENT, migrate, schema_version
+from cloud.store.migrations import migrate, require_current
+from cloud.store.place import Place, reading_engine, show, writing_engine
 from cloud.store.schema import feed
 from cloud.store.writer import Writer
 from eskin.errors import StoreError
@@ -19,7 +21,6 @@ from eskin.errors import StoreError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from concurrent.futures import Future
-    from pathlib import Path
     from types import TracebackType
 
     from sqlalchemy import Connection
@@ -28,10 +29,10 @@ T = TypeVar("T")
 
 
 class Store:
-    """Keeps blocks, events and who may read them, in one SQLite file.
+    """Keeps blocks, events and who may read them, in an SQLite file or on a PostgreSQL server.
 
     Attributes:
-        path: The file.
+        place: The file, or the server's URL.
         clock: Gives UTC ns.
         ledger: What the writer remembers of what is stored.
         writer: The thread that writes.
@@ -39,7 +40,7 @@ class Store:
 
     def __init__(
         self,
-        path: Path,
+        place: Place,
         *,
         readers: int = 4,
         queue: int = 64,
@@ -50,25 +51,29 @@ class Store:
         Raises:
             StoreError: It cannot be opened, or is of a later version.
         """
-        self.path = path
+        self.place = place
         self.clock = clock
         self.ledger = Ledger()
-        self._writing = writing_engine(path)
-        self._reading = reading_engine(path, readers=readers)
+        self._writing = writing_engine(place)
+        self._reading = reading_engine(place, readers=readers)
         try:
-            path.parent.mkdir(parents=True, exist_ok=True)
+            if isinstance(place, Path):
+                place.parent.mkdir(parents=True, exist_ok=True)
             with self._writing.begin() as connection:
                 migrate(connection, now=clock())
-        except (OSError, SQLAlchemyError) as error:
+        except (OSError, SQLAlchemyError, StoreError) as error:
             self._dispose()
-            cause = getattr(error, "orig", None) or error
-            raise StoreError(f"{path}: the store cannot be opened: {cause}") from error
-        except StoreError:
-            self._dispose()
-            raise
+            raise StoreError(f"{self}: the store cannot be opened: {explain(error)}") from error
         self.writer = Writer(
-            self._writing, capacity=queue, on_rollback=self.ledger.forget, probe=_touch
+            self._writing,
+            capacity=queue,
+            on_begin=self._begin,
+            on_rollback=self.ledger.forget,
+            probe=_touch,
         )
+
+    def __str__(self) -> str:
+        return show(self.place)
 
     def __enter__(self) -> Self:
         return self
@@ -100,8 +105,7 @@ class Store:
             with self._reading.begin() as connection:
                 yield connection
         except SQLAlchemyError as error:
-            cause = getattr(error, "orig", None) or error
-            raise StoreError(f"{self.path}: the store cannot be read: {cause}") from error
+            raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error
 
     def check(self) -> None:
         """Check that the store can be read, has the right schema and, after a fault, be written.
@@ -110,9 +114,7 @@ class Store:
             StoreError: It is not ready.
         """
         with self.read() as connection:
-            version = schema_version(connection)
-        if version != CURRENT:
-            raise StoreError(f"{self.path}: schema version is {version}, expected {CURRENT}")
+            require_current(connection)
         if self.writer.fault is not None:
             self.write(lambda _: None).result(timeout=30)
 
@@ -120,6 +122,11 @@ class Store:
         """Write what waits, then close the file."""
         self.writer.close()
         self._dispose()
+
+    def _begin(self, connection: Connection) -> None:
+        """A newer program may have migrated meanwhile, and another process may have written."""
+        require_current(connection)
+        self.ledger.refresh(connection)
 
     def _dispose(self) -> None:
         self._writing.dispose()

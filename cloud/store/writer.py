@@ -9,8 +9,9 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from sqlalchemy.exc import IntegrityError, SQLAlchemyError
+from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 
+from cloud.store.faults import explain
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _MOST_SHARED: Final = 32
+_OF_THE_WORK: Final = (DataError, IntegrityError)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,7 @@ class Writer:
     Args:
         engine: With one connection.
         capacity: Jobs that may wait.
+        on_begin: Called at the beginning of each transaction.
         on_rollback: Called when what jobs did was undone, so that caches are forgotten.
         probe: Writes a little; after a fault it must succeed, lest a job that writes nothing
             passes for a store that is well again.
@@ -51,11 +54,13 @@ class Writer:
         engine: Engine,
         *,
         capacity: int,
+        on_begin: Callable[[Connection], None],
         on_rollback: Callable[[], None],
         probe: Callable[[Connection], None],
     ) -> None:
         self._engine = engine
         self._jobs: queue.Queue[_Job | None] = queue.Queue(capacity)
+        self._on_begin = on_begin
         self._on_rollback = on_rollback
         self._probe = probe
         self._closing = threading.Event()
@@ -115,11 +120,12 @@ class Writer:
         done: list[tuple[_Job, Any]] = []
         try:
             with self._engine.begin() as connection:
+                self._on_begin(connection)
                 if self.fault is not None:
                     self._probe(connection)
                 for job in batch:
                     self._do(connection, job, done)
-        except SQLAlchemyError as error:
+        except (SQLAlchemyError, StoreError) as error:
             self._fail(batch, error)
             return
         self.fault = None
@@ -133,7 +139,7 @@ class Writer:
         try:
             result = job.work(connection)
         except Exception as error:
-            if isinstance(error, SQLAlchemyError) and not isinstance(error, IntegrityError):
+            if isinstance(error, SQLAlchemyError) and not isinstance(error, _OF_THE_WORK):
                 raise  # the store itself is at fault: nobody's work is committed
             savepoint.rollback()
             self._on_rollback()
@@ -142,14 +148,14 @@ class Writer:
             savepoint.commit()
             done.append((job, result))
 
-    def _fail(self, batch: list[_Job], error: SQLAlchemyError) -> None:
+    def _fail(self, batch: list[_Job], error: SQLAlchemyError | StoreError) -> None:
         self._on_rollback()
-        cause = getattr(error, "orig", None) or error
+        cause = explain(error)
         self.fault = f"the store cannot be written: {cause}"
         log.error("commit failed: jobs=%d reason=%s", len(batch), cause)
         for job in batch:
             if not job.future.done():
-                failure = StoreError(f"{self.fault}; free space or repair it, then send again")
+                failure = StoreError(f"{self.fault}; then send again")
                 failure.__cause__ = error
                 job.future.set_exception(failure)
 

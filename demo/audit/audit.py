@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
 
-from cloud.store.engine import reading_engine
+from cloud.store.place import Place, reading_engine
 from cloud.store.schema import blocks as table
 from demo.audit.channel import ChannelAudit
 from demo.audit.delivery import Delivery, UnderWay, deliveries
@@ -52,21 +52,25 @@ class Audit:
 
 
 def audit(
-    layout: Layout, *, progress: Callable[[int, int], None] = lambda _done, _all: None
+    layout: Layout,
+    *,
+    store: Place | None = None,
+    progress: Callable[[int, int], None] = lambda _done, _all: None,
 ) -> Audit:
     """Compare all blocks in the store with the truth; also while the demo runs.
 
     Args:
         layout: The demo's data folder.
+        store: Where the cloud's store is; ``None``: in that folder.
         progress: Told blocks done and blocks in all.
 
     Raises:
         AuditError: There is no store, no block, or a block that no node's emulator knows.
     """
-    if not layout.store.exists():
+    if store is None and not layout.store.exists():
         raise AuditError(f"{layout.root}: no store here; has `eskin demo` run on this folder?")
     seen = UnderWay.look(layout)
-    engine = reading_engine(layout.store, readers=1)
+    engine = reading_engine(store or layout.store, readers=1)
     try:
         with engine.begin() as connection:
             channels = _audit(layout, seen.truths, connection, progress)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
@@ -63,7 +64,7 @@ def login(
     from cloud.store import Store
 
     settings = _load(config or context.obj)
-    with Store(settings.store.path) as store:
+    with Store(settings.store.place) as store:
         code = create_login_code(
             store, lifetime=timedelta(minutes=minutes), scopes=(Scope.READ, Scope.OPERATE)
         )
@@ -89,7 +90,7 @@ def token(
     except ValueError:
         allowed = ", ".join(Scope)
         raise typer.BadParameter(f"{scope} is not allowed; use {allowed}") from None
-    with Store(_load(config or context.obj).store.path) as store:
+    with Store(_load(config or context.obj).store.place) as store:
         typer.echo(create_token(store, scopes=scopes, name=name, lifetime=timedelta(days=days)))
 
 
@@ -103,7 +104,7 @@ def tokens(context: typer.Context, config: Config = None) -> None:
     from cloud.shapes import token_shape
     from cloud.store import Store
 
-    with Store(_load(config or context.obj).store.path) as store, store.read() as connection:
+    with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
         rows = [token_shape(row, now=store.clock()) for row in list_tokens(connection)]
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for heading in ("id", "name", "scopes", "state", "expires"):
@@ -124,10 +125,43 @@ def revoke(
     from cloud.access import revoke_token
     from cloud.store import Store
 
-    with Store(_load(config or context.obj).store.path) as store:
+    with Store(_load(config or context.obj).store.place) as store:
         if not revoke_token(store, number):
             raise SettingsError("--id", f"{number!r} is no token that could be revoked")
     typer.echo(f"revoked {number}")
+
+
+@cloud.command()
+def move(
+    context: typer.Context,
+    source: Annotated[
+        Path, typer.Option("--from", exists=True, dir_okay=False, help="SQLite file to move.")
+    ],
+    config: Config = None,
+) -> None:
+    """Move a store from its SQLite file to where the settings say; goes on where it was."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from cloud.service import only_one
+    from cloud.store import Store
+    from cloud.store.move import move as carry
+
+    target = _load(config or context.obj).store.place
+    console = Console(stderr=True)
+    bar = Progress(console=console, transient=True, disable=not console.is_terminal)
+    with only_one(source), bar:
+        Store(source).close()  # migrates what an earlier version left
+        task = bar.add_task("moving", total=None)
+        counts = carry(
+            source,
+            target,
+            now=time.time_ns(),
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )
+    for name, count in counts.items():
+        typer.echo(f"{count:12} {name}")
+    typer.echo("moved, and compared row by row")
 
 
 @cloud.command("audit-log")
@@ -136,7 +170,7 @@ def audit_log(context: typer.Context, config: Config = None) -> None:
     from cloud.store import Store
     from cloud.store.audit_log import check_deeds, read_deeds
 
-    with Store(_load(config or context.obj).store.path) as store, store.read() as connection:
+    with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
         for row in read_deeds(connection):
             words = (format_moment(row["time"]), row["actor"] or "-", row["address"] or "-")
             typer.echo(" ".join((*words, row["action"], row["target"], row["detail"])).rstrip())

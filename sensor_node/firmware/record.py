@@ -2,6 +2,13 @@
 
 from sensor_node.firmware.cbor import Writer
 from sensor_node.firmware.encoding import Q16, TAGS, write
+from sensor_node.firmware.fields import (
+    put_integer,
+    put_integers,
+    put_real,
+    put_reals,
+    put_text,
+)
 from sensor_node.firmware.places import write_places
 from sensor_node.firmware.rounding import up
 
@@ -116,22 +123,22 @@ class Scribe:
         """Samples of one channel."""
         written = write(encoding, lows, highs, n)
         out, sequence = self._begin(BLOCK, 17 if encoding == Q16 else 15)
-        _text(out, 4, channel.name)
-        _text(out, 5, channel.unit)
-        _integer(out, 6, ticks)
-        _integers(out, 7, time)
-        _integer(out, 8, channel.dt)
-        _integer(out, 9, n)
-        _real(out, 10, channel.coverage)
-        _integer(out, 11, encoding)
+        put_text(out, 4, channel.name)
+        put_text(out, 5, channel.unit)
+        put_integer(out, 6, ticks)
+        put_integers(out, 7, time)
+        put_integer(out, 8, channel.dt)
+        put_integer(out, 9, n)
+        put_real(out, 10, channel.coverage)
+        put_integer(out, 11, encoding)
         for key, content in ((12, written.lo), (13, written.hi)):
             out.integer(key)
             out.typed_array(TAGS[encoding], content)
-        _reals(out, 14, (written.lowest, written.highest))
+        put_reals(out, 14, (written.lowest, written.highest))
         if encoding == Q16:
-            _integer(out, 15, written.exponent)
-            _integer(out, 16, written.offset)
-        _real(out, 17, up(written.widening) if written.widening > 0.0 else 0.0)
+            put_integer(out, 15, written.exponent)
+            put_integer(out, 16, written.offset)
+        put_real(out, 17, up(written.widening) if written.widening > 0.0 else 0.0)
         until = time[0], time[1] + channel.dt * (n - 1)
         return Record(BLOCK, sequence, bytes(out.buffer), until, n, 0, channel.name)
 
@@ -140,14 +147,14 @@ class Scribe:
     ) -> Record:
         """A peak, or a region of possible ones."""
         out, sequence = self._begin(PEAK, 11)
-        _text(out, 4, channel.name)
-        _text(out, 5, channel.unit)
-        _integers(out, 6, time)
-        _integer(out, 7, event.verdict)
-        _integers(out, 8, event.count)
-        _reals(out, 9, event.height)
-        _reals(out, 10, event.prominence)
-        _real(out, 11, coverage)
+        put_text(out, 4, channel.name)
+        put_text(out, 5, channel.unit)
+        put_integers(out, 6, time)
+        put_integer(out, 7, event.verdict)
+        put_integers(out, 8, event.count)
+        put_reals(out, 9, event.height)
+        put_reals(out, 10, event.prominence)
+        put_real(out, 11, coverage)
         return Record(PEAK, sequence, bytes(out.buffer), time, 0)
 
     def gap(
@@ -170,10 +177,10 @@ class Scribe:
             sequence: Its number, if it was given out before.
         """
         out, sequence = self._begin(GAP, 8, sequence)
-        _text(out, 4, reason)
-        _integers(out, 5, time)
-        _integer(out, 6, messages)
-        _integer(out, 7, samples)
+        put_text(out, 4, reason)
+        put_integers(out, 5, time)
+        put_integer(out, 6, messages)
+        put_integer(out, 7, samples)
         out.integer(8)
         out.array(len(lost))
         for span in lost:
@@ -205,12 +212,12 @@ class Scribe:
         """
         parts = 13 + (energy is not None) + (faults is not None) + bool(places)
         out, sequence = self._begin(STATUS, parts)
-        _integers(out, 4, time)
-        _text(out, 5, profile)
-        _text(out, 6, description)
-        _integer(out, 7, uptime)
+        put_integers(out, 4, time)
+        put_text(out, 5, profile)
+        put_text(out, 6, description)
+        put_integer(out, 7, uptime)
         for key in (8, 9, 10, 11):
-            _integer(out, key, storage[key - 8])
+            put_integer(out, key, storage[key - 8])
         out.integer(12)
         out.array(len(channels))
         for channel in channels:
@@ -219,7 +226,7 @@ class Scribe:
             out.text(channel.unit)
             out.integer(channel.dt)
             out.real(channel.coverage)
-        _integer(out, 13, cause)
+        put_integer(out, 13, cause)
         if energy is not None:
             stored, charge, verdict, stage = energy
             out.integer(16)
@@ -244,11 +251,11 @@ class Scribe:
     ) -> Record:
         """What became of the last command, why it was not done, and how each place is set."""
         out, sequence = self._begin(RESULT, 7 if reason is None else 8)
-        _integers(out, 4, time)
-        _integer(out, 5, command)
-        _integer(out, 6, outcome)
+        put_integers(out, 4, time)
+        put_integer(out, 5, command)
+        put_integer(out, 6, outcome)
         if reason is not None:
-            _text(out, 7, reason)
+            put_text(out, 7, reason)
         out.integer(8)
         write_places(out, places)
         return Record(RESULT, sequence, bytes(out.buffer), time, 0)
@@ -258,9 +265,9 @@ class Scribe:
         if sequence is None:
             sequence = self._numbers.next_sequence()
         out.map(fields)
-        _integer(out, 1, kind)
-        _integer(out, 2, self._boot)
-        _integer(out, 3, sequence)
+        put_integer(out, 1, kind)
+        put_integer(out, 2, self._boot)
+        put_integer(out, 3, sequence)
         return out, sequence
 
 
@@ -282,32 +289,3 @@ def _faults(out: Writer, faults: "Sequence[tuple[str, int, int]]") -> None:
         out.text(name)
         out.integer(dead)
         out.integer(stuck)
-
-
-def _integer(out: Writer, key: int, value: int) -> None:
-    out.integer(key)
-    out.integer(value)
-
-
-def _integers(out: Writer, key: int, values: "Sequence[int]") -> None:
-    out.integer(key)
-    out.array(len(values))
-    for value in values:
-        out.integer(value)
-
-
-def _real(out: Writer, key: int, value: float) -> None:
-    out.integer(key)
-    out.real(value)
-
-
-def _reals(out: Writer, key: int, values: "Sequence[float]") -> None:
-    out.integer(key)
-    out.array(len(values))
-    for value in values:
-        out.real(value)
-
-
-def _text(out: Writer, key: int, value: str) -> None:
-    out.integer(key)
-    out.text(value)

@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -21,6 +22,7 @@ from tests.chaos.faults import FAULTS
 from tests.chaos.plan import Stroke, make_plan
 from tests.chaos.site import GATEWAYS, NODES, Site
 from tests.chaos.verdict import judge
+from tests.postgresql import Cluster
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
     from tests.chaos.verdict import Verdict
 
+_STORES: Final = ("sqlite", "postgresql")
 _PARTS: Final = ("broker", "cloud", *GATEWAYS, *NODES)
 _START_S: Final = 180.0
 _DRAIN_S: Final = 90.0
@@ -40,6 +43,9 @@ def main() -> int:
     parser.add_argument("--duration", type=float, default=120.0, help="seconds of faults")
     parser.add_argument("--seed", type=int, default=1, help="draws the plan")
     parser.add_argument("--data", type=Path, default=None, help="folder to keep; else a fresh one")
+    parser.add_argument(
+        "--store", choices=_STORES, default=_STORES[0], help="what the cloud keeps in"
+    )
     options = parser.parse_args()
     if os.geteuid() != 0:
         sys.stderr.write("make chaos: network namespaces need root; run it with sudo\n")
@@ -51,7 +57,7 @@ def main() -> int:
     console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
     with tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
         root = (options.data or Path(fresh) / "site").resolve()
-        with Site(root) as site:
+        with _server(options.store) as server, Site(root, server) as site:
             wait_until(site.has_begun, "the first block is stored", seconds=_START_S)
             _play(site, plan, console.print)
             console.print("all faults are over; waiting until everything has arrived")
@@ -60,6 +66,10 @@ def main() -> int:
             site.require_alive(("broker", "cloud", *GATEWAYS))
         _report(verdict, plan, console.print)
         return 1 if verdict.faults else 0
+
+
+def _server(store: str) -> AbstractContextManager[Cluster | None]:
+    return Cluster() if store == "postgresql" else nullcontext()
 
 
 def _in_namespaces_of_our_own() -> int:

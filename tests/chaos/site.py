@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import ExitStack
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
 from demo.layout import Layout
@@ -17,13 +18,15 @@ from tests.chaos.part import INSIDER, Part
 from tests.files import ask, write_settings
 from tests.identities import Identities
 from tests.processes import ESKIN, Running, wait_until
+from tests.stores import ask_store, write_place
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
     from types import TracebackType
 
+    from cloud.store.place import Place
     from eskin.identity import Identity
+    from tests.postgresql import Cluster
 
 NODES: Final = ("fingertip", "palm", "forearm")
 GATEWAYS: Final = ("gateway-1", "gateway-2")
@@ -37,10 +40,15 @@ class Site:
 
     Args:
         root: The folder.
+        server: Where the store is kept; ``None``: in an SQLite file.
+
+    Attributes:
+        store: Where the cloud's store is.
     """
 
-    def __init__(self, root: Path) -> None:
+    def __init__(self, root: Path, server: Cluster | None = None) -> None:
         self.layout = Layout(root)
+        self.store: Place = self.layout.store if server is None else server.fresh(empty=True)
         self._logs = self.layout.logs
         self._logs.mkdir(parents=True)
         self._library = build_library(root)
@@ -98,8 +106,16 @@ class Site:
 
     def has_begun(self) -> bool:
         """Whether something is stored."""
-        tables = ask(self.layout.store, "SELECT name FROM sqlite_master")
-        return ("blocks",) in tables and self._count(self.layout.store, "blocks") > 0
+        return (
+            self.store_is_made() and ask_store(self.store, "SELECT count(*) FROM blocks")[0][0] > 0
+        )
+
+    def store_is_made(self) -> bool:
+        """Whether the cloud made its tables."""
+        tables = "sqlite_master" if isinstance(self.store, Path) else "pg_tables"
+        name = "name" if isinstance(self.store, Path) else "tablename"
+        query = f"SELECT count(*) FROM {tables} WHERE {name} = 'events'"  # noqa: S608 - our words
+        return any(row[0] for row in ask_store(self.store, query))
 
     def waiting(self) -> dict[str, int]:
         """Messages that wait in each flash and each spool."""
@@ -111,9 +127,9 @@ class Site:
 
     def letters(self) -> list[str]:
         """What a gateway or the cloud refused to take."""
-        letters = ask(self.layout.store, "SELECT node || ': ' || reason FROM dead_letters")
+        query = "SELECT node || ': ' || reason FROM dead_letters"
+        letters = list(ask_store(self.store, query))
         for name in GATEWAYS:
-            query = "SELECT node || ': ' || reason FROM dead_letters"
             letters += ask(self._spool(name), query)
         return [row[0] for row in letters]
 
@@ -175,7 +191,7 @@ class Site:
         disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
         server = self._identities.make(IdentityKind.SERVER, "server.cloud", hosts=(host.address,))
         config = write_settings(self.layout.root / "cloud.toml", {
-            "store": {"path": self.layout.store},
+            "store": write_place(self.store),
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
         })  # fmt: skip
         return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)

@@ -26,8 +26,8 @@ def burnt(tmp_path: Path) -> Iterator[Store]:
 
 def wrong(store: Store, *faults: str) -> list[str]:
     verdict = Verdict()
-    explain(store.path, verdict, set(faults))
-    add_up(store.path, verdict)
+    explain(store.place, verdict, set(faults))
+    add_up(store.place, verdict)
     return verdict.faults
 
 

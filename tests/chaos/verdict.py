@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from demo.audit import audit
-from tests.files import ask
+from tests.stores import ask_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
 
+    from cloud.store.place import Place
     from tests.chaos.plan import Stroke
     from tests.chaos.site import Site
 
@@ -50,14 +50,14 @@ def judge(site: Site, strokes: Iterable[Stroke]) -> Verdict:
     """Compare flash, truth and store of a site that has come to rest."""
     verdict = Verdict()
     _compare(site, verdict)
-    explain(site.layout.store, verdict, {stroke.fault for stroke in strokes})
-    add_up(site.layout.store, verdict)
+    explain(site.store, verdict, {stroke.fault for stroke in strokes})
+    add_up(site.store, verdict)
     verdict.faults += [f"refused: {letter}" for letter in site.letters()]
     return verdict
 
 
 def _compare(site: Site, verdict: Verdict) -> None:
-    found = audit(site.layout)
+    found = audit(site.layout, store=site.store)
     for delivery in found.deliveries:
         verdict.made += delivery.made
         verdict.stored += delivery.stored
@@ -76,10 +76,10 @@ def _compare(site: Site, verdict: Verdict) -> None:
             verdict.faults.append(f"{channel.node}/{channel.channel}: broken promise")
 
 
-def explain(store: Path, verdict: Verdict, happened: set[str]) -> None:
+def explain(store: Place, verdict: Verdict, happened: set[str]) -> None:
     """Find the fault behind each gap."""
     query = "SELECT detail, count(*) FROM events WHERE kind = 'gap' GROUP BY detail"
-    for detail, count in ask(store, query):
+    for detail, count in ask_store(store, query):
         reason = next((why for why in _WHY if str(detail).startswith(why)), str(detail))
         verdict.gaps[reason] = verdict.gaps.get(reason, 0) + count
     for reason, count in verdict.gaps.items():
@@ -87,20 +87,20 @@ def explain(store: Path, verdict: Verdict, happened: set[str]) -> None:
             verdict.faults.append(f"{count} gaps without a cause: {reason}")
 
 
-def add_up(store: Path, verdict: Verdict) -> None:
+def add_up(store: Place, verdict: Verdict) -> None:
     """Sums that are kept while blocks arrive must be those of the blocks: nothing counted twice."""
     query = """
         SELECT c.node || '/' || c.channel, c.blocks, c.samples, count(b.n), coalesce(sum(b.n), 0)
         FROM channels AS c LEFT JOIN blocks AS b ON b.node = c.node AND b.channel = c.channel
         GROUP BY c.node, c.channel
     """
-    for place, blocks, samples, counted, summed in ask(store, query):
+    for place, blocks, samples, counted, summed in ask_store(store, query):
         if (blocks, samples) != (counted, summed):
             verdict.faults.append(
                 f"{place}: {blocks} blocks and {samples} samples are told, "
                 f"{counted} and {summed} are stored"
             )
     holes = "SELECT node, boot, count(*), min(first) FROM sequences GROUP BY node, boot"
-    for node, boot, ranges, first in ask(store, holes):
+    for node, boot, ranges, first in ask_store(store, holes):
         if (ranges, first) != (1, 0):
             verdict.faults.append(f"{node}: boot {boot} has holes: {ranges} ranges from {first}")

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cloud.state import Cloud
+    from cloud.store.place import Place
     from eskin.identity import Identity
     from tests.identities import Identities
 
@@ -140,8 +141,10 @@ class Stand:
 
 
 @contextmanager
-def standing(folder: Path, identities: Identities, **sections: Any) -> Iterator[Stand]:
-    """A cloud in a folder."""
+def standing(
+    folder: Path, identities: Identities, *, place: Place | None = None, **sections: Any
+) -> Iterator[Stand]:
+    """A cloud in a folder, with its store there or elsewhere."""
     server = identities.make(IdentityKind.SERVER, "server.cloud")
     settings = CloudSettings(
         store=sections.pop("store", StoreSection(path=folder / "store.sqlite")),
@@ -149,7 +152,7 @@ def standing(folder: Path, identities: Identities, **sections: Any) -> Iterator[
         **sections,
     )
     clock = Clock(START + 3600 * SECOND)
-    with Store(settings.store.path, clock=clock) as store:
+    with Store(place or settings.store.place, clock=clock) as store:
         cloud = make_cloud(settings, store, clock=clock, dashboard=folder / "dashboard")
         token = create_token(store, scopes=[Scope.READ], name="test", lifetime=timedelta(hours=1))
         yield Stand(cloud, clock, identities.gateway, token)

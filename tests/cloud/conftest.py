@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import pytest
+from sqlalchemy import URL
 
 from cloud.store import Store
 from tests.cloud.clouds import Clock, Stand, standing
@@ -14,7 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from cloud.store.place import Place
     from tests.identities import Identities
+    from tests.postgresql import Cluster
 
 
 @pytest.fixture
@@ -23,17 +26,49 @@ def clock() -> Clock:
     return Clock(START)
 
 
+BOTH: Final = {f"tests.cloud.test_{room}" for room in (
+    "batches", "hulls", "live", "queries", "store", "writer",
+)}  # fmt: skip
+"""What is asked of every kind of store; the rest is asked of a cloud, whatever its store."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Ask each kind of store."""
+    chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
+    if "place" in metafunc.fixturenames and "place" not in chosen:
+        kinds = ["sqlite", "postgresql"] if metafunc.module.__name__ in BOTH else ["sqlite"]
+        metafunc.parametrize("place", kinds, indirect=True)
+
+
 @pytest.fixture
-def store(tmp_path: Path, clock: Clock) -> Iterator[Store]:
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+    """Where an empty store is, for each kind of store."""
+    if request.param == "sqlite":
+        return tmp_path / "store.sqlite"
+    cluster: Cluster = request.getfixturevalue("cluster")
+    place: Place = request.getfixturevalue("shared_database")
+    assert isinstance(place, URL)
+    cluster.clear(place)
+    return place
+
+
+@pytest.fixture(scope="session")
+def shared_database(cluster: Cluster) -> URL:
+    """A database that is emptied for each test."""
+    return cluster.fresh()
+
+
+@pytest.fixture
+def store(place: Place, clock: Clock) -> Iterator[Store]:
     """An empty store."""
-    with Store(tmp_path / "store.sqlite", clock=clock) as opened:
+    with Store(place, clock=clock) as opened:
         yield opened
 
 
 @pytest.fixture
-def stand(tmp_path: Path, identities: Identities) -> Iterator[Stand]:
+def stand(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Stand]:
     """A cloud with clients."""
-    with standing(tmp_path, identities) as made:
+    with standing(tmp_path, identities, place=place) as made:
         yield made
 
 

@@ -85,6 +85,7 @@ async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
     assert results == ["rejected"] * 7 + ["stored"]
 
 
+@pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_broken_store_answers_503_and_shows_in_readiness(stand: Stand) -> None:
     store = stand.cloud.store
     body = batch(*(block(n, [0.0] * 900, [1.0] * 900) for n in range(40)))
@@ -100,6 +101,7 @@ async def test_broken_store_answers_503_and_shows_in_readiness(stand: Stand) -> 
     assert (await stand.ingest(body)).json()["items"][39]["result"] == "stored"
 
 
+@pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
     stand.cloud.store.write(
         lambda c: c.execute(text("ALTER TABLE feed RENAME TO lost")).rowcount

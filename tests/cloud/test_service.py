@@ -6,7 +6,6 @@ import signal
 import ssl
 import sys
 import threading
-import time
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,76 +13,21 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 
-from cloud.access import Scope, create_login_code, create_token
+from cloud.access import create_login_code
 from cloud.settings import CloudSettings
 from cloud.store import Store
 from eskin.errors import SettingsError
 from eskin.identity import Identity, IdentityKind, client_context
 from eskin.settings import table
-from tests.cloud.clouds import batch, warrant
+from tests.cloud.clouds import batch
 from tests.cloud.messages import CHANNEL, NODE, block, peak
-from tests.processes import Running, free_port
+from tests.cloud.service import PROGRAM, Service
+from tests.processes import Running
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tests.identities import Identities
-
-_PROGRAM = """
-import sys, pathlib
-from cloud.service import run
-from cloud.settings import CloudSettings
-from eskin.command.logs import start_logs
-from eskin.errors import EskinError
-try:
-    settings = CloudSettings.load(pathlib.Path(sys.argv[1]))
-    start_logs(settings.log.level)
-    run(settings)
-except EskinError as error:
-    sys.exit(f"eskin: {error}")
-"""
-
-
-class Service(Running):
-    """A cloud process on free ports."""
-
-    def __init__(self, folder: Path, identities: Identities, *, more: str = "") -> None:
-        self.server = identities.make(IdentityKind.SERVER, "server.cloud")
-        self.gateway = identities.gateway
-        self.port, self.ingest_port = free_port(), free_port()
-        self.path = folder / "data" / "store.sqlite"
-        config = folder / "cloud.toml"
-        config.write_text(
-            f"[store]\npath = '{self.path}'\n"
-            f"[people]\nport = {self.port}\n{more}"
-            f"[gateways]\nport = {self.ingest_port}\nidentity = '{self.server.directory}'\n"
-        )
-        super().__init__([sys.executable, "-c", _PROGRAM, str(config)], log=folder / "cloud.log")
-
-    def start(self) -> None:
-        """Start, and wait until it is ready."""
-        super().start()
-        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready")
-
-    def token(self) -> str:
-        """A reader's token, made beside the running cloud."""
-        with Store(self.path) as store:
-            return create_token(store, scopes=[Scope.READ], name="t", lifetime=timedelta(hours=1))
-
-    def people(self, token: str) -> httpx.Client:
-        """A reader."""
-        headers = {"Authorization": f"Bearer {token}"}
-        return httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=headers, timeout=20)
-
-    def ingest(self, body: bytes) -> httpx.Response:
-        """Bring a batch."""
-        context = client_context(self.server.directory / "root.pem")
-        headers = {
-            "Authorization": f"Bearer {warrant(self.gateway, body, time.time_ns())}",
-            "Content-Type": "application/cbor",
-        }
-        url = f"https://localhost:{self.ingest_port}/api/v1/ingest"
-        return httpx.post(url, content=body, headers=headers, verify=context, timeout=20)
 
 
 @pytest.fixture
@@ -177,7 +121,7 @@ def test_second_cloud_on_the_same_store_is_refused(
     folder.mkdir()
     other = Service(folder, identities)
     config = Path(other.argv[-1])
-    config.write_text(config.read_text().replace(str(other.path), str(service.path)))
+    config.write_text(config.read_text().replace(str(other.place), str(service.place)))
     Running.start(other)
     assert other.process is not None
     assert other.process.wait(20) == 1
@@ -189,7 +133,7 @@ def test_people_come_by_https_where_there_is_a_certificate(
 ) -> None:
     own = identities.make(IdentityKind.SERVER, "server.people").directory
     with Service(tmp_path, identities, more=f"identity = '{own}'\n") as service:
-        with Store(service.path) as store:
+        with Store(service.place) as store:
             code = create_login_code(store, lifetime=timedelta(minutes=1))
         url = f"https://localhost:{service.port}/login?code={code}"
         answer = httpx.get(url, verify=client_context(own / "root.pem"), timeout=20)
@@ -200,10 +144,10 @@ def test_people_come_by_https_where_there_is_a_certificate(
 
 
 def test_port_in_use_is_said_in_one_line(service: Service, tmp_path: Path) -> None:
-    config = Path(service.argv[-1]).read_text().replace(str(service.path), str(tmp_path / "other"))
+    config = Path(service.argv[-1]).read_text().replace(str(service.place), str(tmp_path / "other"))
     path = tmp_path / "other.toml"
     path.write_text(config)
-    second = Running([sys.executable, "-c", _PROGRAM, str(path)], log=tmp_path / "second.log")
+    second = Running([sys.executable, "-c", PROGRAM, str(path)], log=tmp_path / "second.log")
     second.start()
     assert second.process is not None
     assert second.process.wait(20) == 1
@@ -250,7 +194,7 @@ def test_every_setting_is_described() -> None:
     assert len(settings) > 15
     assert all(setting.help for setting in settings)
     needed = {setting.name for setting in settings if setting.default is None}
-    assert needed == {"store.path", "gateways.identity"}
+    assert needed == {"gateways.identity"}
 
 
 def test_unusable_identity_is_named(tmp_path: Path, identities: Identities) -> None:

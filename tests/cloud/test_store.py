@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sqlalchemy import select
+from sqlalchemy import event, select
 
 from cloud.store import Store
 from cloud.store.intake import Item
@@ -179,3 +179,20 @@ def test_gap_and_peak_are_events(store: Store) -> None:
     assert first["detail"] == "flash full: 3 messages and 1500 samples lost"
     assert second["height_hi"] == float("inf")
     assert second["data"] == peak(1).encode()
+
+
+def test_batch_of_many_nodes_asks_no_question_for_each(store: Store) -> None:
+    items = [
+        Item.read(f"node{number}", said.encode())
+        for number in range(100)
+        for said in (status(0), block(1), peak(2))
+    ]
+    asked: list[str] = []
+    store.ledger.forget()
+    event.listen(
+        store._writing, "before_cursor_execute", lambda *words: asked.append(str(words[2]))
+    )
+    assert results(put_items(store, items)) == ["stored"] * 300
+    store.ledger.forget()  # as after another process wrote
+    assert results(put_items(store, items)) == ["duplicate"] * 300
+    assert len(asked) < 50, asked

@@ -24,7 +24,7 @@ from tests.cloud.clouds import put
 from tests.cloud.messages import NODE, START, block
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from sqlalchemy import Connection, Table
@@ -39,6 +39,13 @@ def rows(store: Store, table: Table) -> list[dict[str, Any]]:
 def results(outcome: Any) -> list[str]:
     """What became of each item."""
     return [result.result for result in outcome.results]
+
+
+@pytest.fixture
+def file_store(tmp_path: Path) -> Iterator[Store]:
+    """One that is an SQLite file."""
+    with Store(tmp_path / "store.sqlite") as opened:
+        yield opened
 
 
 def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> None:
@@ -56,7 +63,8 @@ def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> Non
     assert rows(store, channels)[0]["blocks"] == 1
 
 
-def test_full_disk_is_told_and_nothing_is_acknowledged(store: Store) -> None:
+def test_full_disk_is_told_and_nothing_is_acknowledged(file_store: Store) -> None:
+    store = file_store
     put(store, block(0))
     pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(20)
     store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(20)
@@ -204,12 +212,12 @@ def test_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
         Store(path)
 
 
-def test_durability_is_asked_of_sqlite(store: Store) -> None:
+def test_durability_is_asked_of_sqlite(file_store: Store) -> None:
     def pragmas(connection: Connection) -> tuple[object, object]:
         return (
             connection.execute(text("PRAGMA journal_mode")).scalar_one(),
             connection.execute(text("PRAGMA synchronous")).scalar_one(),
         )
 
-    assert store.write(pragmas).result(20) == ("wal", 2)
-    assert isinstance(store.writer, Writer)
+    assert file_store.write(pragmas).result(20) == ("wal", 2)
+    assert isinstance(file_store.writer, Writer)

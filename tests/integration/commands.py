@@ -32,7 +32,7 @@ from sensor_node.settings import BrokerSection as NodeBroker
 from sensor_node.settings import IdentitySection as NodeIdentity
 from sensor_node.settings import RadioSection
 from tests.brokers import Mosquitto
-from tests.cloud.test_service import Service
+from tests.cloud.service import Service
 from tests.processes import accepts, wait_until
 from tests.sensor_node.controls import SimpleControls
 
@@ -121,7 +121,7 @@ class Chain:
     def __enter__(self) -> Self:
         self.broker.begin()
         self.cloud.start()
-        with Store(self.cloud.path) as store:
+        with Store(self.cloud.place) as store:
             token = create_token(
                 store,
                 scopes=[Scope.READ, Scope.OPERATE],

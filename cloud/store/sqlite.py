@@ -1,4 +1,4 @@
-"""Engines for SQLite: one that writes, one that reads."""
+"""SQLite: one connection that writes, several that read."""
 
 from __future__ import annotations
 

@@ -1,0 +1,54 @@
+"""Hearing of what other processes do on the same PostgreSQL server: by LISTEN."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING, Final
+
+import psycopg
+
+from cloud.store.news import CHANNEL, COMMANDS, FEED
+from cloud.store.postgresql import arguments
+from eskin.errors import StoreError
+
+if TYPE_CHECKING:
+    from sqlalchemy import URL
+
+    from cloud.state import Cloud
+
+log = logging.getLogger(__name__)
+
+_PAUSE_S: Final = 1.0
+
+
+async def relay(cloud: Cloud, place: URL) -> None:
+    """Listen until cancelled; comes back to a server that was away."""
+    while True:
+        try:
+            await _listen(cloud, place)
+        except (psycopg.Error, StoreError) as error:
+            log.warning("other processes are not heard: reason=%s", error)
+        await asyncio.sleep(_PAUSE_S)
+
+
+async def _listen(cloud: Cloud, place: URL) -> None:
+    words = arguments(place)
+    async with await psycopg.AsyncConnection.connect(autocommit=True, **words) as connection:
+        await connection.execute(f"LISTEN {CHANNEL}".encode())
+        # What was told while nobody listened.
+        await cloud.feed.catch_up()
+        cloud.board.wake()
+        async for notice in connection.notifies():
+            hear(cloud, notice.payload)
+
+
+def hear(cloud: Cloud, text: str) -> None:
+    """Take in what was told; what we told ourselves is known."""
+    kind, *words = text.split(" ")
+    if kind == COMMANDS:
+        cloud.board.wake()
+    elif kind == FEED:
+        cursor, writer = words
+        if writer != cloud.store.ledger.name:
+            cloud.feed.advance(int(cursor))

@@ -1,0 +1,95 @@
+"""A cloud as a process, for tests."""
+
+from __future__ import annotations
+
+import sys
+import time
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import httpx
+
+from cloud.access import Scope, create_token
+from cloud.store import Store
+from eskin.identity import IdentityKind, client_context
+from tests.cloud.clouds import warrant
+from tests.processes import Running, free_port
+from tests.stores import write_place
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cloud.store.place import Place
+    from tests.identities import Identities
+
+PROGRAM = """
+import sys, pathlib
+from cloud.service import run
+from cloud.settings import CloudSettings
+from eskin.command.logs import start_logs
+from eskin.errors import EskinError
+try:
+    settings = CloudSettings.load(pathlib.Path(sys.argv[1]))
+    start_logs(settings.log.level)
+    run(settings)
+except EskinError as error:
+    sys.exit(f"eskin: {error}")
+"""
+
+
+class Service(Running):
+    """A cloud process on free ports."""
+
+    def __init__(
+        self, folder: Path, identities: Identities, *, more: str = "", place: Place | None = None
+    ) -> None:
+        self.server = identities.make(IdentityKind.SERVER, "server.cloud")
+        self.gateway = identities.gateway
+        self.port, self.ingest_port = free_port(), free_port()
+        self.place = place or folder / "data" / "store.sqlite"
+        folder.mkdir(exist_ok=True)
+        config = folder / "cloud.toml"
+        store = "".join(f"{name} = '{value}'\n" for name, value in write_place(self.place).items())
+        config.write_text(
+            f"[store]\n{store}"
+            f"[people]\nport = {self.port}\n{more}"
+            f"[gateways]\nport = {self.ingest_port}\nidentity = '{self.server.directory}'\n"
+        )
+        super().__init__([sys.executable, "-c", PROGRAM, str(config)], log=folder / "cloud.log")
+
+    def start(self) -> None:
+        """Start, and wait until it is ready."""
+        self.begin()
+        self.wait_until_ready()
+
+    def begin(self) -> None:
+        """Start."""
+        super().start()
+
+    def wait_until_ready(self) -> None:
+        """Wait until it answers."""
+        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready", seconds=60)
+
+    def token(self) -> str:
+        """A reader's token, made beside the running cloud."""
+        with Store(self.place) as store:
+            return create_token(store, scopes=[Scope.READ], name="t", lifetime=timedelta(hours=1))
+
+    def people(self, token: str) -> httpx.Client:
+        """A reader."""
+        headers = {"Authorization": f"Bearer {token}"}
+        return httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=headers, timeout=20)
+
+    def authorize(self, body: bytes) -> str:
+        """A gateway's token for a body."""
+        return warrant(self.gateway, body, time.time_ns())
+
+    def ingest(self, body: bytes, token: str | None = None) -> httpx.Response:
+        """Bring a batch."""
+        context = client_context(self.server.directory / "root.pem")
+        headers = {
+            "Authorization": f"Bearer {token or self.authorize(body)}",
+            "Content-Type": "application/cbor",
+        }
+        url = f"https://localhost:{self.ingest_port}/api/v1/ingest"
+        return httpx.post(url, content=body, headers=headers, verify=context, timeout=20)

@@ -1,0 +1,96 @@
+"""Two clouds on one PostgreSQL server: gateways and people come to either, and see the same."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.cloud.clouds import batch
+from tests.cloud.messages import CHANNEL, NODE, block, peak
+from tests.cloud.service import Service
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.identities import Identities
+    from tests.postgresql import Cluster
+
+
+@pytest.fixture(scope="module")
+def replicas(
+    tmp_path_factory: pytest.TempPathFactory, identities: Identities, cluster: Cluster
+) -> Iterator[list[Service]]:
+    """Two running clouds, started at once on an empty database."""
+    folder = tmp_path_factory.mktemp("replicas")
+    place = cluster.fresh(empty=True)
+    made = [Service(folder / name, identities, place=place) for name in ("one", "two")]
+    with ExitStack() as stack:
+        for service in made:
+            service.begin()
+            stack.callback(service.stop)
+        for service in made:
+            service.wait_until_ready()
+        yield made
+
+
+class Listener(threading.Thread):
+    """Hears a cloud's live stream until it ends."""
+
+    def __init__(self, service: Service, token: str) -> None:
+        super().__init__()
+        self._service = service
+        self._token = token
+        self.lines: list[str] = []
+
+    def run(self) -> None:
+        with (
+            self._service.people(self._token) as client,
+            client.stream("GET", "/api/v1/live") as answer,
+        ):
+            self.lines += answer.iter_lines()
+
+    @property
+    def cursors(self) -> list[int]:
+        """What was told, in its order."""
+        return [int(line[4:]) for line in self.lines if line.startswith("id: ")]
+
+
+def test_token_of_a_gateway_serves_once_at_all_replicas(replicas: list[Service]) -> None:
+    body = batch(block(0, boot=9))
+    authorization = replicas[0].authorize(body)
+    answers = [service.ingest(body, authorization).status_code for service in replicas]
+    assert answers == [200, 401]
+
+
+def test_replicas_store_once_and_both_tell_all(replicas: list[Service]) -> None:
+    one, two = replicas
+    token = one.token()
+    listeners = [Listener(service, token) for service in replicas]
+    for listener in listeners:
+        listener.start()
+    wait_until(
+        lambda: all(": connected" in heard.lines for heard in listeners), "both listen", seconds=60
+    )
+    for number in range(0, 20, 2):
+        first, second = (one, two) if number % 4 else (two, one)
+        said = batch(block(number), peak(number + 1))
+        answers = [service.ingest(said).json()["items"] for service in (first, second)]
+        results = [[item["result"] for item in items] for items in answers]
+        assert results == [["stored"] * 2, ["duplicate"] * 2]
+    everything = list(range(2, 22))
+    wait_until(
+        lambda: all(heard.cursors == everything for heard in listeners), "both told all", seconds=60
+    )
+    for service in replicas:
+        with service.people(token) as client:
+            assert len(client.get(f"/api/v1/series/{NODE}/{CHANNEL}").json()["lo"]) == 11
+            assert len(client.get("/api/v1/events").json()["items"]) == 10
+    for service in replicas:
+        assert service.stop() == 0
+    for listener in listeners:
+        listener.join(20)
+        assert not listener.is_alive()

@@ -1,0 +1,169 @@
+"""A PostgreSQL server of the tests' own: an unprivileged user's, on a Unix socket, durable."""
+
+from __future__ import annotations
+
+import os
+import pwd
+import shutil
+import signal
+import subprocess
+import tempfile
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Self
+
+import psycopg
+from sqlalchemy import delete
+
+from cloud.store import Store
+from cloud.store.place import read_url
+from cloud.store.schema import feed, metadata, versions
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE
+from tests.processes import Running, free_port, wait_until
+
+if TYPE_CHECKING:
+    from types import TracebackType
+
+    from sqlalchemy import URL
+
+    from eskin.identity import Identity
+
+_ADMIN: Final = "eskin"
+_TEMPLATE: Final = "pattern"
+_SETTINGS: Final = {"listen_addresses": "", "max_connections": "60", "shared_buffers": "32MB"}
+
+
+def program(name: str) -> str:
+    """Path of one of the server's programs."""
+    folders = sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+    path = os.pathsep.join([*map(str, folders), os.environ["PATH"]])
+    found = shutil.which(name, path=path)
+    assert found is not None, f"{name} is missing; install it (apt-get install postgresql)"
+    return found
+
+
+class Cluster:
+    """A running server; its databases go with it.
+
+    Args:
+        identity: With which it listens on loopback, too, by TLS and for passwords.
+
+    Attributes:
+        folder: Its data, its socket and its log.
+        port: On loopback; 0 if it does not listen there.
+        running: Its process.
+    """
+
+    def __init__(self, identity: Identity | None = None) -> None:
+        self.port = 0 if identity is None else free_port()
+        self.folder = Path(tempfile.mkdtemp(prefix="pg-"))
+        self._numbers = count(1)
+        prefix = _as_somebody_else(self.folder) if os.geteuid() == 0 else []
+        data = self.folder / "data"
+        subprocess.run(
+            [*prefix, program("initdb"), "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
+             "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
+            check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
+        )  # fmt: skip
+        settings = dict(_SETTINGS)
+        if identity is not None:
+            settings |= {"listen_addresses": "127.0.0.1", "port": str(self.port)}
+            settings |= self._encrypt(identity)
+        options = [f"-c{name}={value}" for name, value in settings.items()]
+        words = [*prefix, program("postgres"), "-D", str(data), "-k", str(self.folder), *options]
+        self.running = Running(words, log=self.folder / "log")
+
+    def _encrypt(self, identity: Identity) -> dict[str, str]:
+        """Let strangers in by TLS and with a password only."""
+        data = self.folder / "data"
+        owner = data.stat()
+        files = {"ssl_cert_file": CHAIN_FILE, "ssl_key_file": KEY_FILE}
+        for name in files.values():
+            shutil.copyfile(identity.directory / name, data / name)
+            (data / name).chmod(0o600)
+            os.chown(data / name, owner.st_uid, owner.st_gid)
+        (data / "pg_hba.conf").write_text(
+            "local all all trust\nhostssl all all all scram-sha-256\n"
+        )
+        return {"ssl": "on"} | files
+
+    def __enter__(self) -> Self:
+        self.start()
+        self.execute(f"CREATE DATABASE {_TEMPLATE}", database="postgres")
+        Store(self._url(_TEMPLATE)).close()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if self.running.process is not None and self.running.process.poll() is None:
+            self.stop()
+        shutil.rmtree(self.folder)
+
+    def start(self) -> None:
+        """Start, and wait until it lets somebody in."""
+        self.running.start()
+        wait_until(self._answers, "PostgreSQL answers")
+
+    def stop(self) -> None:
+        """End it, whoever is connected."""
+        self.running.signal(signal.SIGINT)
+        assert self.running.process is not None
+        self.running.process.wait(30)
+
+    def shut(self, place: URL) -> None:
+        """Let nobody into a database any more."""
+        name = place.database
+        self.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false", database="postgres")
+        end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname ="
+        self.execute(f"{end} '{name}'", database="postgres")
+
+    def fresh(self, *, empty: bool = False) -> URL:
+        """A database of its own: a store's, or one without any table."""
+        name = f"store_{next(self._numbers)}"
+        pattern = "template1" if empty else _TEMPLATE
+        self.execute(f"CREATE DATABASE {name} TEMPLATE {pattern}", database="postgres")
+        return self._url(name)
+
+    def clear(self, place: URL) -> None:
+        """Make a store as it was: far cheaper than a database for each test."""
+        # As a replica, so that what is append only can be emptied.
+        words = ["SET session_replication_role = replica"]
+        words += [str(delete(table)) for table in metadata.sorted_tables if table not in _KEPT]
+        words += ["UPDATE feed SET cursor = 0, writer = NULL"]
+        self.execute("; ".join(words), database=str(place.database))
+
+    def execute(self, statements: str, *, database: str) -> None:
+        """Do something as the administrator."""
+        with psycopg.connect(self._words(database), autocommit=True) as connection:
+            connection.execute(statements.encode())
+
+    def _answers(self) -> bool:
+        try:
+            psycopg.connect(self._words("postgres")).close()
+        except psycopg.OperationalError:
+            return False
+        return True
+
+    def _words(self, database: str) -> str:
+        port = f" port={self.port}" if self.port else ""
+        return f"host={self.folder}{port} user={_ADMIN} dbname={database}"
+
+    def _url(self, database: str) -> URL:
+        port = f":{self.port}" if self.port else ""
+        return read_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
+
+
+_KEPT: Final = (versions, feed)
+
+
+def _as_somebody_else(folder: Path) -> list[str]:
+    """Words before a command, by which it is no longer root's; the folder is its own, too."""
+    names = {entry.pw_name for entry in pwd.getpwall()}
+    user = pwd.getpwnam("postgres" if "postgres" in names else "nobody")
+    os.chown(folder, user.pw_uid, user.pw_gid)
+    ids = [f"--reuid={user.pw_uid}", f"--regid={user.pw_gid}", "--clear-groups"]
+    return ["setpriv", *ids, "--"]
