@@ -19,12 +19,14 @@ from cloud.limiter import Limiter
 from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
 from cloud.metrics import Metrics
+from cloud.privacy.keyholder import Keyholder
 from cloud.state import Cloud
 from cloud.store import Store
 from cloud.watch import watch
 from eskin.errors import LockedError, StoreError
 from eskin.identity import Identity, Trust
 from eskin.lockfile import LockFile
+from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -65,6 +67,7 @@ def make_cloud(
 
     Raises:
         IdentityError: The server's identity cannot be read.
+        PrivacyError: The key store cannot be used.
     """
     own = settings.gateways
     feed, board = Feed(store, recent=settings.live.recent), Board()
@@ -77,7 +80,20 @@ def make_cloud(
         replay=Replay(),
     )
     metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
-    return Cloud(settings, store, feed, board, verifier, metrics, limiter, clock, dashboard)
+    keys = settings.keys
+    vault = None if keys.directory is None else open_vault(keys, keys.directory)
+    return Cloud(
+        settings=settings,
+        store=store,
+        feed=feed,
+        board=board,
+        verifier=verifier,
+        metrics=metrics,
+        limiter=limiter,
+        keyholder=Keyholder(vault),
+        clock=clock,
+        dashboard=dashboard,
+    )
 
 
 async def _serve(cloud: Cloud) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from eskin.settings import RenewalSection, Section, Settings
+from eskin.settings import KeysSection, RenewalSection, Section, Settings
 
 
 def is_loopback(host: str) -> bool:
@@ -152,5 +152,6 @@ class CloudSettings(Settings):
     access: AccessSection = AccessSection()
     limits: LimitsSection = LimitsSection()
     live: LiveSection = LiveSection()
+    keys: KeysSection = KeysSection()
     renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from cloud.limiter import Limiter
     from cloud.live import Feed
     from cloud.metrics import Metrics
+    from cloud.privacy.keyholder import Keyholder
     from cloud.settings import CloudSettings
     from cloud.store import Store
 
@@ -30,6 +31,7 @@ class Cloud:
         verifier: Checks gateways' tokens.
         metrics: Counts.
         limiter: Counts what each address asks.
+        keyholder: Opens what tells of a person, for those who may.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
     """
@@ -41,6 +43,7 @@ class Cloud:
     verifier: Verifier
     metrics: Metrics
     limiter: Limiter
+    keyholder: Keyholder
     clock: Callable[[], int]
     dashboard: Path
 

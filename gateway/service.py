@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, TypedDict
 
 from eskin.identity import Trust, client_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.privacy import open_vault
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
+from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
 from gateway.commands import Commands
@@ -34,6 +36,7 @@ from gateway.revocations import Revocations
 from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.spool import Spool
+from gateway.veiling import Veiling
 from gateway.worker import Worker
 
 if TYPE_CHECKING:
@@ -105,6 +108,8 @@ class Gateway:
             capacity=settings.spool.capacity_bytes,
             letters=settings.spool.dead_letters,
         )
+        self.vault = open_vault(settings.keys, settings.vault)
+        self.assignments = Assignments(self.vault)
         self._revocations = Revocations(Trust(identity.root), settings.identity.revocations)
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
@@ -137,6 +142,7 @@ class Gateway:
             senders=senders,
             records=Records(self.spool),
             complaints=Complaints(),
+            veiling=Veiling(self.assignments),
         )
         sealers = Sealers(self.keyring.answering)
         answers = Answers(

@@ -5,7 +5,7 @@ set -euo pipefail
 # The command or file by which a package is known to be there, also where another system installed it.
 declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chromium]=chromium
   [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap
-  [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h)
+  [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h [softhsm2]=softhsm2-util)
 missing=()
 for package in "$@"; do
   [ -e "${command[$package]}" ] || PATH=$PATH:/usr/sbin:/sbin command -v "${command[$package]}" >/dev/null ||

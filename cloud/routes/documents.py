@@ -18,7 +18,9 @@ Moment = Annotated[
 
 REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 429, 503)
 """What every question may be answered with."""
-REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 404, 422, 429, 503)
+REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(
+    401, 403, 404, 410, 422, 429, 503
+)
 """What a question about a node or a channel may be answered with."""
 
 CBOR_BODY: Final[dict[str, Any]] = {

@@ -16,6 +16,7 @@ class Entry:
         channel: Of which channel; ``None`` for a gap or a status.
         block: The block's bytes; ``None`` for an event.
         event: The event's row; ``None`` for a block.
+        veiled: A sealed block or peak; then there is neither of them.
     """
 
     cursor: int
@@ -23,3 +24,4 @@ class Entry:
     channel: str | None
     block: bytes | None
     event: dict[str, Any] | None
+    veiled: bytes | None = None

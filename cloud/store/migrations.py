@@ -8,6 +8,7 @@ from sqlalchemy import Connection, func, insert, inspect, select, text
 
 from cloud.store.events import ENERGY
 from cloud.store.schema import audit_log, commands, feed, metadata, nodes, states, versions
+from cloud.store.sealed import erased_subjects, veiled
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log}
+    later = {commands, states, audit_log, veiled, erased_subjects}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -36,7 +37,17 @@ def _fourth(connection: Connection) -> None:
             connection.execute(text(f"ALTER TABLE {nodes.name} ADD COLUMN {name} {kind}"))
 
 
-MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (_first, _second, _third, _fourth)
+def _fifth(connection: Connection) -> None:
+    metadata.create_all(connection, [veiled, erased_subjects])
+
+
+MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
+    _first,
+    _second,
+    _third,
+    _fourth,
+    _fifth,
+)
 CURRENT: Final = len(MIGRATIONS)
 
 

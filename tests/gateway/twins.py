@@ -9,10 +9,12 @@ from typing import TYPE_CHECKING
 from eskin.envelope import Opener
 from eskin.errors import SpoolError
 from eskin.identity import Trust
+from eskin.privacy import FileMaster, Vault
 from eskin.topics import Stream, node_topic
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
 from gateway.arrival import Arrival
+from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.commands import Commands
 from gateway.complaints import Complaints
@@ -27,6 +29,7 @@ from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.settings import SpoolSection
 from gateway.spool import Spool
+from gateway.veiling import Veiling
 from gateway.worker import Worker
 
 if TYPE_CHECKING:
@@ -91,6 +94,8 @@ class Inside:
         self.broker = MemoryBroker()
         self.counters = Counters()
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
+        self.vault = Vault(folder / "keys", FileMaster(folder / "master.key"))
+        self.assignments = Assignments(self.vault)
         self.trust = Trust(identities.gateway.root, clock=self.clock.now)
         self.revocations = Revocations(self.trust, revocations)
         self.senders = Senders(self.spool, self.revocations, clock=self.clock)
@@ -102,6 +107,7 @@ class Inside:
             senders=self.senders,
             records=self.records,
             complaints=Complaints(),
+            veiling=Veiling(self.assignments),
         )
         sealers = Sealers(lambda _: identities.site)
         answers = Answers(

@@ -1,0 +1,38 @@
+"""The store's tables of what tells of a person, beside those of `cloud.store.schema`."""
+
+from __future__ import annotations
+
+from sqlalchemy import BigInteger, Column, Index, LargeBinary, String, Table
+
+from cloud.store.schema import CHANNEL_LENGTH, NODE_LENGTH, metadata
+
+veiled = Table(
+    "veiled",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("sequence", BigInteger, primary_key=True, autoincrement=False),
+    Column("cursor", BigInteger, nullable=False),
+    Column("channel", String(CHANNEL_LENGTH), nullable=False),
+    Column("kind", String(8), nullable=False),
+    Column("subject", String(32), nullable=False),
+    Column("t_lo", BigInteger, nullable=False),
+    Column("t_hi", BigInteger, nullable=False),
+    Column("received", BigInteger, nullable=False),
+    Column("data", LargeBinary, nullable=False),
+    Index("veiled_by_cursor", "cursor"),
+    Index("veiled_by_time", "node", "channel", "kind", "t_lo"),
+    Index("veiled_by_subject", "subject"),
+)
+"""Blocks and peaks of biometric channels, sealed under their subjects' keys, byte for byte.
+
+``t_lo`` and ``t_hi`` are whole minutes; ``subject`` is a pseudonym. Nothing else is known of them.
+"""
+
+erased_subjects = Table(
+    "erased_subjects",
+    metadata,
+    Column("subject", String(32), primary_key=True),
+    Column("erased", BigInteger, nullable=False),
+)
+"""Pseudonyms whose keys are destroyed; what is left of their data is removed in time."""
