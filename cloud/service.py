@@ -20,6 +20,7 @@ from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
 from cloud.metrics import Metrics
 from cloud.privacy.keyholder import Keyholder
+from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
 from cloud.watch import watch
@@ -121,6 +122,7 @@ async def _serve(cloud: Cloud) -> None:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
             group.create_task(listener.run_until_told(), name=name)
         group.create_task(watch(cloud, certificates, stopping), name="watch")
+        group.create_task(retain(cloud, stopping), name="retention")
         for listener in listeners:
             await listener.ready.wait()
         log.info(

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
     from cloud.query.series import Series
     from cloud.query.threshold import Segment
+    from eskin.messages import Block
 
 Json: TypeAlias = dict[str, Any]
 Row: TypeAlias = "RowMapping | dict[str, Any]"
@@ -49,6 +50,24 @@ def series_shape(series: Series) -> Json:
         "hi": series.hi,
         "dt": series.dt,
         "time_error": series.time_error,
+    }
+
+
+def block_shape(node: str, block: Block) -> Json:
+    """A block, sample by sample; sample k was taken in ``time`` moved by ``k·dt`` ns."""
+    tube = block.tube
+    return {
+        "node": node,
+        "channel": block.channel,
+        "kind": "block",
+        "time": _stretch(*tube.time),
+        "dt": tube.dt,
+        "unit": tube.unit,
+        "coverage": tube.coverage,
+        "lo": tube.values.inf,
+        "hi": tube.values.sup,
+        "boot": block.position.boot,
+        "sequence": block.position.sequence,
     }
 
 

@@ -31,6 +31,10 @@ class Veiling:
         self._assignments = assignments
         self._veiler = Veiler()
 
+    def forget(self, pseudonym: str) -> None:
+        """Drop what was derived from an erased subject's key; from any thread."""
+        self._veiler.forget(pseudonym)
+
     def guard(self, node: str, message: Message, plaintext: bytes) -> bytes:
         """What of a message may be written: its plaintext, or a veiled message.
 

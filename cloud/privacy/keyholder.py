@@ -8,7 +8,7 @@ from cloud.access import Scope
 from cloud.problems import ProblemError
 from cloud.store.entry import Entry
 from cloud.store.events import peak_row
-from eskin.errors import PrivacyError
+from eskin.errors import NoKeyError, PrivacyError
 from eskin.messages import Block
 from eskin.privacy import Unveiler, Veiled
 
@@ -55,6 +55,30 @@ class Keyholder:
                 "site does (keys.directory here, and keys.share at the gateway, would change that)",
             )
         return self._unveiler
+
+    def keep(self, pseudonym: str, key: bytes | None) -> str:
+        """Keep a copy of a subject's key; gives ``kept``, ``declined`` or ``erased``.
+
+        Raises:
+            PrivacyError: It cannot be written.
+        """
+        if self.vault is None or key is None:
+            return "declined"
+        try:
+            self.vault.keep(pseudonym, key)
+        except NoKeyError:
+            return "erased"
+        return "kept"
+
+    def erase(self, pseudonym: str) -> None:
+        """Destroy the copy of a subject's key, for good, also where there never was one.
+
+        Raises:
+            PrivacyError: It cannot be destroyed.
+        """
+        if self.vault is not None and self._unveiler is not None:
+            self.vault.bury(pseudonym)
+            self._unveiler.forget(pseudonym)
 
     def reveal(self, scopes: Iterable[Scope]) -> Callable[[Entry], Entry | None]:
         """What the live feed's entries look like to somebody; ``None`` for what is not shown."""

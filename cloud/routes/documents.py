@@ -196,7 +196,7 @@ class TokenDocument(BaseModel):
 
     id: str
     name: str
-    scopes: list[Literal["read", "operate", "admin"]]
+    scopes: list[Literal["read", "operate", "admin", "biometric"]]
     state: Literal["good", "expired", "revoked"]
     created: Moment
     expires: Moment | None
@@ -241,3 +241,25 @@ class IngestDocument(BaseModel):
     """What became of a batch, in its order."""
 
     items: list[ResultDocument]
+
+
+class SubjectDocument(BaseModel):
+    """A subject, by pseudonym: the nodes it wore, the sealed messages held, when it was erased."""
+
+    id: str
+    nodes: list[str]
+    messages: int
+    erased: Moment | None
+
+
+class NoticeItem(BaseModel):
+    """What became of a subject's key here."""
+
+    id: str
+    result: Literal["kept", "declined", "erased"]
+
+
+class NoticeDocument(BaseModel):
+    """The answer to a notice of subjects."""
+
+    items: list[NoticeItem]

@@ -8,15 +8,18 @@ from sqlalchemy import Connection, func, insert, inspect, select, text
 
 from cloud.store.events import ENERGY
 from cloud.store.schema import audit_log, commands, feed, metadata, nodes, states, versions
-from cloud.store.sealed import erased_subjects, veiled
+from cloud.store.sealed import erased_subjects, removals, veiled, wearers
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
+SEALED: Final = [veiled, erased_subjects, wearers, removals]
+
+
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log, veiled, erased_subjects}
+    later = {commands, states, audit_log, *SEALED}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -38,7 +41,7 @@ def _fourth(connection: Connection) -> None:
 
 
 def _fifth(connection: Connection) -> None:
-    metadata.create_all(connection, [veiled, erased_subjects])
+    metadata.create_all(connection, SEALED)
 
 
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (

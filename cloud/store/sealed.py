@@ -21,7 +21,8 @@ veiled = Table(
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
     Index("veiled_by_cursor", "cursor"),
-    Index("veiled_by_time", "node", "channel", "kind", "t_lo"),
+    Index("veiled_by_time", "node", "channel", "t_lo"),
+    Index("veiled_by_coming", "node", "channel", "received"),
     Index("veiled_by_subject", "subject"),
 )
 """Blocks and peaks of biometric channels, sealed under their subjects' keys, byte for byte.
@@ -36,3 +37,24 @@ erased_subjects = Table(
     Column("erased", BigInteger, nullable=False),
 )
 """Pseudonyms whose keys are destroyed; what is left of their data is removed in time."""
+
+wearers = Table(
+    "wearers",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("subject", String(32), primary_key=True),
+    Column("told", BigInteger, nullable=False),
+)
+"""Which pseudonyms wore which nodes, as gateways told."""
+
+removals = Table(
+    "removals",
+    metadata,
+    Column("node", String(NODE_LENGTH), primary_key=True),
+    Column("channel", String(CHANNEL_LENGTH), primary_key=True),
+    Column("reason", String(16), primary_key=True),
+    Column("messages", BigInteger, nullable=False),
+    Column("before", BigInteger, nullable=False),
+    Column("at", BigInteger, nullable=False),
+)
+"""What was removed of each channel and why: how many messages, all before when, and when last."""

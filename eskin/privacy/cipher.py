@@ -67,6 +67,10 @@ class Veiler:
         head = position or Position(0, 0), UNREAD, Kind.VEILED, whole_minutes((now, now))
         return self._seal(subject, node, head, plaintext[:_MOST_LETTER])
 
+    def forget(self, pseudonym: str) -> None:
+        """Drop what was derived from a subject's key."""
+        self._keys.forget(pseudonym)
+
     def _seal(
         self,
         subject: Subject,
@@ -113,6 +117,10 @@ class Unveiler:
             raise PrivacyError(
                 f"what {node} said as {veiled.position} is not what subject {veiled.subject} sealed"
             ) from error
+
+    def forget(self, pseudonym: str) -> None:
+        """Drop what was derived from a subject's key."""
+        self._keys.forget(pseudonym)
 
     def read(self, node: str, veiled: Veiled) -> tuple[Block | Peak, bytes]:
         """The block or peak that was veiled, and its bytes.

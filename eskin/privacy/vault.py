@@ -170,8 +170,12 @@ class Vault:
         Raises:
             PrivacyError: A file cannot be destroyed.
         """
-        for name in _names(self._keys) & _names(self._graves):
+        held = _names(self._keys)
+        for name in held & _names(self._graves):
             self.erase(name)
+        with self._lock:
+            for name in self._known.keys() - held:
+                del self._known[name]
 
     def _bury(self, grave: Tombstone) -> None:
         said = {"erased": grave.erased, "confirmed": grave.confirmed}

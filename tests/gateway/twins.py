@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 from eskin.envelope import Opener
 from eskin.errors import SpoolError
 from eskin.identity import Trust
-from eskin.privacy import FileMaster, Vault
+from eskin.privacy import open_vault
+from eskin.settings import KeysSection
 from eskin.topics import Stream, node_topic
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
@@ -94,8 +95,9 @@ class Inside:
         self.broker = MemoryBroker()
         self.counters = Counters()
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
-        self.vault = Vault(folder / "keys", FileMaster(folder / "master.key"))
+        self.vault = open_vault(KeysSection(), folder / "keys")
         self.assignments = Assignments(self.vault)
+        self.veiling = Veiling(self.assignments)
         self.trust = Trust(identities.gateway.root, clock=self.clock.now)
         self.revocations = Revocations(self.trust, revocations)
         self.senders = Senders(self.spool, self.revocations, clock=self.clock)
@@ -107,7 +109,7 @@ class Inside:
             senders=self.senders,
             records=self.records,
             complaints=Complaints(),
-            veiling=Veiling(self.assignments),
+            veiling=self.veiling,
         )
         sealers = Sealers(lambda _: identities.site)
         answers = Answers(
