@@ -12,6 +12,7 @@ from cloud.commands.wish import is_settled
 from cloud.query.series import union_coverage
 from eskin.messages import Shedding, Sustained
 from eskin.moment import format_moment
+from eskin.privacy import is_biometric
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,8 +109,8 @@ def segment_shape(segment: Segment, channel: Row) -> Json:
     }
 
 
-def channel_shape(row: Row) -> Json:
-    """A channel."""
+def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
+    """A channel; ``removed`` is how many messages went, and before when."""
     taxel, _, quantity = row["channel"].partition(".")
     return {
         "id": row["channel"],
@@ -123,6 +124,10 @@ def channel_shape(row: Row) -> Json:
         "first": _moment(row["t_first"]),
         "last": _moment(row["t_last"]),
         "bounds": _interval(row["lo"], row["hi"]),
+        "biometric": is_biometric(row["channel"]),
+        "removed": None
+        if removed is None
+        else {"messages": removed[0], "before": format_moment(removed[1])},
     }
 
 

@@ -87,6 +87,13 @@ class NodeDocument(BaseModel):
     channels: int
 
 
+class RemovedDocument(BaseModel):
+    """What retention or erasure removed of a channel: how many messages, all before when."""
+
+    messages: int
+    before: Moment
+
+
 class ChannelDocument(BaseModel):
     """A channel."""
 
@@ -101,6 +108,8 @@ class ChannelDocument(BaseModel):
     first: Moment | None
     last: Moment | None
     bounds: IntervalDocument | None
+    biometric: bool
+    removed: RemovedDocument | None
 
 
 class SeriesDocument(BaseModel):

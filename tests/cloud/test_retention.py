@@ -103,6 +103,11 @@ async def test_sealed_messages_go_by_the_earlier_of_their_time_and_their_coming(
         at_day(stand, 2.01)
         assert await sweep(stand.cloud) == 3
         assert [row["sequence"] for row in rows(stand, veiled)] == [4]
+        path = f"/api/v1/nodes/{HAND}/channels"
+        listed = (await ask(stand, physician(stand), path)).json()["items"]
+        (told,) = [item for item in listed if item["biometric"]]
+        assert told["removed"]["messages"] == 3
+        assert told["removed"]["before"].startswith("2027-01-15T08:14:23")
         again = (await stand.ingest(site.batch(*early))).json()["items"]
         assert {item["result"] for item in again} == {"duplicate"}
 
