@@ -135,6 +135,11 @@ class Gateway:
             notices=self.notices,
             share=settings.keys.share,
         )
+        self.counters.gauge(
+            "erasures_pending",
+            "erasures that the cloud has not confirmed",
+            lambda: self.steward.pending,
+        )
         self.monitor = self._make_monitor()
 
     def _make_broker(self) -> MqttBroker:

@@ -78,6 +78,11 @@ class Steward:
             else:
                 failures, self.fault = 0, None
 
+    @property
+    def pending(self) -> int:
+        """Erasures that the cloud has not confirmed."""
+        return sum(grave.confirmed is None for grave in self._vault.graves())
+
     def tend(self) -> None:
         """Look once for what is erased or new, and tell the cloud.
 

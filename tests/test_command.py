@@ -25,7 +25,17 @@ if TYPE_CHECKING:
 
     from tests.identities import Identities
 
-COMMANDS = ["demo", "audit", "node", "gateway", "cloud", "pki", "pki enrol", "cloud login"]
+COMMANDS = [
+    "demo",
+    "audit",
+    "node",
+    "gateway",
+    "cloud",
+    "pki",
+    "pki enrol",
+    "cloud login",
+    "subjects",
+]
 
 
 def run(
@@ -49,7 +59,7 @@ def test_help_is_everywhere(command: str) -> None:
     assert "Usage: eskin" in done.stdout
 
 
-@pytest.mark.parametrize("command", ["", "pki"])
+@pytest.mark.parametrize("command", ["", "pki", "subjects"])
 def test_command_alone_shows_help_and_nothing_else(command: str) -> None:
     alone, asked = run(*command.split()), run(*command.split(), "--help")
     assert (alone.returncode, alone.stdout, alone.stderr) == (0, asked.stdout, "")

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
@@ -15,6 +16,8 @@ from eskin.moment import format_moment
 if TYPE_CHECKING:
     from eskin.privacy import Subject, Vault
     from gateway.assignments import Assignments
+
+_FRESH: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 
 subjects = typer.Typer(
     no_args_is_help=True,
@@ -88,6 +91,8 @@ def erase(
     pseudonym: Annotated[str | None, typer.Option(help="Or the pseudonym.")] = None,
 ) -> None:
     """Erase a person: destroy the key here now, and at the cloud; nothing brings the data back."""
+    if name is None and pseudonym is None:
+        name = typer.prompt("Name")
     vault, assignments = _open(config)
     gone = _find(vault, name, pseudonym)
     nodes = assignments.release(gone.pseudonym, since=time.time_ns())
@@ -105,7 +110,7 @@ def export(
     token: Annotated[
         Path, typer.Option(help="File with a token with the scopes read and biometric.")
     ],
-    out: Annotated[Path, typer.Option(help="JSON lines, made with mode 0600.")],
+    out: Annotated[Path, typer.Option(help="JSON lines; a new file, mode 0600.")],
     name: Name,
 ) -> None:
     """Fetch all that the cloud holds of a person, for the person."""
@@ -119,7 +124,7 @@ def export(
     try:
         with (
             httpx.stream("GET", place, headers=headers, timeout=60, trust_env=False) as answer,
-            out.open("wb") as file,
+            os.fdopen(os.open(out, _FRESH, 0o600), "wb") as file,
         ):
             if answer.status_code != httpx.codes.OK:
                 raise SettingsError("--url", f"{place} answered {answer.status_code}")

@@ -224,8 +224,10 @@ def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: 
         house.steward.tend()
     (grave,) = house.inside.vault.graves()
     assert grave.confirmed is None
+    assert house.steward.pending == 1
     house.reachable = True
     house.steward.tend()
+    assert house.steward.pending == 0
     (grave,) = house.inside.vault.graves()
     assert grave.confirmed is not None
     with pytest.raises(NoKeyError):
