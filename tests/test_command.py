@@ -25,17 +25,7 @@ if TYPE_CHECKING:
 
     from tests.identities import Identities
 
-COMMANDS = [
-    "demo",
-    "audit",
-    "node",
-    "gateway",
-    "cloud",
-    "pki",
-    "pki enrol",
-    "cloud login",
-    "subjects",
-]
+COMMANDS = ["demo", "audit", "node", "gateway", "cloud", "pki", "pki enrol", "cloud login"]
 
 
 def run(
@@ -52,7 +42,7 @@ def run(
     )
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
+@pytest.mark.parametrize("command", ["", *COMMANDS, "subjects"])
 def test_help_is_everywhere(command: str) -> None:
     done = run(*command.split(), "--help")
     assert done.returncode == 0

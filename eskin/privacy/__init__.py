@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from eskin.privacy.biometric import BIOMETRIC, is_biometric
+from eskin.privacy.biometric import is_biometric
 from eskin.privacy.cipher import Unveiler, Veiler
 from eskin.privacy.keys import open_vault
 from eskin.privacy.master import FileMaster, Master
 from eskin.privacy.subject import Subject, Tombstone
 from eskin.privacy.vault import Vault
-from eskin.privacy.veiled import UNREAD, Veiled, is_veiled
+from eskin.privacy.veiled import Veiled, is_veiled
 
 __all__ = [
-    "BIOMETRIC",
-    "UNREAD",
     "FileMaster",
     "Master",
     "Subject",

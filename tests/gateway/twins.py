@@ -95,9 +95,7 @@ class Inside:
         self.broker = MemoryBroker()
         self.counters = Counters()
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
-        self.vault = open_vault(KeysSection(), folder / "keys")
-        self.assignments = Assignments(self.vault)
-        self.veiling = Veiling(self.assignments)
+        self._make_keys(folder / "keys")
         self.trust = Trust(identities.gateway.root, clock=self.clock.now)
         self.revocations = Revocations(self.trust, revocations)
         self.senders = Senders(self.spool, self.revocations, clock=self.clock)
@@ -140,6 +138,11 @@ class Inside:
             counters=self.counters,
         )
         self._mid = 0
+
+    def _make_keys(self, folder: Path) -> None:
+        self.vault = open_vault(KeysSection(), folder)
+        self.assignments = Assignments(self.vault)
+        self.veiling = Veiling(self.assignments)
 
     def arrive(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
