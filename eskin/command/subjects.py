@@ -19,10 +19,7 @@ if TYPE_CHECKING:
 
 _FRESH: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 
-subjects = typer.Typer(
-    no_args_is_help=True,
-    help="The persons of whom biometric channels tell: known by name at their site alone.",
-)
+subjects = typer.Typer()
 
 Config = Annotated[
     Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the gateway's settings.")
@@ -32,6 +29,13 @@ Name = Annotated[
     typer.Option(prompt="Name", help="The person's name; asked for if left out, so that it stays "
                  "out of the shell's history."),
 ]  # fmt: skip
+
+
+@subjects.callback(invoke_without_command=True)
+def overview(context: typer.Context) -> None:
+    """Assign, list, export and erase persons: known by name at their site alone."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
 
 
 @subjects.command("list")
