@@ -31,7 +31,7 @@ help: ## List these commands
 demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine and print a login URL
 	@exec $(BIN)/eskin demo $(ARGS)
 
-test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) system ## Run all tests (installs Mosquitto and Chromium on Debian)
+test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) system ## Run all tests (installs Mosquitto, Chromium and SoftHSM on Debian)
 	$(BIN)/pytest --numprocesses 2 --dist loadgroup $(ARGS)
 	services/npm.sh $(DASHBOARD) test
 
@@ -70,7 +70,7 @@ dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules

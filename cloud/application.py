@@ -21,7 +21,9 @@ from cloud.routes import (
     live,
     login,
     nodes,
+    notices,
     series,
+    subjects,
     tokens,
 )
 from cloud.routes.answers import as_json
@@ -35,7 +37,7 @@ def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
-    for resource in (nodes, commands, series, events, live, tokens, audit_log):
+    for resource in (nodes, commands, series, events, live, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)
@@ -52,7 +54,7 @@ def gateway_application(cloud: Cloud) -> FastAPI:
     """Ingest and deliveries; gateways prove who they are with each request."""
     limits = {"limiter": Limiter(cloud.settings.limits), "body": None}  # batches may be longer
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
-    for resource in (ingest, deliveries):
+    for resource in (ingest, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     return app

@@ -133,6 +133,16 @@ def _require(visitor: Access | None, scope: Scope) -> Access:
     return visitor
 
 
+def require_biometric(visitor: Visitor) -> Access:
+    """Whoever may read what tells of a person.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope.
+    """
+    return _require(_require(visitor, Scope.READ), Scope.BIOMETRIC)
+
+
+Physician = Annotated[Access, Depends(require_biometric)]
 Reader = Annotated[Access, Depends(require_read)]
 Operator = Annotated[Access, Depends(require_operate)]
 Administrator = Annotated[Access, Depends(require_admin)]

@@ -21,6 +21,7 @@ class Metrics:
         items: Messages that gateways brought, by result.
         ingest_seconds: From a batch's last byte to its commit.
         buried: Dead letters that had to make room.
+        removed: Messages removed, by reason.
         requests: Answered requests, by method and status.
     """
 
@@ -40,6 +41,12 @@ class Metrics:
         self.buried = Counter(
             "eskin_cloud_dead_letters_dropped",
             "Dead letters that had to make room.",
+            registry=self._registry,
+        )
+        self.removed = Counter(
+            "eskin_cloud_removed",
+            "Messages removed, by reason: too old, or of an erased subject.",
+            ["reason"],
             registry=self._registry,
         )
         self.requests = Counter(

@@ -19,6 +19,7 @@ from cloud.ingest.errors import (
     IngestError,
     UnauthenticatedError,
 )
+from cloud.privacy.errors import ErasedError
 from cloud.query.errors import UnknownPlaceError
 from eskin.errors import CommandError, EskinError, QueryError, StoreError
 
@@ -41,6 +42,7 @@ _STATUSES: Final[tuple[tuple[type[EskinError], int], ...]] = (
     (BatchTooLargeError, 413),
     (BatchTypeError, 415),
     (BatchError, 422),
+    (ErasedError, 410),
 )
 _TITLES: Final = {413: "Content Too Large", 422: "Unprocessable Content"}
 _SCHEMA: Final = {

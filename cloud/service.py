@@ -21,12 +21,15 @@ from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
+from cloud.privacy.keyholder import Keyholder
+from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
 from cloud.watch import watch
 from eskin.errors import LockedError, StoreError
 from eskin.identity import Identity, Trust
 from eskin.lockfile import LockFile
+from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -69,6 +72,7 @@ def make_cloud(
 
     Raises:
         IdentityError: The server's identity cannot be read.
+        PrivacyError: The key store cannot be used.
     """
     own = settings.gateways
     feed, board = _make_feed(settings, store), Board()
@@ -82,9 +86,20 @@ def make_cloud(
         replay=Replay() if isinstance(store.place, Path) else SharedReplay(store),
     )
     metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
-    uploads = Uploads(own.uploads_bytes)
+    keys = settings.keys
+    vault = None if keys.directory is None else open_vault(keys, keys.directory)
     return Cloud(
-        settings, store, feed, board, verifier, uploads, metrics, limiter, clock, dashboard
+        settings=settings,
+        store=store,
+        feed=feed,
+        board=board,
+        verifier=verifier,
+        uploads=Uploads(own.uploads_bytes),
+        metrics=metrics,
+        limiter=limiter,
+        keyholder=Keyholder(vault),
+        clock=clock,
+        dashboard=dashboard,
     )
 
 
@@ -121,6 +136,7 @@ async def _serve(cloud: Cloud) -> None:
         if not isinstance(cloud.store.place, Path):
             listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
+        group.create_task(retain(cloud, stopping), name="retention")
         for listener in listeners:
             await listener.ready.wait()
         log.info(

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from cloud.loopback import is_loopback
 from cloud.store.place import Place, read_url, stays_here
 from eskin.errors import SettingsError
-from eskin.settings import RenewalSection, Section, Settings
+from eskin.settings import KeysSection, RenewalSection, Section, Settings
 
 
 class StoreSection(Section):
@@ -192,6 +192,42 @@ class LimitsSection(Section):
     )
 
 
+class RetentionSection(Section):
+    """How long channels are kept; what is older is removed, a little at a time, and counted."""
+
+    days: float = Field(
+        default=0.0, ge=0, le=36_500, description="days that a channel is kept; 0: for ever"
+    )
+    biometric_days: float = Field(
+        default=0.0,
+        ge=0,
+        le=36_500,
+        description="days that a channel that tells of a person is kept; 0: as long as others",
+    )
+    channels: dict[str, float] = Field(
+        default={},
+        description='days by NODE/CHANNEL, such as `"hand/*" = 7`; the first that fits counts '
+        "before all others, and 0 is for ever",
+    )
+    every_s: float = Field(
+        default=60.0, gt=0, le=86_400, description="seconds between two looks for what is too old"
+    )
+    at_once: int = Field(
+        default=500,
+        ge=1,
+        le=10_000,
+        description="messages removed in one write",
+    )
+
+    @field_validator("channels")
+    @classmethod
+    def _are_days(cls, value: dict[str, float]) -> dict[str, float]:
+        for place, days in value.items():
+            if "/" not in place or not 0 <= days <= 36_500:
+                raise ValueError(f"{place!r} = {days!r} is no NODE/CHANNEL with 0 to 36500 days")
+        return value
+
+
 class LiveSection(Section):
     """The live stream."""
 
@@ -226,5 +262,7 @@ class CloudSettings(Settings):
     access: AccessSection = AccessSection()
     limits: LimitsSection = LimitsSection()
     live: LiveSection = LiveSection()
+    retention: RetentionSection = RetentionSection()
+    keys: KeysSection = KeysSection()
     renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()

@@ -13,6 +13,7 @@ from cloud.commands.wish import is_settled
 from cloud.query.series import union_coverage
 from eskin.messages import Shedding, Sustained
 from eskin.moment import format_moment
+from eskin.privacy import is_biometric
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
     from cloud.query.series import Series
     from cloud.query.threshold import Segment
+    from eskin.messages import Block
 
 Json: TypeAlias = dict[str, Any]
 Row: TypeAlias = "RowMapping | dict[str, Any]"
@@ -50,6 +52,24 @@ def series_shape(series: Series) -> Json:
         "hi": series.hi,
         "dt": series.dt,
         "time_error": series.time_error,
+    }
+
+
+def block_shape(node: str, block: Block) -> Json:
+    """A block, sample by sample; sample k was taken in ``time`` moved by ``k·dt`` ns."""
+    tube = block.tube
+    return {
+        "node": node,
+        "channel": block.channel,
+        "kind": "block",
+        "time": _stretch(*tube.time),
+        "dt": tube.dt,
+        "unit": tube.unit,
+        "coverage": tube.coverage,
+        "lo": tube.values.inf,
+        "hi": tube.values.sup,
+        "boot": block.position.boot,
+        "sequence": block.position.sequence,
     }
 
 
@@ -90,8 +110,8 @@ def segment_shape(segment: Segment, channel: Row) -> Json:
     }
 
 
-def channel_shape(row: Row) -> Json:
-    """A channel."""
+def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
+    """A channel; ``removed`` is how many messages went, and before when."""
     taxel, _, quantity = row["channel"].partition(".")
     return {
         "id": row["channel"],
@@ -105,6 +125,10 @@ def channel_shape(row: Row) -> Json:
         "first": _moment(row["t_first"]),
         "last": _moment(row["t_last"]),
         "bounds": _interval(row["lo"], row["hi"]),
+        "biometric": is_biometric(row["channel"]),
+        "removed": None
+        if removed is None
+        else {"messages": removed[0], "before": format_moment(removed[1])},
     }
 
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from cloud.limiter import Limiter
     from cloud.live import Feed
     from cloud.metrics import Metrics
+    from cloud.privacy.keyholder import Keyholder
     from cloud.settings import CloudSettings
     from cloud.store import Store
 
@@ -32,6 +33,7 @@ class Cloud:
         uploads: Room for what gateways bring.
         metrics: Counts.
         limiter: Counts what each address asks.
+        keyholder: Opens what tells of a person, for those who may.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
     """
@@ -44,6 +46,7 @@ class Cloud:
     uploads: Uploads
     metrics: Metrics
     limiter: Limiter
+    keyholder: Keyholder
     clock: Callable[[], int]
     dashboard: Path
 

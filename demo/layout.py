@@ -56,6 +56,16 @@ class Layout:
         return self.root / "gateway" / "spool.sqlite"
 
     @property
+    def keys(self) -> Path:
+        """The site's key store."""
+        return self.root / "gateway" / "keys"
+
+    @property
+    def cloud_keys(self) -> Path:
+        """The cloud's own copies of the keys."""
+        return self.root / "cloud" / "keys"
+
+    @property
     def nodes(self) -> Path:
         """One folder a node, or a fleet."""
         return self.root / "nodes"

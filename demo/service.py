@@ -137,7 +137,7 @@ def _require_own(layout: Layout, revoked: frozenset[str]) -> None:
 def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
     """Make the store, a token for scripts, and a login URL for a person."""
     layout.store.parent.mkdir(parents=True, exist_ok=True)
-    scopes = (Scope.READ, Scope.OPERATE)
+    scopes = (Scope.READ, Scope.OPERATE, Scope.BIOMETRIC)
     with Store(layout.store) as store:
         token = create_token(store, name="demo", scopes=scopes, lifetime=TOKEN_LIFETIME)
         code = create_login_code(store, lifetime=LOGIN_LIFETIME, scopes=scopes)

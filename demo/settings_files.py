@@ -57,6 +57,7 @@ def write_cloud(layout: Layout, ports: Ports) -> Path:
         layout.settings("cloud"),
         {
             "store": {"path": layout.store},
+            "keys": {"directory": layout.cloud_keys},
             "people": {"host": LOOPBACK, "port": ports.people},
             "gateways": {
                 "host": LOOPBACK,
@@ -81,6 +82,7 @@ def write_gateway(layout: Layout, ports: Ports) -> Path:
             },
             "cloud": {"url": f"https://{LOOPBACK}:{ports.ingest}/api/v1/ingest"},
             "spool": {"path": layout.spool},
+            "keys": {"directory": layout.keys, "share": True},
             "http": {"host": LOOPBACK, "port": ports.gateway},
         },
     )
@@ -132,11 +134,12 @@ def _write(
     lines = [head]
     for section, values in sections.items():
         lines.append(f"\n[{section}]\n")
-        lines.extend(
-            # A JSON string is a TOML basic string.
-            f"{name} = {value if isinstance(value, int) else json.dumps(str(value))}\n"
-            for name, value in values.items()
-        )
+        lines.extend(f"{name} = {_written(value)}\n" for name, value in values.items())
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("".join([*lines, tail]))
     return path
+
+
+def _written(value: object) -> str:
+    """A value in TOML, whose integers, booleans and basic strings are JSON's."""
+    return json.dumps(value if isinstance(value, int) else str(value))

@@ -12,6 +12,8 @@
     │   └── ForgedEnvelopeError
     ├── IdentityError            keys or certificates that cannot be used
     │   └── UntrustedCertificateError
+    ├── PrivacyError             what tells of a person and cannot be sealed or read
+    │   └── NoKeyError
     ├── LockedError              a file that another process owns
     ├── FirmwareError            a node's firmware that failed while it ran
     ├── FlashError               a node's flash that cannot hold or give back
@@ -134,6 +136,24 @@ class IdentityError(EskinError):
 
 class UntrustedCertificateError(IdentityError):
     """A certificate chain that does not lead to the CA that it must lead to."""
+
+
+class PrivacyError(EskinError):
+    """What tells of a person and cannot be sealed or read; its text never holds what it tells."""
+
+
+class NoKeyError(PrivacyError):
+    """A subject whose key is not here: it was erased, or never given.
+
+    Attributes:
+        subject: The pseudonym.
+    """
+
+    def __init__(self, subject: str, *, erased: bool) -> None:
+        why = "was erased: its key is destroyed" if erased else "has no key here"
+        super().__init__(f"subject {subject} {why}")
+        self.subject = subject
+        self.erased = erased
 
 
 class LockedError(EskinError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import tomllib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -25,7 +26,6 @@ from eskin.errors import SettingsError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
-    from pathlib import Path
 
 ENVIRONMENT_PREFIX = "ESKIN_"
 
@@ -48,6 +48,21 @@ class RenewalSection(Section):
     every_s: float = Field(
         default=1.0, gt=0, le=86_400, description="seconds between two looks at the CA service"
     )
+
+
+class KeysSection(Section):
+    """Where the keys of subjects are: of persons, of whom biometric channels tell."""
+
+    directory: Path | None = Field(default=None, description="folder of the key store")
+    module: Path | None = Field(
+        default=None,
+        description="PKCS#11 library of the hardware that holds the master key; without it the "
+        "file `master.key` (0600) in the folder",
+    )
+    token: str = Field(
+        default="eskin", min_length=1, max_length=32, description="label of the hardware's token"
+    )
+    pin: Path | None = Field(default=None, description="file (0600) that holds the token's PIN")
 
 
 class Settings(BaseSettings):

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from gateway.complaints import Complaints
     from gateway.records import Records
     from gateway.senders import Senders
+    from gateway.veiling import Veiling
 
 _FITS: Final = {
     Stream.BLOCKS: (BlockSummary,),
@@ -82,6 +83,7 @@ class Intake:
         senders: Certificates of nodes.
         records: What was accepted before.
         complaints: Takes one line for each refusal.
+        veiling: Seals what tells of a person.
         now: UTC ns.
     """
 
@@ -92,12 +94,14 @@ class Intake:
         senders: Senders,
         records: Records,
         complaints: Complaints,
+        veiling: Veiling,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._opener = opener
         self._senders = senders
         self._records = records
         self._complaints = complaints
+        self._veiling = veiling
         self._now = now
 
     def sort(self, arrivals: Sequence[Arrival]) -> Outcome:
@@ -156,6 +160,7 @@ class Intake:
             message = decode_summary(opened.plaintext)
             if not isinstance(message, _FITS[stream]):
                 raise MessageError(f"a message of its kind has no place among the {stream}")
+            personal = self._veiling.read(message, opened.plaintext)
         except EskinError as error:
             self._bury(outcome, arrival, node, opened, str(error))
             return
@@ -165,7 +170,8 @@ class Intake:
             outcome.duplicates += 1
         else:
             record.add(position)
-            outcome.batch.entries.append(Entry(node, received, opened.plaintext))
+            body = self._veiling.guard(node, personal, opened.plaintext)
+            outcome.batch.entries.append(Entry(node, received, body))
             outcome.messages.append((node, message, not arrival.retained))
             if isinstance(message, Status):
                 record.status = opened.plaintext
@@ -183,8 +189,10 @@ class Intake:
                 outcome.duplicates += 1
                 return
             record.add(position)
-        outcome.batch.dead.append(DeadLetter(self._now(), node, why, opened.plaintext))
-        self._reject(outcome, arrival, Reason.POISON, MessageError(why))
+        letter = DeadLetter(self._now(), node, why, opened.plaintext)
+        letter = self._veiling.guard_unread(letter, position)
+        outcome.batch.dead.append(letter)
+        self._reject(outcome, arrival, Reason.POISON, MessageError(letter.reason))
 
     def _reject(
         self, outcome: Outcome, arrival: Arrival, reason: Reason, error: EskinError

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Any, Final
+from typing import Any
 
 import orjson
 
 from eskin.messages import BlockSummary, Energy, Gap, Peak, Status
 from eskin.moment import format_moment
+from eskin.privacy import is_biometric
 from eskin.topics import live_topic
-
-BIOMETRIC: Final = frozenset({"bioelectric"})
-"""Quantities that tell of a person: everybody who may read public topics would read them."""
 
 
 def is_public(message: BlockSummary | Peak) -> bool:
     """Whether everybody may know of what a channel measures."""
-    return message.channel.rpartition(".")[2] not in BIOMETRIC
+    return not is_biometric(message.channel)
 
 
 def live(node: str, block: BlockSummary) -> tuple[str, bytes]:

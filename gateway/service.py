@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, TypedDict
 
 from eskin.identity import Trust, client_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.privacy import open_vault
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
+from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
 from gateway.commands import Commands
@@ -28,12 +30,15 @@ from gateway.intake import Intake
 from gateway.keyring import Keyring
 from gateway.monitor import Monitor
 from gateway.mqtt import MqttBroker
+from gateway.notices import HttpsNotices
 from gateway.presence import Presence
 from gateway.records import Records
 from gateway.revocations import Revocations
 from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.spool import Spool
+from gateway.steward import Steward
+from gateway.veiling import Veiling
 from gateway.worker import Worker
 
 if TYPE_CHECKING:
@@ -105,6 +110,9 @@ class Gateway:
             capacity=settings.spool.capacity_bytes,
             letters=settings.spool.dead_letters,
         )
+        self.vault = open_vault(settings.keys, settings.vault)
+        self.assignments = Assignments(self.vault)
+        self.veiling = Veiling(self.assignments)
         self._revocations = Revocations(Trust(identity.root), settings.identity.revocations)
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
@@ -119,6 +127,19 @@ class Gateway:
         self.cloud = HttpsCloud(settings.cloud.url, **reach)
         self.forwarder = self._make_forwarder()
         self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
+        self.notices = HttpsNotices(settings.cloud.url, **reach)
+        self.steward = Steward(
+            self.vault,
+            self.assignments,
+            veiling=self.veiling,
+            notices=self.notices,
+            share=settings.keys.share,
+        )
+        self.counters.gauge(
+            "erasures_pending",
+            "erasures that the cloud has not confirmed",
+            lambda: self.steward.pending,
+        )
         self.monitor = self._make_monitor()
 
     def _make_broker(self) -> MqttBroker:
@@ -137,6 +158,7 @@ class Gateway:
             senders=senders,
             records=Records(self.spool),
             complaints=Complaints(),
+            veiling=self.veiling,
         )
         sealers = Sealers(self.keyring.answering)
         answers = Answers(
@@ -204,6 +226,7 @@ class Gateway:
         self.monitor.start()
         self.forwarder.start()
         self.courier.start()
+        self.steward.start()
         self.worker.start()
         self.broker.start()
 
@@ -211,11 +234,13 @@ class Gateway:
         """Take nothing more, commit and answer what came, forward what the cloud takes, close."""
         self.broker.refuse()
         self.courier.stop()
+        self.steward.stop()
         self.worker.stop()
         self.broker.stop()
         self.forwarder.stop()
         self.monitor.stop()
         self.cloud.close()
+        self.notices.close()
         self.left = self.spool.statistics.messages
         self.spool.close()
         self.keyring.stop()

@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from eskin.settings import RenewalSection, Section, Settings
+from eskin.settings import KeysSection, RenewalSection, Section, Settings
 
 
 class BrokerSection(Section):
@@ -95,6 +95,16 @@ class SpoolSection(Section):
     )
 
 
+class SiteKeysSection(KeysSection):
+    """Where the site keeps its subjects' keys; without a folder, in `keys` beside the spool."""
+
+    share: bool = Field(
+        default=False,
+        description="whether the cloud is given the keys, to show biometric channels to tokens "
+        "with the scope `biometric`",
+    )
+
+
 class HttpSection(Section):
     """Health and figures."""
 
@@ -136,8 +146,14 @@ class GatewaySettings(Settings):
     spool: SpoolSection
     http: HttpSection = HttpSection()
     nodes: NodesSection = NodesSection()
+    keys: SiteKeysSection = SiteKeysSection()
     renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()
+
+    @property
+    def vault(self) -> Path:
+        """Folder of the key store."""
+        return self.keys.directory or self.spool.path.with_name("keys")
 
 
 def _loopback(value: str) -> bool:

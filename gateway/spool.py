@@ -269,7 +269,9 @@ class Spool:
         """Keep dead letters, each content once; gives how many came and how many gave way."""
         if not dead:
             return 0, 0
-        rows = [(*letter, hashlib.sha256(letter.body).digest()) for letter in dead]
+        rows = [
+            (*letter[:4], letter.mark or hashlib.sha256(letter.body).digest()) for letter in dead
+        ]
         added = connection.executemany(_ADD_LETTER, rows).rowcount
         surplus = self._letters + added - self._letters_most
         if surplus <= 0:

@@ -42,14 +42,14 @@ def run(
     )
 
 
-@pytest.mark.parametrize("command", ["", *COMMANDS])
+@pytest.mark.parametrize("command", ["", *COMMANDS, "subjects"])
 def test_help_is_everywhere(command: str) -> None:
     done = run(*command.split(), "--help")
     assert done.returncode == 0
     assert "Usage: eskin" in done.stdout
 
 
-@pytest.mark.parametrize("command", ["", "pki"])
+@pytest.mark.parametrize("command", ["", "pki", "subjects"])
 def test_command_alone_shows_help_and_nothing_else(command: str) -> None:
     alone, asked = run(*command.split()), run(*command.split(), "--help")
     assert (alone.returncode, alone.stdout, alone.stderr) == (0, asked.stdout, "")

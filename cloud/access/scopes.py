@@ -15,6 +15,7 @@ class Scope(StrEnum):
     READ = "read"
     OPERATE = "operate"
     ADMIN = "admin"
+    BIOMETRIC = "biometric"
 
 
 def write_scopes(scopes: Iterable[Scope]) -> str:

@@ -15,6 +15,7 @@ from sqlalchemy import select
 
 from cloud.store.entry import Entry
 from cloud.store.schema import blocks, events, feed
+from cloud.store.sealed import veiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -156,4 +157,8 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry
     e = events.c
     told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
     found += [Entry(row["cursor"], row["node"], row["channel"], None, dict(row)) for row in told]
+    v = veiled.c
+    sealed = select(v.cursor, v.node, v.channel, v.data)
+    rows = connection.execute(sealed.where(v.cursor > after, v.cursor <= end))
+    found += [Entry(*row[:3], None, None, row[3]) for row in rows]
     return sorted(found, key=lambda entry: entry.cursor)

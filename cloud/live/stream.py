@@ -60,6 +60,7 @@ async def stream(
     backlog: int,
     heartbeat: float,
     allowed: Callable[[], bool],
+    reveal: Callable[[Entry], Entry | None],
 ) -> AsyncIterator[bytes]:
     """Tell what comes after a cursor until the feed closes or access ends.
 
@@ -70,6 +71,7 @@ async def stream(
         backlog: How far behind a stream may be; beyond, it is told ``lagging`` and moved on.
         heartbeat: Seconds between signs of life.
         allowed: Whether the one who asked still may; asked at every heartbeat.
+        reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
     """
     feed.subscribers += 1
     try:
@@ -81,8 +83,9 @@ async def stream(
                 yield _event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
             found, cursor = await feed.after(cursor, _AT_ONCE)
             for entry in found:
-                if selection.takes(entry):
-                    yield render(entry, selection.points)
+                shown = reveal(entry) if selection.takes(entry) else None
+                if shown is not None:
+                    yield render(shown, selection.points)
             if time.monotonic() >= due:
                 if not await asyncio.to_thread(allowed):
                     return

@@ -11,7 +11,11 @@ from cloud.query.cursors import read_numbers, write_cursor
 from cloud.store.schema import events
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sqlalchemy import Connection, RowMapping, Select
+
+    from cloud.store.ledger import Row
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,15 +46,22 @@ class EventQuestion:
 
 
 def find_events(
-    connection: Connection, question: EventQuestion
-) -> tuple[list[RowMapping], str | None]:
+    connection: Connection, question: EventQuestion, opened: Sequence[Row] = ()
+) -> tuple[list[RowMapping | Row], str | None]:
     """One page of events, and the cursor of the next.
+
+    Args:
+        connection: Reads one state of the store.
+        question: Which.
+        opened: More events that answer the question: its first in its order, from elsewhere.
 
     Raises:
         QueryError: The cursor is none.
     """
-    found = connection.execute(_select(question)).mappings().all()
-    page = list(found[: question.limit])
+    found: list[RowMapping | Row] = [*connection.execute(_select(question)).mappings(), *opened]
+    if opened:
+        found.sort(key=lambda e: (e["t_lo"], e["cursor"]), reverse=question.order == "desc")
+    page = found[: question.limit]
     if len(found) <= question.limit:
         return page, None
     return page, write_cursor(page[-1]["t_lo"], page[-1]["cursor"])

@@ -8,6 +8,7 @@ from sqlalchemy import func, select
 
 from cloud.query.cursors import read_texts, write_cursor
 from cloud.store.schema import channels, nodes
+from cloud.store.sealed import removals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,6 +44,13 @@ def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, in
     """How many channels each of these nodes has."""
     query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
     return {row[0]: row[1] for row in connection.execute(query.group_by(channels.c.node))}
+
+
+def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:
+    """How many messages of each of a node's channels were removed, and before when, UTC ns."""
+    r = removals.c
+    query = select(r.channel, func.sum(r.messages), func.max(r.before)).where(r.node == node)
+    return {row[0]: (int(row[1]), row[2]) for row in connection.execute(query.group_by(r.channel))}
 
 
 def _page(

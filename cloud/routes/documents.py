@@ -18,7 +18,9 @@ Moment = Annotated[
 
 REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 429, 503)
 """What every question may be answered with."""
-REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 404, 422, 429, 503)
+REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(
+    401, 403, 404, 410, 422, 429, 503
+)
 """What a question about a node or a channel may be answered with."""
 
 CBOR_BODY: Final[dict[str, Any]] = {
@@ -101,6 +103,13 @@ class TaxelDocument(BaseModel):
     position_m: tuple[float, float]
 
 
+class RemovedDocument(BaseModel):
+    """What retention or erasure removed of a channel: how many messages, all before when."""
+
+    messages: int
+    before: Moment
+
+
 class ChannelDocument(BaseModel):
     """A channel."""
 
@@ -115,6 +124,8 @@ class ChannelDocument(BaseModel):
     first: Moment | None
     last: Moment | None
     bounds: IntervalDocument | None
+    biometric: bool
+    removed: RemovedDocument | None
 
 
 class SeriesDocument(BaseModel):
@@ -210,7 +221,7 @@ class TokenDocument(BaseModel):
 
     id: str
     name: str
-    scopes: list[Literal["read", "operate", "admin"]]
+    scopes: list[Literal["read", "operate", "admin", "biometric"]]
     state: Literal["good", "expired", "revoked"]
     created: Moment
     expires: Moment | None
@@ -255,3 +266,25 @@ class IngestDocument(BaseModel):
     """What became of a batch, in its order."""
 
     items: list[ResultDocument]
+
+
+class SubjectDocument(BaseModel):
+    """A subject, by pseudonym: the nodes it wore, the sealed messages held, when it was erased."""
+
+    id: str
+    nodes: list[str]
+    messages: int
+    erased: Moment | None
+
+
+class NoticeItem(BaseModel):
+    """What became of a subject's key here."""
+
+    id: str
+    result: Literal["kept", "declined", "erased"]
+
+
+class NoticeDocument(BaseModel):
+    """The answer to a notice of subjects."""
+
+    items: list[NoticeItem]

@@ -15,6 +15,7 @@ from cloud.query.places import find_node
 from cloud.routes.documents import REFUSALS_OF_PLACE
 from cloud.state import Cloud
 from eskin.errors import QueryError
+from eskin.privacy import is_biometric
 
 router = APIRouter(tags=["live"])
 
@@ -64,6 +65,8 @@ async def get_live(
         frozenset(query.node), frozenset(_place(text) for text in query.channel), query.points
     )
     await asyncio.to_thread(_require_known, cloud, selection)
+    if any(is_biometric(channel) for _, channel in selection.channels):
+        cloud.keyholder.reader(reader.holder.scopes)
     if feed.subscribers >= live.subscribers:
         raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
     told = stream(
@@ -73,6 +76,7 @@ async def get_live(
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
         allowed=reader.lasts,
+        reveal=cloud.keyholder.reveal(reader.holder.scopes),
     )
     return EventStream(told, headers={"X-Accel-Buffering": "no"})
 

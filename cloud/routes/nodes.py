@@ -8,7 +8,7 @@ from sqlalchemy import RowMapping
 from starlette.responses import Response
 
 from cloud.dependencies import CloudState, Reader
-from cloud.query.listing import count_channels, list_channels, list_nodes
+from cloud.query.listing import count_channels, list_channels, list_nodes, list_removed
 from cloud.query.places import find_node
 from cloud.routes.answers import as_json
 from cloud.routes.documents import (
@@ -69,7 +69,9 @@ def get_channels(
     with cloud.store.read() as connection:
         find_node(connection, node)
         rows, following = list_channels(connection, node, query.cursor)
-    return as_json(page([channel_shape(row) for row in rows], following))
+        gone = list_removed(connection, node)
+    items = [channel_shape(row, gone.get(row["channel"])) for row in rows]
+    return as_json(page(items, following))
 
 
 @router.get(

@@ -1,5 +1,7 @@
 """Series of a channel, as JSON, CSV, Arrow or Parquet, and questions for thresholds."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from itertools import islice
 from typing import Annotated, Final, Self
 
@@ -8,8 +10,9 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 from sqlalchemy import Connection, RowMapping
 from starlette.responses import Response
 
-from cloud.dependencies import CloudState, Reader
+from cloud.dependencies import Access, CloudState, Reader
 from cloud.negotiation import choose
+from cloud.privacy.memory import unveiled
 from cloud.problems import ProblemError, documented
 from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.places import find_channel
@@ -27,6 +30,7 @@ from cloud.shapes import page, segment_shape
 from cloud.state import Cloud
 from cloud.tables import WRITERS
 from eskin.errors import QueryError
+from eskin.privacy import is_biometric
 
 router = APIRouter(tags=["series"])
 
@@ -86,7 +90,7 @@ class ThresholdQuery(WindowQuery):
 )
 def get_series(
     cloud: CloudState,
-    _: Reader,
+    access: Reader,
     node: str,
     channel: str,
     query: Annotated[SeriesQuery, Query()],
@@ -99,7 +103,8 @@ def get_series(
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = _window(cloud, row, query)
-        series = read_series(connection, row, window, points=query.points)
+        with _source(cloud, access, connection, row, window) as (source, known):
+            series = read_series(source, known, window, points=query.points)
     return Response(WRITERS[media](series), media_type=media, headers={"Vary": "Accept"})
 
 
@@ -110,7 +115,7 @@ def get_series(
 )
 def get_threshold(
     cloud: CloudState,
-    _: Reader,
+    access: Reader,
     node: str,
     channel: str,
     query: Annotated[ThresholdQuery, Query()],
@@ -120,8 +125,22 @@ def get_threshold(
         row = find_channel(connection, node, channel)
         # A cursor holds the window, too: new data must not move a default one.
         window = _window(cloud, row, query) if query.cursor is None else _resume(query.cursor)
-        found, following = _segments(connection, row, window, query)
-    return as_json(page([segment_shape(segment, row) for segment in found], following))
+        with _source(cloud, access, connection, row, window) as (source, known):
+            found, following = _segments(source, known, window, query)
+    return as_json(page([segment_shape(segment, known) for segment in found], following))
+
+
+@contextmanager
+def _source(
+    cloud: Cloud, access: Access, connection: Connection, row: RowMapping, window: Window
+) -> Iterator[tuple[Connection, RowMapping]]:
+    """Where a channel is read, and its row there: what tells of a person is opened in memory."""
+    if not is_biometric(row["channel"]):
+        yield connection, row
+        return
+    reader = cloud.keyholder.reader(access.holder.scopes)
+    with unveiled(connection, reader, row, window) as opened:
+        yield opened
 
 
 def _window(cloud: Cloud, row: RowMapping, query: WindowQuery) -> Window:

@@ -32,7 +32,7 @@ class TokenBody(BaseModel):
 
     name: str = Field(min_length=1, max_length=100, description="whose it is, for people")
     scopes: list[Annotated[Scope, Field(strict=False)]] = Field(
-        min_length=1, max_length=3, description="what its holder may do"
+        min_length=1, max_length=len(Scope), description="what its holder may do"
     )
     days: float = Field(default=30.0, gt=0, le=3650, description="days it is good")
 

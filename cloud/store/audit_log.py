@@ -37,6 +37,9 @@ class Action(StrEnum):
     TOKEN_CREATED = "token created"  # noqa: S105 - no secret
     TOKEN_REVOKED = "token revoked"  # noqa: S105 - no secret
     COMMAND = "command issued"
+    SUBJECT_ASSIGNED = "subject assigned"
+    SUBJECT_ERASED = "subject erased"
+    SUBJECT_EXPORTED = "subject exported"
 
 
 @dataclass(frozen=True, slots=True)

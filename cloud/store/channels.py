@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from cloud.store.schema import channels
 from eskin.messages import Block, Peak, Status
+from eskin.messages.head import Kind
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
     from eskin.messages import Message
+    from eskin.privacy import Veiled
+
+UNKNOWN: Final = ""
+"""The unit of a channel of which only sealed messages are known, until a status names it."""
 
 
-def check_units(connection: Connection, ledger: Ledger, node: str, message: Message) -> str | None:
+def check_units(
+    connection: Connection, ledger: Ledger, node: str, message: Message | Veiled
+) -> str | None:
     """Why a message cannot be stored beside what is there: its unit is another one."""
     for channel, unit in units(message):
         row = ledger.row(connection, channels, node, channel)
-        if row is not None and row["unit"] != unit:
+        if row is not None and row["unit"] not in {unit, UNKNOWN}:
             return (
                 f"channel {channel} of {node} is in {row['unit']!r}, and this message says "
                 f"{unit!r}; a channel keeps its unit, so give the new quantity a new name"
@@ -26,7 +33,7 @@ def check_units(connection: Connection, ledger: Ledger, node: str, message: Mess
     return None
 
 
-def units(message: Message) -> list[tuple[str, str]]:
+def units(message: Message | Veiled) -> list[tuple[str, str]]:
     """The channels that a message speaks of, with their units."""
     if isinstance(message, Block):
         return [(message.channel, message.tube.unit)]
@@ -40,9 +47,13 @@ def units(message: Message) -> list[tuple[str, str]]:
 def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -> None:
     """Make rows for the channels that a status names."""
     for info in status.channels:
-        if ledger.row(connection, channels, node, info.channel) is None:
+        row = ledger.row(connection, channels, node, info.channel)
+        if row is None:
             row = _fresh(node, info.channel, info.unit, info.coverage, info.dt)
             ledger.create(channels, (node, info.channel), row)
+        elif row["unit"] == UNKNOWN:
+            row |= {"unit": info.unit, "coverage": info.coverage, "dt": info.dt}
+            ledger.change(channels, node, info.channel)
 
 
 def add_block(connection: Connection, ledger: Ledger, node: str, block: Block) -> None:
@@ -64,6 +75,20 @@ def add_block(connection: Connection, ledger: Ledger, node: str, block: Block) -
     row["longest"] = max(row["longest"], span)
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
     row["coverage"], row["dt"] = min(row["coverage"], tube.coverage), min(row["dt"], tube.dt)
+    ledger.change(channels, *key)
+
+
+def add_veiled(connection: Connection, ledger: Ledger, node: str, message: Veiled) -> None:
+    """Count a sealed block; of its samples nothing is known but the minutes."""
+    key = node, message.channel
+    row = ledger.row(connection, channels, *key)
+    if row is None:
+        row = _fresh(*key, UNKNOWN, 0.0, 1)
+        ledger.create(channels, key, row)
+    first, last = message.time
+    row["blocks"] += message.kind is Kind.BLOCK
+    row["t_first"] = first if row["t_first"] is None else min(row["t_first"], first)
+    row["t_last"] = last if row["t_last"] is None else max(row["t_last"], last)
     ledger.change(channels, *key)
 
 

@@ -16,6 +16,7 @@ class Entry:
         channel: Of which channel; ``None`` for a gap or a status.
         block: The block's bytes; ``None`` for an event.
         event: The event's row; ``None`` for a block.
+        veiled: A sealed block or peak; then there is neither of them.
     """
 
     cursor: int
@@ -23,9 +24,12 @@ class Entry:
     channel: str | None
     block: bytes | None
     event: dict[str, Any] | None
+    veiled: bytes | None = None
 
     @property
     def size(self) -> int:
         """Bytes of the message."""
-        body = self.block if self.event is None else self.event.get("data")
+        body = self.block or self.veiled
+        if body is None and self.event is not None:
+            body = self.event.get("data")
         return len(body or b"")

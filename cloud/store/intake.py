@@ -9,16 +9,19 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import insert
 
 from cloud.store.bulk import insert_many
-from cloud.store.channels import add_block, check_units, declare, units
+from cloud.store.channels import add_block, add_veiled, check_units, declare, units
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
 from cloud.store.presence import see
 from cloud.store.schema import NODE_LENGTH, blocks, events
+from cloud.store.sealed import veiled
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.messages import Block, Gap, Message, Peak, Result, decode_message
+from eskin.messages.head import Kind
+from eskin.privacy import Veiled, is_biometric, is_veiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +35,10 @@ DUPLICATE: Final = "duplicate"
 REJECTED: Final = "rejected"
 
 _MOST_MOMENT: Final = 2**63 - 1
+IN_THE_CLEAR: Final = (
+    "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
+    "seals bring it"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +54,7 @@ class Item:
 
     node: str
     data: bytes
-    message: Message | None
+    message: Message | Veiled | None
     reason: str | None = None
 
     @classmethod
@@ -55,7 +62,11 @@ class Item:
         """Read a message; a poor one becomes an item with a reason."""
         try:
             IdentityKind.NODE.require_name(node)
+            if is_veiled(data):
+                return cls(node, data, _require_biometric(Veiled.decode(data)))
             message = decode_message(data)
+            if isinstance(message, Block | Peak) and is_biometric(message.channel):
+                return cls.refused(node, b"", IN_THE_CLEAR)
             _require_storable(message)
         except (MessageError, IdentityError) as error:
             return cls.refused(node, data, str(error))
@@ -97,6 +108,7 @@ class _Batch:
     now: int
     blocks: list[Row] = field(default_factory=list)
     events: list[Row] = field(default_factory=list)
+    veiled: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
 
@@ -138,6 +150,8 @@ def take_in(
         insert_many(connection, blocks, batch.blocks)
     if batch.events:
         connection.execute(insert(events), batch.events)
+    if batch.veiled:
+        connection.execute(insert(veiled), batch.veiled)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
     ledger.save(connection)
     return Outcome(results, batch.entries, buried)
@@ -159,7 +173,7 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
     return Receipt(STORED)
 
 
-def _store(batch: _Batch, node: str, message: Message, data: bytes) -> None:
+def _store(batch: _Batch, node: str, message: Message | Veiled, data: bytes) -> None:
     back = see(batch.connection, batch.ledger, node, message.position, now=batch.now)
     if back is not None:
         batch.tell(back)
@@ -168,6 +182,11 @@ def _store(batch: _Batch, node: str, message: Message, data: bytes) -> None:
         batch.blocks.append(_block_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, data, None))
         add_block(batch.connection, batch.ledger, node, message)
+    elif isinstance(message, Veiled):
+        cursor = batch.ledger.next_cursor(batch.connection)
+        batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
+        batch.entries.append(Entry(cursor, node, message.channel, None, None, data))
+        add_veiled(batch.connection, batch.ledger, node, message)
     elif isinstance(message, Peak):
         batch.tell(peak_row(node, message, data))
     elif isinstance(message, Gap):
@@ -208,6 +227,22 @@ def _block_row(node: str, block: Block, data: bytes, cursor: int, now: int) -> R
     }
 
 
+def _veiled_row(node: str, message: Veiled, data: bytes, cursor: int, now: int) -> Row:
+    return {
+        "node": node,
+        "boot": message.position.boot,
+        "sequence": message.position.sequence,
+        "cursor": cursor,
+        "channel": message.channel,
+        "kind": message.kind.name.lower(),
+        "subject": message.subject,
+        "t_lo": message.time[0],
+        "t_hi": message.time[1],
+        "received": now,
+        "data": data,
+    }
+
+
 def _letter(item: Item, reason: str, gateway: str, now: int) -> Row:
     return {
         "node": item.node,
@@ -217,6 +252,12 @@ def _letter(item: Item, reason: str, gateway: str, now: int) -> Row:
         "received": now,
         "data": item.data,
     }
+
+
+def _require_biometric(message: Veiled) -> Veiled:
+    if message.kind is Kind.VEILED or not is_biometric(message.channel):
+        raise MessageError(f"channel {message.channel} is not biometric; it is not to be sealed")
+    return message
 
 
 def _require_storable(message: Message) -> None:

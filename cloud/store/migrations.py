@@ -21,6 +21,7 @@ from cloud.store.schema import (
     versions,
     warrants,
 )
+from cloud.store.sealed import erased_subjects, removals, veiled, wearers
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -29,8 +30,11 @@ if TYPE_CHECKING:
     from sqlalchemy import Table
 
 
+SEALED: Final = [veiled, erased_subjects, wearers, removals]
+
+
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log, warrants}
+    later = {commands, states, audit_log, warrants, *SEALED}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -68,8 +72,12 @@ def _add_columns(connection: Connection, table: Table, names: Iterable[str]) -> 
             connection.execute(text(f"ALTER TABLE {table.name} ADD COLUMN {name} {kind}"))
 
 
+def _eighth(connection: Connection) -> None:
+    metadata.create_all(connection, SEALED)
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
-    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh),
+    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth),
 )
 CURRENT: Final = len(MIGRATIONS)
 

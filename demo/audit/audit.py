@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
@@ -11,12 +12,13 @@ from cloud.store.place import Place, reading_engine
 from cloud.store.schema import blocks as table
 from demo.audit.channel import ChannelAudit
 from demo.audit.delivery import Delivery, UnderWay, deliveries
+from demo.audit.sealed import count_sealed, sealed_pages
 from eskin.errors import AuditError
 from eskin.messages import Block, Position
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping
     from pathlib import Path
 
     from sqlalchemy import Connection
@@ -87,21 +89,22 @@ def _audit(
 ) -> list[ChannelAudit]:
     counts = select(table.c.node, func.count()).group_by(table.c.node).order_by(table.c.node)
     nodes = {row[0]: int(row[1]) for row in connection.execute(counts)}
-    total, done = sum(nodes.values()), 0
+    sealed = count_sealed(connection)
+    total, done = sum(nodes.values()) + sum(sealed.values()), 0
     if total == 0:
         raise AuditError(f"{layout.store}: the store holds no block yet; let the demo run longer")
     found: dict[tuple[str, str], ChannelAudit] = {}
-    for node in nodes:
+    for node in sorted(nodes.keys() | sealed.keys()):
         path = files.get(node)
         if path is None:
             raise AuditError(f"{layout.nodes}: the emulator's truth of node {node!r} is missing")
-        for page in _pages(connection, node):
+        for page in chain(_pages(connection, node), sealed_pages(layout, connection, node)):
             truths = Truth.read(path, [block.position for block, _ in page], node=node)
             oldest = Truth.oldest(path, node=node)
-            for block, columns in page:
+            for block, fits in page:
                 key = (node, block.channel)
                 entry = found.setdefault(key, ChannelAudit(node, block.channel, block.tube.unit))
-                entry.mislabelled += columns != _columns_of(block)
+                entry.mislabelled += not fits
                 truth = truths.get(block.position)
                 if truth is not None and len(truth.values) == len(block.tube):
                     entry.compare(block, truth.time, truth.values)
@@ -133,10 +136,8 @@ def _columns_of(block: Block) -> tuple[object, ...]:
     )
 
 
-def _pages(
-    connection: Connection, node: str
-) -> Iterator[Sequence[tuple[Block, tuple[object, ...]]]]:
-    """The node's blocks with their columns, in order; no more than a page in memory."""
+def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool]]]:
+    """The node's blocks, and whether their columns fit, in order; one page in memory at most."""
     last = Position(-1, -1)
     while True:
         query = (
@@ -149,8 +150,12 @@ def _pages(
             .order_by(table.c.boot, table.c.sequence)
             .limit(_PAGE)
         )
-        rows = connection.execute(query)
-        page = [(Block.decode(bytes(row[0])), tuple(row[1:])) for row in rows]
+        rows = connection.execute(query).all()
+        blocks = [Block.decode(bytes(row[0])) for row in rows]
+        page = [
+            (block, tuple(row[1:]) == _columns_of(block))
+            for block, row in zip(blocks, rows, strict=True)
+        ]
         if not page:
             return
         yield page

@@ -11,8 +11,10 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import select
 
 from cloud.store.schema import blocks, events, sequences
+from demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.messages import Gap, Position, decode_message
+from eskin.privacy import Veiled, is_veiled
 from eskin.sequences import SequenceRanges
 from sensor_node.truth import Truth
 
@@ -110,7 +112,7 @@ class UnderWay:
             if node in waiting:
                 waiting[node].span(boot, sequence, sequence)
         for node, body in _rows(layout.spool, "SELECT node, body FROM messages"):
-            position = decode_message(bytes(body)).position
+            position = _position(bytes(body))
             if node in waiting:
                 waiting[node].span(position.boot, position.sequence, position.sequence)
         letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
@@ -149,7 +151,15 @@ def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
 def _stored(node: str, connection: Connection) -> Sightings:
     query = select(blocks.c.boot, blocks.c.sequence).where(blocks.c.node == node)
     rows = connection.execute(query.order_by(blocks.c.boot, blocks.c.sequence))
-    return Sightings((row[0], row[1]) for row in rows)
+    found = Sightings((row[0], row[1]) for row in rows)
+    for boot, sequence in sealed_positions(connection, node):
+        found.span(boot, sequence, sequence)
+    return found
+
+
+def _position(body: bytes) -> Position:
+    """Where a message of the spool belongs, sealed or not."""
+    return (Veiled.decode(body) if is_veiled(body) else decode_message(body)).position
 
 
 def _told(node: str, connection: Connection) -> Sightings:

@@ -18,6 +18,7 @@ from eskin.command.figures import figures
 from eskin.command.gateway import gateway
 from eskin.command.node import node
 from eskin.command.pki import pki
+from eskin.command.subjects import subjects
 from eskin.errors import EskinError
 
 if TYPE_CHECKING:
@@ -35,6 +36,7 @@ app.command()(node)
 app.command()(gateway)
 app.add_typer(cloud, name="cloud")
 app.add_typer(pki, name="pki")
+app.add_typer(subjects, name="subjects")
 
 
 @app.callback(invoke_without_command=True)

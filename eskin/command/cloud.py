@@ -58,16 +58,18 @@ def login(
         str | None, typer.Option(help="How browsers reach it, such as https://skin.example:8080.")
     ] = None,
     minutes: Annotated[float, typer.Option(min=1, max=1440, help="How long it is good.")] = 15.0,
+    biometric: Annotated[
+        bool, typer.Option("--biometric", help="It shows what tells of a person, too.")
+    ] = False,
 ) -> None:
     """Print a URL that logs in, once; also while the cloud runs."""
     from cloud.access import Scope, create_login_code
     from cloud.store import Store
 
     settings = _load(config or context.obj)
+    scopes = {Scope.READ, Scope.OPERATE} | ({Scope.BIOMETRIC} if biometric else set())
     with Store(settings.store.place) as store:
-        code = create_login_code(
-            store, lifetime=timedelta(minutes=minutes), scopes=(Scope.READ, Scope.OPERATE)
-        )
+        code = create_login_code(store, lifetime=timedelta(minutes=minutes), scopes=scopes)
     typer.echo(f"{(url or _origin(settings.people)).rstrip('/')}/login?code={code}")
 
 
@@ -77,7 +79,7 @@ def token(
     name: Annotated[str, typer.Option(help="Whose token it is, for people.")],
     config: Config = None,
     scope: Annotated[
-        list[str] | None, typer.Option(help="read, operate or admin; may be repeated.")
+        list[str] | None, typer.Option(help="read, operate, biometric or admin; may be repeated.")
     ] = None,
     days: Annotated[float, typer.Option(min=0.01, max=3650, help="Days it is good.")] = 30.0,
 ) -> None:

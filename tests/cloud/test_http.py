@@ -178,6 +178,8 @@ async def test_channels_sum_over_blocks(stand: Stand) -> None:
         "first": "2027-01-15T08:00:00.000000000Z",
         "last": "2027-01-15T08:00:00.010000000Z",
         "bounds": {"lo": 0.5, "hi": None},
+        "biometric": False,
+        "removed": None,
     }
     assert items[1]["blocks"] == 0
     assert items[1]["first"] is items[1]["bounds"] is None

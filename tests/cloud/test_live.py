@@ -45,6 +45,7 @@ def listen(
 ) -> AsyncIterator[bytes]:
     """A stream on a cloud's feed."""
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0, "allowed": lambda: True}
+    chosen["reveal"] = lambda entry: entry
     chosen |= options
     return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
 

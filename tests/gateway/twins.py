@@ -9,10 +9,13 @@ from typing import TYPE_CHECKING
 from eskin.envelope import Opener
 from eskin.errors import SpoolError
 from eskin.identity import Trust
+from eskin.privacy import open_vault
+from eskin.settings import KeysSection
 from eskin.topics import Stream, node_topic
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
 from gateway.arrival import Arrival
+from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.commands import Commands
 from gateway.complaints import Complaints
@@ -27,6 +30,7 @@ from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.settings import SpoolSection
 from gateway.spool import Spool
+from gateway.veiling import Veiling
 from gateway.worker import Worker
 
 if TYPE_CHECKING:
@@ -91,6 +95,7 @@ class Inside:
         self.broker = MemoryBroker()
         self.counters = Counters()
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
+        self._make_keys(folder / "keys")
         self.trust = Trust(identities.gateway.root, clock=self.clock.now)
         self.revocations = Revocations(self.trust, revocations)
         self.senders = Senders(self.spool, self.revocations, clock=self.clock)
@@ -102,6 +107,7 @@ class Inside:
             senders=self.senders,
             records=self.records,
             complaints=Complaints(),
+            veiling=self.veiling,
         )
         sealers = Sealers(lambda _: identities.site)
         answers = Answers(
@@ -132,6 +138,11 @@ class Inside:
             counters=self.counters,
         )
         self._mid = 0
+
+    def _make_keys(self, folder: Path) -> None:
+        self.vault = open_vault(KeysSection(), folder)
+        self.assignments = Assignments(self.vault)
+        self.veiling = Veiling(self.assignments)
 
     def arrive(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False

@@ -1,0 +1,111 @@
+"""A sealed channel's window, opened into a store in memory, of which all questions are asked.
+
+So there is one way to answer a question, whether the channel is sealed or not; and what is opened
+lies in memory alone, for as long as the question takes.
+"""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import create_engine, insert, select
+from sqlalchemy.pool import StaticPool
+
+from cloud.privacy.errors import ErasedError
+from cloud.store.intake import Item, take_in
+from cloud.store.ledger import Ledger
+from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, sequences
+from cloud.store.sealed import veiled
+from eskin.errors import NoKeyError, QueryError
+from eskin.messages import Block
+from eskin.privacy import Unveiler, Veiled
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sqlalchemy import Connection, Engine, RowMapping
+
+    from cloud.query.window import Window
+
+MOST: Final = 20_000
+"""Most sealed blocks that are opened for one question."""
+_TABLES: Final = [nodes, channels, blocks, events, sequences, feed]
+
+
+@contextmanager
+def unveiled(
+    connection: Connection, reader: Unveiler, channel: RowMapping, window: Window
+) -> Iterator[tuple[Connection, RowMapping]]:
+    """A store in memory with a channel's blocks around a window, and the channel's row there.
+
+    Args:
+        connection: Reads the store on the disk.
+        reader: Opens what is sealed.
+        channel: The channel's row on the disk.
+        window: What is asked for.
+
+    Raises:
+        ErasedError: All of it is of erased subjects.
+        QueryError: There is too much to open at once.
+        PrivacyError: Something was changed on the disk, or its key is not here.
+    """
+    items = _open(reader, channel["node"], _sealed(connection, channel, window))
+    engine = _engine()
+    try:
+        with engine.begin() as memory:
+            _fill(memory, channel, items)
+            yield memory, memory.execute(select(channels)).mappings().one()
+    finally:
+        engine.dispose()
+
+
+def _sealed(connection: Connection, channel: RowMapping, window: Window) -> Sequence[bytes]:
+    v = veiled.c
+    query = select(v.data).where(
+        v.node == channel["node"],
+        v.channel == channel["channel"],
+        v.kind == "block",
+        v.t_lo < window.end,
+        v.t_hi >= window.start,
+    )
+    found = connection.execute(query.order_by(v.t_lo, v.cursor).limit(MOST + 1)).scalars().all()
+    if len(found) > MOST:
+        raise QueryError("start", f"to end are over {MOST} sealed blocks; ask for less")
+    return found
+
+
+def _open(reader: Unveiler, node: str, sealed: Sequence[bytes]) -> list[Item]:
+    """What can be opened; the rest is missing, as a gap is."""
+    items: list[Item] = []
+    lost: NoKeyError | None = None
+    for data in sealed:
+        try:
+            message, plaintext = reader.read(node, Veiled.decode(data))
+        except NoKeyError as error:
+            lost = error
+            continue
+        items.append(Item(node, plaintext, message))
+    if lost is not None and not items:
+        raise ErasedError(lost)
+    return items
+
+
+def _engine() -> Engine:
+    return create_engine(
+        "sqlite://", poolclass=StaticPool, connect_args={"check_same_thread": False}
+    )
+
+
+def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> None:
+    memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a large sort must not go to the disk
+    metadata.create_all(memory, _TABLES)
+    memory.execute(insert(feed).values(name="feed", cursor=0))
+    first = items[0].message if items else None
+    unit = first.tube.unit if isinstance(first, Block) else channel["unit"]
+    empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "t_first": None, "t_last": None}
+    memory.execute(insert(channels), dict(channel) | empty)
+    outcome = take_in(memory, Ledger(), items, gateway="", now=0, dead_letters=0)
+    refused = [receipt.reason for receipt in outcome.results if receipt.reason is not None]
+    if refused:
+        raise QueryError("channel", refused[0])

@@ -1,0 +1,86 @@
+"""A gateway's notice of subjects: who wears what, which keys the cloud may have, who is erased."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import insert, select
+
+from cloud.ingest.errors import BatchError
+from cloud.store.audit_log import Action, Deed, record
+from cloud.store.sealed import erased_subjects, wearers
+from eskin.errors import IdentityError, MessageError
+from eskin.identity import IdentityKind
+from eskin.messages.fields import items, load_any
+from eskin.privacy.subject import KEY_BYTES, is_pseudonym
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+MOST: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Worn:
+    """A subject that wears a node; ``key`` is ``None`` where the cloud is given none."""
+
+    subject: str
+    node: str
+    key: bytes | None
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """What a gateway says of subjects; it may say it as often as it likes."""
+
+    worn: list[Worn]
+    erased: list[str]
+
+    @classmethod
+    def read(cls, body: bytes) -> Notice:
+        """Read a notice; what it refuses is not repeated, as it may hold a key.
+
+        Raises:
+            BatchError: It is none.
+        """
+        try:
+            said = load_any(body, "body")
+            if not isinstance(said, dict) or set(said) != {"worn", "erased"}:
+                raise BatchError("the body is no CBOR map of worn and erased")
+            worn = [_worn(item) for item in items(said["worn"], "worn", MOST)]
+            return cls(worn, [_pseudonym(item) for item in items(said["erased"], "erased", MOST)])
+        except (MessageError, IdentityError) as error:
+            raise BatchError("the body is no notice of subjects") from error
+
+
+def note(connection: Connection, notice: Notice, *, gateway: str, now: int) -> None:
+    """Keep what is new of a notice, with the deeds that it tells of, within a transaction."""
+    for worn in notice.worn:
+        here = (wearers.c.node == worn.node) & (wearers.c.subject == worn.subject)
+        if connection.execute(select(wearers.c.told).where(here)).first() is None:
+            row = {"node": worn.node, "subject": worn.subject, "told": now}
+            connection.execute(insert(wearers), row)
+            deed = Deed(gateway, "", Action.SUBJECT_ASSIGNED, worn.node, worn.subject)
+            record(connection, deed, now=now)
+    known = select(erased_subjects.c.subject)
+    for subject in notice.erased:
+        if connection.execute(known.where(erased_subjects.c.subject == subject)).first() is None:
+            connection.execute(insert(erased_subjects), {"subject": subject, "erased": now})
+            record(connection, Deed(gateway, "", Action.SUBJECT_ERASED, subject), now=now)
+
+
+def _worn(item: object) -> Worn:
+    parts = items(item, "entry", 3)
+    if len(parts) != 3 or not isinstance(parts[1], str):
+        raise BatchError("an entry is no array of pseudonym, node and key")
+    key = parts[2]
+    if key is not None and (not isinstance(key, bytes) or len(key) != KEY_BYTES):
+        raise BatchError(f"a key is no byte string of {KEY_BYTES}")
+    return Worn(_pseudonym(parts[0]), IdentityKind.NODE.require_name(parts[1]), key)
+
+
+def _pseudonym(value: object) -> str:
+    if not isinstance(value, str) or not is_pseudonym(value):
+        raise BatchError("a subject is no pseudonym of 32 hexadecimal digits")
+    return value

@@ -1,0 +1,93 @@
+"""Keeping no channel longer than it may be kept: looked for in the background, removed in steps."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from fnmatch import fnmatchcase
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import select
+
+from cloud.store.removal import Reason, Sweep, remove, sweeps_of_erased
+from cloud.store.schema import channels
+from eskin.errors import StoreError
+from eskin.moment import SECOND
+from eskin.privacy import is_biometric
+
+if TYPE_CHECKING:
+    from cloud.settings import RetentionSection
+    from cloud.state import Cloud
+
+log = logging.getLogger(__name__)
+
+_DAY: Final = 86_400 * SECOND
+_PAUSE_S: Final = 0.01
+
+
+async def retain(cloud: Cloud, stopping: asyncio.Event) -> None:
+    """Look for what is too old, or erased, until told to stop."""
+    while not stopping.is_set():
+        try:
+            await sweep(cloud)
+        except StoreError as error:
+            log.warning("nothing too old removed, trying again: reason=%s", error)
+        try:
+            await asyncio.wait_for(stopping.wait(), cloud.settings.retention.every_s)
+        except TimeoutError:
+            continue
+
+
+async def sweep(cloud: Cloud) -> int:
+    """Remove all that is too old or erased now; gives how many messages.
+
+    Each step is a write of its own among those of ingest, none longer than theirs.
+
+    Raises:
+        StoreError: The store cannot be read or written.
+    """
+    total = 0
+    for due in await asyncio.to_thread(_due, cloud):
+        removed = most = cloud.settings.retention.at_once
+        while removed == most:
+            removed = await _step(cloud, due)
+            total += removed
+            await asyncio.sleep(_PAUSE_S)
+    return total
+
+
+def kept_for(rules: RetentionSection, node: str, channel: str) -> float:
+    """Days that a channel is kept; 0: for ever."""
+    for place, days in rules.channels.items():
+        if fnmatchcase(f"{node}/{channel}", place):
+            return days
+    if is_biometric(channel) and rules.biometric_days > 0:
+        return rules.biometric_days
+    return rules.days
+
+
+async def _step(cloud: Cloud, due: Sweep) -> int:
+    most, store = cloud.settings.retention.at_once, cloud.store
+    written = store.write(lambda c: remove(c, store.ledger, due, most=most, now=cloud.clock()))
+    removed = await asyncio.wrap_future(written)
+    if removed:
+        cloud.metrics.removed.labels(due.reason.value).inc(removed)
+        log.info(
+            "removed: node=%s channel=%s reason=%s messages=%d",
+            due.node,
+            due.channel,
+            due.reason,
+            removed,
+        )
+    return removed
+
+
+def _due(cloud: Cloud) -> list[Sweep]:
+    rules, now = cloud.settings.retention, cloud.clock()
+    with cloud.store.read() as connection:
+        found = sweeps_of_erased(connection)
+        for node, channel in connection.execute(select(channels.c.node, channels.c.channel)):
+            days = kept_for(rules, node, channel)
+            if days > 0:
+                found.append(Sweep(node, channel, Reason.AGE, now - int(days * _DAY)))
+    return found

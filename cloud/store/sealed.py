@@ -1,0 +1,61 @@
+"""The store's tables of what tells of a person, beside those of `cloud.store.schema`."""
+
+from __future__ import annotations
+
+from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table
+
+from cloud.store.schema import CHANNEL_LENGTH, NODE_LENGTH, metadata
+from cloud.store.words import Words
+
+veiled = Table(
+    "veiled",
+    metadata,
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("sequence", BigInteger, primary_key=True, autoincrement=False),
+    Column("cursor", BigInteger, nullable=False),
+    Column("channel", Words(CHANNEL_LENGTH), nullable=False),
+    Column("kind", Words(8), nullable=False),
+    Column("subject", Words(32), nullable=False),
+    Column("t_lo", BigInteger, nullable=False),
+    Column("t_hi", BigInteger, nullable=False),
+    Column("received", BigInteger, nullable=False),
+    Column("data", LargeBinary, nullable=False),
+    Index("veiled_by_cursor", "cursor"),
+    Index("veiled_by_time", "node", "channel", "t_lo"),
+    Index("veiled_by_coming", "node", "channel", "received"),
+    Index("veiled_by_subject", "subject"),
+)
+"""Blocks and peaks of biometric channels, sealed under their subjects' keys, byte for byte.
+
+``t_lo`` and ``t_hi`` are whole minutes; ``subject`` is a pseudonym. Nothing else is known of them.
+"""
+
+erased_subjects = Table(
+    "erased_subjects",
+    metadata,
+    Column("subject", Words(32), primary_key=True),
+    Column("erased", BigInteger, nullable=False),
+)
+"""Pseudonyms whose keys are destroyed; what is left of their data is removed in time."""
+
+wearers = Table(
+    "wearers",
+    metadata,
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("subject", Words(32), primary_key=True),
+    Column("told", BigInteger, nullable=False),
+)
+"""Which pseudonyms wore which nodes, as gateways told."""
+
+removals = Table(
+    "removals",
+    metadata,
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("channel", Words(CHANNEL_LENGTH), primary_key=True),
+    Column("reason", Words(16), primary_key=True),
+    Column("messages", BigInteger, nullable=False),
+    Column("before", BigInteger, nullable=False),
+    Column("at", BigInteger, nullable=False),
+)
+"""What was removed of each channel and why: how many messages, all before when, and when last."""

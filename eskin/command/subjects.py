@@ -1,0 +1,176 @@
+"""``eskin subjects``: of whom biometric channels tell; only the site knows the names."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Final
+
+import typer
+
+from eskin.command.tables import show
+from eskin.errors import SettingsError
+from eskin.moment import format_moment
+
+if TYPE_CHECKING:
+    from eskin.privacy import Subject, Vault
+    from gateway.assignments import Assignments
+
+_FRESH: Final = os.O_WRONLY | os.O_CREAT | os.O_EXCL
+
+subjects = typer.Typer()
+
+Config = Annotated[
+    Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the gateway's settings.")
+]
+Name = Annotated[
+    str,
+    typer.Option(prompt="Name", help="The person's name; asked for if left out, so that it stays "
+                 "out of the shell's history."),
+]  # fmt: skip
+
+
+@subjects.callback(invoke_without_command=True)
+def overview(context: typer.Context) -> None:
+    """Assign, list, export and erase persons: known by name at their site alone."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@subjects.command("list")
+def list_subjects(config: Config) -> None:
+    """List subjects: name, pseudonym, the nodes they wear, and what was erased."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    vault, assignments = _open(config)
+    worn: dict[str, list[str]] = {}
+    for node, pseudonym in assignments.wearers().items():
+        worn.setdefault(pseudonym, []).append(node)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("name", "pseudonym", "wears", "state"):
+        table.add_column(heading, overflow="fold")
+    for subject in vault.subjects():
+        wears = " ".join(worn.get(subject.pseudonym, []))
+        table.add_row(subject.name or "(nobody)", subject.pseudonym, wears, "sealed")
+    for grave in vault.graves():
+        table.add_row("", grave.pseudonym, "", _state(grave.confirmed))
+    show(table)
+
+
+@subjects.command()
+def assign(
+    config: Config,
+    node: Annotated[str, typer.Option(help="The node that the person wears from now on.")],
+    name: Name,
+) -> None:
+    """Have a person wear a node from now on; what it measured before stays whose it is."""
+    from eskin.privacy.subject import LONGEST_NAME
+
+    if not name.strip() or len(name) > LONGEST_NAME:
+        raise SettingsError("--name", f"is empty or longer than {LONGEST_NAME} characters")
+    _require_device(node, name)
+    vault, assignments = _open(config)
+    subject = vault.named(name) or vault.create(name)
+    assignments.assign(node, subject, since=time.time_ns())
+    typer.echo(f"{node} is worn by {subject.pseudonym} from now on")
+
+
+@subjects.command()
+def release(
+    config: Config, node: Annotated[str, typer.Option(help="The node that nobody wears now.")]
+) -> None:
+    """Have nobody wear a node from now on; it is sealed under a fresh key all the same."""
+    vault, assignments = _open(config)
+    nobody = vault.create()
+    assignments.assign(node, nobody, since=time.time_ns())
+    typer.echo(f"{node} is worn by nobody from now on ({nobody.pseudonym})")
+
+
+@subjects.command()
+def erase(
+    config: Config,
+    name: Annotated[str | None, typer.Option(help="The person's name.")] = None,
+    pseudonym: Annotated[str | None, typer.Option(help="Or the pseudonym.")] = None,
+) -> None:
+    """Erase a person: destroy the key here now, and at the cloud; nothing brings the data back."""
+    if name is None and pseudonym is None:
+        name = typer.prompt("Name")
+    vault, assignments = _open(config)
+    gone = _find(vault, name, pseudonym)
+    nodes = assignments.release(gone.pseudonym, since=time.time_ns())
+    vault.erase(gone.pseudonym)
+    typer.echo(f"{gone.pseudonym}: its key and name are destroyed here")
+    typer.echo("the running gateway has the cloud destroy its copy; `list` says when it did")
+    for node in nodes:
+        typer.echo(f"{node} is worn by nobody from now on")
+
+
+@subjects.command()
+def export(
+    config: Config,
+    url: Annotated[str, typer.Option(help="Where the cloud is, such as https://skin.example:8080")],
+    token: Annotated[
+        Path, typer.Option(help="File with a token with the scopes read and biometric.")
+    ],
+    out: Annotated[Path, typer.Option(help="JSON lines; a new file, mode 0600.")],
+    name: Name,
+) -> None:
+    """Fetch all that the cloud holds of a person, for the person."""
+    import httpx
+
+    vault, _ = _open(config)
+    subject = _find(vault, name, None)
+    headers = {"Authorization": f"Bearer {token.read_text().strip()}"}
+    place = f"{url.rstrip('/')}/api/v1/subjects/{subject.pseudonym}/export"
+    lines = 0
+    try:
+        with (
+            httpx.stream("GET", place, headers=headers, timeout=60, trust_env=False) as answer,
+            os.fdopen(os.open(out, _FRESH, 0o600), "wb") as file,
+        ):
+            if answer.status_code != httpx.codes.OK:
+                raise SettingsError("--url", f"{place} answered {answer.status_code}")
+            for part in answer.iter_bytes():
+                lines += part.count(b"\n")
+                file.write(part)
+    except (httpx.HTTPError, OSError) as error:
+        raise SettingsError("--url", f"{place}: {error}") from error
+    typer.echo(f"{out}: {lines} messages of {subject.pseudonym}")
+
+
+def _open(config: Path) -> tuple[Vault, Assignments]:
+    from eskin.privacy import open_vault
+    from gateway.assignments import Assignments
+    from gateway.settings import GatewaySettings
+
+    settings = GatewaySettings.load(config)
+    vault = open_vault(settings.keys, settings.vault)
+    return vault, Assignments(vault)
+
+
+def _find(vault: Vault, name: str | None, pseudonym: str | None) -> Subject:
+    if (name is None) == (pseudonym is None):
+        raise SettingsError("--name, --pseudonym", "give one of them")
+    if pseudonym is not None:
+        return vault.find(pseudonym)
+    found = vault.named(name or "")
+    if found is None or not name:
+        raise SettingsError("--name", "there is no such person; `eskin subjects list` shows all")
+    return found
+
+
+def _state(confirmed: int | None) -> str:
+    if confirmed is None:
+        return "erased here; the cloud has not confirmed yet"
+    return f"erased; the cloud confirmed at {format_moment(confirmed).partition('.')[0]}Z"
+
+
+def _require_device(node: str, name: str) -> None:
+    """A node's id stands in certificates, topics and logs: it must not be the person's name."""
+    for word in name.lower().split():
+        if len(word) > 2 and word in node.lower():
+            raise SettingsError(
+                "--node", f"{node!r} holds part of the name; a node's id is a device's, give it one"
+            )

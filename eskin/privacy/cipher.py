@@ -1,0 +1,178 @@
+"""Sealing under a subject's key, and reading it again: AES-256-GCM.
+
+Nonces never repeat: every veiler draws a salt at its start, which gives (HKDF-SHA-256) a key of its
+own under each subject's key, and counts from zero under it.
+"""
+
+from __future__ import annotations
+
+import itertools
+import os
+from collections import OrderedDict
+from threading import Lock
+from typing import TYPE_CHECKING, Final
+
+from cryptography.exceptions import InvalidTag
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.kdf.hkdf import HKDF
+
+from eskin.errors import MessageError, PrivacyError
+from eskin.messages import Block, Peak, Position, decode_message
+from eskin.messages.head import Kind
+from eskin.privacy.subject import KEY_BYTES
+from eskin.privacy.veiled import SALT_BYTES, UNREAD, Veiled, whole_minutes
+
+if TYPE_CHECKING:
+    from eskin.privacy.subject import Subject
+    from eskin.privacy.vault import Vault
+
+_KEPT: Final = 256
+_MOST_LETTER: Final = 60_000
+
+
+class Veiler:
+    """Seals; one for each start of a process. Only for one thread."""
+
+    def __init__(self) -> None:
+        self._salt = os.urandom(SALT_BYTES)
+        self._numbers = itertools.count()
+        self._keys = _Keys()
+
+    def veil(self, subject: Subject, node: str, message: Block | Peak, plaintext: bytes) -> Veiled:
+        """Seal a message.
+
+        Args:
+            subject: Whose data it is.
+            node: Who said it.
+            message: As it was decoded.
+            plaintext: Its bytes.
+        """
+        kind = Kind.BLOCK if isinstance(message, Block) else Kind.PEAK
+        time = whole_minutes(span(message))
+        return self._seal(subject, node, (message.position, message.channel, kind, time), plaintext)
+
+    def veil_unread(
+        self, subject: Subject, node: str, position: Position | None, plaintext: bytes, *, now: int
+    ) -> Veiled:
+        """Seal bytes that nobody could read, and that may tell of a person nevertheless.
+
+        Args:
+            subject: Whose data it may be.
+            node: Who said it.
+            position: As far as it could be read.
+            plaintext: The bytes; of very long ones the beginning is kept.
+            now: UTC ns.
+        """
+        head = position or Position(0, 0), UNREAD, Kind.VEILED, whole_minutes((now, now))
+        return self._seal(subject, node, head, plaintext[:_MOST_LETTER])
+
+    def forget(self, pseudonym: str) -> None:
+        """Drop what was derived from a subject's key."""
+        self._keys.forget(pseudonym)
+
+    def _seal(
+        self,
+        subject: Subject,
+        node: str,
+        head: tuple[Position, str, Kind, tuple[int, int]],
+        plaintext: bytes,
+    ) -> Veiled:
+        position, channel, kind, time = head
+        number = next(self._numbers)
+        clear = Veiled(position, channel, kind, subject.pseudonym, time, self._salt, number)
+        aead = self._keys.find(subject, self._salt)
+        sealed = aead.encrypt(_nonce(number), plaintext, clear.bound(node))
+        return Veiled(position, channel, kind, subject.pseudonym, time, self._salt, number, sealed)
+
+
+class Unveiler:
+    """Reads what was veiled, as long as the subject's key is there.
+
+    Args:
+        vault: Holds the keys; asked for each message, so that what is erased is erased at once.
+    """
+
+    def __init__(self, vault: Vault) -> None:
+        self._vault = vault
+        self._keys = _Keys()
+
+    def unveil(self, node: str, veiled: Veiled) -> bytes:
+        """The bytes that were veiled.
+
+        Raises:
+            NoKeyError: The subject's key is not here.
+            PrivacyError: It was changed, or moved to another node, place or subject.
+        """
+        try:
+            subject = self._vault.find(veiled.subject)
+        except PrivacyError:
+            self._keys.forget(veiled.subject)
+            raise
+        aead = self._keys.find(subject, veiled.salt)
+        try:
+            nonce = _nonce(veiled.number)
+            return aead.decrypt(nonce, veiled.ciphertext, veiled.bound(node))
+        except InvalidTag as error:
+            raise PrivacyError(
+                f"what {node} said as {veiled.position} is not what subject {veiled.subject} sealed"
+            ) from error
+
+    def forget(self, pseudonym: str) -> None:
+        """Drop what was derived from a subject's key."""
+        self._keys.forget(pseudonym)
+
+    def read(self, node: str, veiled: Veiled) -> tuple[Block | Peak, bytes]:
+        """The block or peak that was veiled, and its bytes.
+
+        Raises:
+            PrivacyError: It cannot be read.
+        """
+        data = self.unveil(node, veiled)
+        try:
+            message = decode_message(data)
+        except MessageError as error:
+            raise PrivacyError(f"what {node} said as {veiled.position} is no message") from error
+        if (
+            not isinstance(message, Block | Peak)
+            or message.position != veiled.position
+            or message.channel != veiled.channel
+        ):
+            raise PrivacyError(f"what {node} said as {veiled.position} is not what it claims")
+        return message, data
+
+
+class _Keys:
+    """Keys derived lately, by subject and salt."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[tuple[str, bytes], AESGCM] = OrderedDict()
+        self._lock = Lock()
+
+    def find(self, subject: Subject, salt: bytes) -> AESGCM:
+        place = subject.pseudonym, salt
+        with self._lock:
+            aead = self._kept.get(place)
+            if aead is None:
+                derivation = HKDF(SHA256(), KEY_BYTES, salt, b"eskin veil 1")
+                aead = self._kept[place] = AESGCM(derivation.derive(subject.key))
+                if len(self._kept) > _KEPT:
+                    self._kept.popitem(last=False)
+            return aead
+
+    def forget(self, pseudonym: str) -> None:
+        with self._lock:
+            for place in [known for known in self._kept if known[0] == pseudonym]:
+                del self._kept[place]
+
+
+def span(message: Block | Peak) -> tuple[int, int]:
+    """From the earliest moment to the latest of which a message tells, UTC ns."""
+    if isinstance(message, Peak):
+        return message.time
+    tube = message.tube
+    return tube.time[0], tube.time[1] + tube.dt * (len(tube) - 1)
+
+
+def _nonce(number: int) -> bytes:
+    return number.to_bytes(12, "big")

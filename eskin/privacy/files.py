@@ -1,0 +1,121 @@
+"""Small files that only their owner may read: made once, replaced whole, destroyed for good."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from typing import TYPE_CHECKING
+
+from eskin.errors import PrivacyError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder for its owner alone.
+
+    Raises:
+        PrivacyError: It cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise PrivacyError(f"{path}: cannot be made: {error.strerror}") from error
+
+
+def read_private(path: Path) -> bytes:
+    """Read a file that nobody else may read.
+
+    Raises:
+        PrivacyError: It cannot be read, or others may.
+    """
+    try:
+        if path.stat().st_mode & 0o077:
+            raise PrivacyError(f"{path}: others may read this key; chmod 600 it")
+        return path.read_bytes()
+    except OSError as error:
+        raise PrivacyError(f"{path}: cannot be read: {error.strerror}") from error
+
+
+def write_private(path: Path, data: bytes) -> None:
+    """Replace a file at once, mode 0600, durably.
+
+    Raises:
+        PrivacyError: It cannot be written.
+    """
+    partial = _partial(path, data)
+    try:
+        partial.replace(path)
+        sync_folder(path.parent)
+    except OSError as error:
+        raise PrivacyError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+def make_once(path: Path, make: Callable[[], bytes]) -> bytes:
+    """What a file holds; made where there is none, and by one alone where several make it.
+
+    Raises:
+        PrivacyError: It cannot be read or made.
+    """
+    if not path.exists():
+        partial = _partial(path, make())
+        try:
+            os.link(partial, path)
+            sync_folder(path.parent)
+        except FileExistsError:
+            pass
+        except OSError as error:
+            raise PrivacyError(f"{path}: cannot be made: {error.strerror}") from error
+        finally:
+            destroy(partial)
+    return read_private(path)
+
+
+def destroy(path: Path) -> None:
+    """Overwrite a file with noise, in place, then remove it; durably.
+
+    A file system or a disk that writes elsewhere (snapshots, flash) may keep the old bytes.
+
+    Raises:
+        PrivacyError: It cannot be written.
+    """
+    try:
+        if path.stat().st_nlink == 1:
+            _overwrite(path)
+        path.unlink()
+        sync_folder(path.parent)
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise PrivacyError(f"{path}: cannot be destroyed: {error.strerror}") from error
+
+
+def sync_folder(path: Path) -> None:
+    """Make names in a folder durable."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _overwrite(path: Path) -> None:
+    with path.open("r+b") as file:
+        file.write(os.urandom(path.stat().st_size))
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def _partial(path: Path, data: bytes) -> Path:
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    try:
+        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+        with os.fdopen(descriptor, "wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise PrivacyError(f"{path}: cannot be written: {error.strerror}") from error
+    return partial

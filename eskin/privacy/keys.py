@@ -1,0 +1,45 @@
+"""Opening a key store as the settings say: master key in a file, or in hardware."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from eskin.errors import SettingsError
+from eskin.privacy.files import make_folder
+from eskin.privacy.master import MASTER_FILE, FileMaster
+from eskin.privacy.vault import Vault
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin.privacy.master import Master
+    from eskin.settings import KeysSection
+
+
+def open_vault(settings: KeysSection, directory: Path) -> Vault:
+    """Open a key store; make it where there is none.
+
+    Args:
+        settings: Where the master key is.
+        directory: The key store's folder.
+
+    Raises:
+        PrivacyError: A file cannot be used.
+        SettingsError: The hardware cannot be used.
+    """
+    make_folder(directory)
+    return Vault(directory, _master(settings, directory))
+
+
+def _master(settings: KeysSection, directory: Path) -> Master:
+    if settings.module is None:
+        return FileMaster(directory / MASTER_FILE)
+    if settings.pin is None:
+        raise SettingsError("keys.pin", "is missing; name a file (0600) that holds the token's PIN")
+    try:
+        from eskin.privacy.hardware import TokenMaster  # noqa: PLC0415 - an optional part
+    except ImportError as error:
+        raise SettingsError(
+            "keys.module", "needs python-pkcs11: pip install 'eskin[hardware]'"
+        ) from error
+    return TokenMaster(settings.module, settings.token, settings.pin)

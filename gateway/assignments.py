@@ -1,0 +1,107 @@
+"""Which subject wears a node, and since when: one small file a node, beside the keys."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import NoKeyError, PrivacyError
+from eskin.identity import IdentityKind
+from eskin.privacy import Subject
+from eskin.privacy.files import make_folder, read_private, write_private
+from eskin.privacy.subject import KEY_BYTES
+
+if TYPE_CHECKING:
+    from eskin.privacy import Vault
+
+ALWAYS: Final = -(2**63)
+
+
+class Assignments:
+    """Says whose data a node's message is: of whoever wore the node when it was measured.
+
+    Args:
+        vault: The site's key store, in whose folder they lie.
+
+    Raises:
+        PrivacyError: The folder cannot be used.
+    """
+
+    def __init__(self, vault: Vault) -> None:
+        self._vault = vault
+        self._folder = vault.directory / "nodes"
+        self._read: dict[str, tuple[tuple[int, int], list[tuple[int, str]]]] = {}
+        self._lost: dict[str, Subject] = {}
+        make_folder(self._folder)
+
+    def assign(self, node: str, subject: Subject, *, since: int) -> None:
+        """Have a subject wear a node.
+
+        Args:
+            node: The node.
+            subject: Who wears it, or nobody.
+            since: UTC ns; what was measured before stays whose it is.
+
+        Raises:
+            PrivacyError: It cannot be written.
+            IdentityError: The node's name is none.
+        """
+        IdentityKind.NODE.require_name(node)
+        history = [entry for entry in self._history(node) if entry[0] < since]
+        self._write(node, [*history, (since, subject.pseudonym)])
+
+    def release(self, pseudonym: str, *, since: int) -> list[str]:
+        """Have nobody wear the nodes that a subject wears; gives which they were."""
+        worn = [node for node, wearer in self.wearers().items() if wearer == pseudonym]
+        for node in worn:
+            self.assign(node, self._vault.create(), since=since)
+        return worn
+
+    def wearers(self) -> dict[str, str]:
+        """Each node's present subject, by node."""
+        nodes = sorted(path.name for path in self._folder.iterdir() if path.name[0] != ".")
+        return {node: self._history(node)[-1][1] for node in nodes}
+
+    def subject(self, node: str, moment: int) -> Subject:
+        """Whose data it is.
+
+        Data of an erased subject that come late are given a key that nobody keeps: they are stored
+        once like all else, and can never be read.
+
+        Args:
+            node: Who said it.
+            moment: When it was measured, UTC ns.
+
+        Raises:
+            PrivacyError: A file cannot be read or written.
+        """
+        history = self._history(node)
+        pseudonym = next(name for since, name in reversed(history) if since <= moment)
+        try:
+            return self._vault.find(pseudonym)
+        except NoKeyError:
+            lost = Subject(pseudonym, "", b"", os.urandom(KEY_BYTES))
+            return self._lost.setdefault(pseudonym, lost)
+
+    def _history(self, node: str) -> list[tuple[int, str]]:
+        path = self._folder / node
+        try:
+            found = path.stat()
+        except FileNotFoundError:
+            self._write(node, [(ALWAYS, self._vault.create().pseudonym)])
+            found = path.stat()
+        version = found.st_mtime_ns, found.st_ino
+        known = self._read.get(node)
+        if known is None or known[0] != version:
+            try:
+                entries = [
+                    (int(since), str(name)) for since, name in json.loads(read_private(path))
+                ]
+            except (ValueError, TypeError) as error:
+                raise PrivacyError(f"{path}: is no list of who wore the node") from error
+            known = self._read[node] = version, entries
+        return known[1]
+
+    def _write(self, node: str, history: list[tuple[int, str]]) -> None:
+        write_private(self._folder / node, json.dumps(history).encode())

@@ -1,0 +1,75 @@
+"""Telling the cloud of subjects over HTTPS."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import cbor2
+import httpx
+import orjson
+
+from eskin.errors import CloudError
+
+if TYPE_CHECKING:
+    import ssl
+    from collections.abc import Sequence
+
+    from gateway.warrants import Warrants
+
+
+class Notices(Protocol):
+    """What the gateway needs of the cloud to have keys kept and destroyed."""
+
+    def send(
+        self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
+    ) -> dict[str, str]:
+        """Tell, and learn what became of each subject's key: kept, declined or erased.
+
+        Args:
+            worn: Pseudonym, node, and the key if the cloud may have it.
+            erased: Pseudonyms whose keys are to be destroyed.
+
+        Raises:
+            CloudError: The cloud did not answer as agreed.
+        """
+
+
+class HttpsNotices:
+    """The cloud's subjects over HTTPS.
+
+    Args:
+        url: The cloud's ingest; subjects are beside it.
+        warrants: Prove who tells.
+        context: Leads to our root.
+        timeout_s: Seconds to wait.
+    """
+
+    def __init__(
+        self, url: str, *, warrants: Warrants, context: ssl.SSLContext, timeout_s: float
+    ) -> None:
+        self._url = httpx.URL(url).join("subjects")
+        self._warrants = warrants
+        self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    def send(
+        self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
+    ) -> dict[str, str]:
+        """See `Notices.send`."""
+        body = cbor2.dumps({"worn": [list(one) for one in worn], "erased": list(erased)})
+        try:
+            headers = self._warrants.headers(body)
+            answer = self._client.post(self._url, content=body, headers=headers)
+            if answer.status_code != httpx.codes.OK:
+                raise CloudError(
+                    f"{self._url} answered {answer.status_code} {answer.reason_phrase}",
+                    status=answer.status_code,
+                )
+            return {item["id"]: item["result"] for item in orjson.loads(answer.content)["items"]}
+        except httpx.HTTPError as error:
+            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
+        except (orjson.JSONDecodeError, KeyError, TypeError) as error:
+            raise CloudError(f"{self._url}: the answer is not as agreed") from error

@@ -1,0 +1,116 @@
+"""The thread that sees to erasure: here at once, and at the cloud as soon as it answers."""
+
+from __future__ import annotations
+
+import logging
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import CloudError, NoKeyError, PrivacyError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from eskin.privacy import Vault
+    from gateway.assignments import Assignments
+    from gateway.notices import Notices
+    from gateway.veiling import Veiling
+
+log = logging.getLogger(__name__)
+
+_TICK_S: Final = 1.0
+_MOST_PATIENCE: Final = 30
+
+
+class Steward:
+    """Tells the cloud who wears what, gives it keys if it may have them, has them destroyed.
+
+    All that is left to tell can be read from the key store, so that nothing is forgotten when the
+    gateway ends: an erasure is told again until the cloud confirms it.
+
+    Args:
+        vault: The site's key store.
+        assignments: Who wears what.
+        veiling: Holds keys derived from the subjects'.
+        notices: The way to the cloud.
+        share: Whether the cloud may have the keys.
+    """
+
+    def __init__(
+        self,
+        vault: Vault,
+        assignments: Assignments,
+        *,
+        veiling: Veiling,
+        notices: Notices,
+        share: bool,
+    ) -> None:
+        self._vault = vault
+        self._assignments = assignments
+        self._veiling = veiling
+        self._notices = notices
+        self._share = share
+        self._told: set[tuple[str, str]] = set()
+        self._forgotten: set[str] = set()
+        self._stopping = Event()
+        self.fault: str | None = None
+        self._thread = Thread(target=self._run, name="steward", daemon=True)
+
+    def start(self) -> None:
+        """Work in a thread."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._stopping.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        failures = 0
+        while not self._stopping.wait(_TICK_S * min(2**failures, _MOST_PATIENCE)):
+            try:
+                self.tend()
+            except (CloudError, PrivacyError, OSError) as error:
+                failures = min(failures + 1, 10)
+                if self.fault is None:
+                    log.warning("subjects: %s; trying again", error)
+                self.fault = str(error)
+            else:
+                failures, self.fault = 0, None
+
+    @property
+    def pending(self) -> int:
+        """Erasures that the cloud has not confirmed."""
+        return sum(grave.confirmed is None for grave in self._vault.graves())
+
+    def tend(self) -> None:
+        """Look once for what is erased or new, and tell the cloud.
+
+        Raises:
+            CloudError: The cloud did not answer as agreed.
+            PrivacyError: The key store cannot be read or written.
+        """
+        self._vault.finish()
+        graves = self._vault.graves()
+        for pseudonym in {grave.pseudonym for grave in graves} - self._forgotten:
+            self._veiling.forget(pseudonym)
+            self._forgotten.add(pseudonym)
+        pending = [grave for grave in graves if grave.confirmed is None]
+        worn = list(self._untold())
+        if not pending and not worn:
+            return
+        results = self._notices.send(worn, [grave.pseudonym for grave in pending])
+        self._told.update((node, pseudonym) for pseudonym, node, _ in worn)
+        for grave in pending:
+            if results.get(grave.pseudonym) == "erased":
+                self._vault.confirm(grave)
+                log.info("erasure confirmed by the cloud: subject=%s", grave.pseudonym)
+
+    def _untold(self) -> Iterator[tuple[str, str, bytes | None]]:
+        for node, pseudonym in self._assignments.wearers().items():
+            if (node, pseudonym) not in self._told:
+                try:
+                    key = self._vault.find(pseudonym).key if self._share else None
+                except NoKeyError:
+                    key = None
+                yield pseudonym, node, key

@@ -1,0 +1,84 @@
+"""The one place where the gateway seals what tells of a person, before anything is written."""
+
+from __future__ import annotations
+
+import hmac
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import MessageError
+from eskin.messages import Block, BlockSummary, Gap, Peak, Result, Status, decode_message
+from eskin.messages.fields import load_any
+from eskin.messages.head import require_channel
+from eskin.privacy import Veiler, is_biometric
+from eskin.privacy.cipher import span
+
+if TYPE_CHECKING:
+    from eskin.messages import Position, Summary
+    from gateway.assignments import Assignments
+    from gateway.batch import DeadLetter
+
+WITHHELD: Final = "cannot be read; it is kept sealed with the reason, as it may tell of a person"
+
+
+class Veiling:
+    """Seals blocks and peaks of biometric channels. Only for one thread.
+
+    Args:
+        assignments: Whose data they are.
+    """
+
+    def __init__(self, assignments: Assignments) -> None:
+        self._assignments = assignments
+        self._veiler = Veiler()
+
+    def forget(self, pseudonym: str) -> None:
+        """Drop what was derived from an erased subject's key; from any thread."""
+        self._veiler.forget(pseudonym)
+
+    def read(self, summary: Summary, plaintext: bytes) -> Block | Peak | None:
+        """A message that tells of a person, whole: behind us nobody can check it any more.
+
+        Raises:
+            MessageError: It is none.
+        """
+        if not isinstance(summary, BlockSummary | Peak) or not is_biometric(summary.channel):
+            return None
+        message = decode_message(plaintext)
+        return message if isinstance(message, Block | Peak) else None
+
+    def guard(self, node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
+        """What may be written of what `read` gave: its plaintext, or a veiled message.
+
+        Raises:
+            PrivacyError: No key can be had.
+        """
+        if message is None:
+            return plaintext
+        subject = self._assignments.subject(node, span(message)[0])
+        return self._veiler.veil(subject, node, message, plaintext).encode()
+
+    def guard_unread(self, letter: DeadLetter, position: Position | None) -> DeadLetter:
+        """What may be written of a message that nobody can read: body and reason sealed together.
+
+        Raises:
+            PrivacyError: No key can be had.
+        """
+        if _tells_of_nobody(letter.body):
+            return letter
+        subject = self._assignments.subject(letter.node, letter.at)
+        plaintext = b"%b\n%b" % (letter.reason.encode(), letter.body)
+        veiled = self._veiler.veil_unread(subject, letter.node, position, plaintext, now=letter.at)
+        mark = hmac.digest(subject.key, letter.body, "sha256")
+        return letter._replace(reason=WITHHELD, body=veiled.encode(), mark=mark)
+
+
+def _tells_of_nobody(plaintext: bytes) -> bool:
+    """Whether bytes are of no channel, or name one that is not biometric."""
+    try:
+        fields = load_any(plaintext, "message")
+        channel = fields.get(4) if isinstance(fields, dict) else None
+        if isinstance(channel, str) and not is_biometric(require_channel(channel, "field 4")):
+            return True
+        return isinstance(decode_message(plaintext), Gap | Status | Result)
+    except MessageError:
+        return False

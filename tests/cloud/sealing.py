@@ -1,0 +1,96 @@
+"""Sealed messages, a cloud that holds their keys, and people who may or may not read them."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any, Final
+
+import cbor2
+
+from cloud.access import Scope, create_token
+from eskin.privacy import FileMaster, Vault, Veiler
+from eskin.settings import KeysSection
+from tests.cloud.clouds import Stand, standing
+from tests.cloud.messages import block, peak, status
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import httpx
+
+    from eskin.messages import Block, Peak, Status
+    from eskin.privacy import Subject
+    from tests.identities import Identities
+
+NODE: Final = "hand"
+CHANNEL: Final = "t05.bioelectric"
+
+
+class Site:
+    """A gateway's key store, and what it brings."""
+
+    def __init__(self, folder: Path) -> None:
+        self.vault = Vault(folder / "site", FileMaster(folder / "site.key"))
+        self.ada = self.vault.create("Ada Lovelace")
+        self._veiler = Veiler()
+
+    def seal(self, message: Block | Peak, subject: Subject | None = None) -> bytes:
+        """A sealed message of the node."""
+        made = self._veiler.veil(subject or self.ada, NODE, message, message.encode())
+        return made.encode()
+
+    def batch(self, *messages: Block | Peak | Status, subject: Subject | None = None) -> bytes:
+        """The body of an ingest, in which blocks and peaks are sealed."""
+        bodies = [
+            said.encode() if hasattr(said, "channels") else self.seal(said, subject)
+            for said in messages
+        ]
+        return cbor2.dumps([[NODE, body] for body in bodies])
+
+
+def remains(folder: Path) -> bytes:
+    """All bytes of all files below a folder, and their names."""
+    return b"".join(
+        str(path).encode() + path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    )
+
+
+def pulse(sequence: int, *bounds: Any, **given: Any) -> Block:
+    """A block of the biometric channel."""
+    return block(sequence, *bounds, **({"channel": CHANNEL, "unit": "V"} | given))
+
+
+def beat(sequence: int, **given: Any) -> Peak:
+    """A peak of the biometric channel."""
+    return peak(sequence, **({"channel": CHANNEL, "unit": "V"} | given))
+
+
+def declared(sequence: int = 0) -> Status:
+    """The node's status, which names the channel."""
+    return status(sequence, unit="V", channels=(CHANNEL,))
+
+
+@contextmanager
+def sealing(
+    folder: Path, identities: Identities, *, keys: bool = True, **sections: Any
+) -> Iterator[Stand]:
+    """A cloud in a folder that may hold keys."""
+    own = KeysSection(directory=folder / "cloud-keys" if keys else None)
+    with standing(folder, identities, keys=own, **sections) as stand:
+        yield stand
+
+
+def physician(stand: Stand) -> str:
+    """A token that may read what tells of a person."""
+    scopes = [Scope.READ, Scope.BIOMETRIC]
+    return create_token(
+        stand.cloud.store, scopes=scopes, name="physician", lifetime=timedelta(hours=1)
+    )
+
+
+async def ask(stand: Stand, token: str, path: str, **params: Any) -> httpx.Response:
+    """Ask with a token."""
+    async with stand.client(token=token) as client:
+        return await client.get(path, params=params)

@@ -1,0 +1,137 @@
+"""Keys are their owner's alone, and once destroyed they are gone, for every reader at once."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from typing import TYPE_CHECKING
+
+import pytest
+
+from eskin.errors import NoKeyError, PrivacyError
+from eskin.privacy import FileMaster, Vault
+from eskin.privacy import files as room
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def everything(folder: Path) -> bytes:
+    return b"".join(
+        str(path).encode() + path.read_bytes() for path in folder.rglob("*") if path.is_file()
+    )
+
+
+def test_subject_is_found_again_by_another_process(vault: Vault, tmp_path: Path) -> None:
+    made = vault.create("Ada")
+    other = Vault(vault.directory, FileMaster(tmp_path / "master.key"))
+    assert other.find(made.pseudonym) == made
+    assert other.named("Ada") == made
+    assert other.named("Bo") is None
+
+
+def test_files_are_their_owners_alone_and_tell_no_name_and_no_key(vault: Vault) -> None:
+    made = vault.create("Ada Lovelace")
+    held = everything(vault.directory)
+    assert b"Lovelace" not in held
+    assert made.key not in held
+    assert made.salt not in held
+    for path in vault.directory.rglob("*"):
+        assert path.stat().st_mode & 0o077 == 0, path
+
+
+def test_pseudonym_is_keyed(vault: Vault) -> None:
+    made = vault.create("Ada")
+    secret = vault._master.unwrap((vault.directory / "secret").read_bytes(), b"secret")
+    digest = hmac.new(secret, made.salt + b"Ada", hashlib.sha256).hexdigest()
+    assert made.pseudonym == digest[:32]
+    assert len({vault.create("Ada").pseudonym for _ in range(5)} | {made.pseudonym}) == 6
+
+
+def test_key_that_others_may_read_is_refused(vault: Vault, tmp_path: Path) -> None:
+    made = vault.create("Ada")
+    (tmp_path / "master.key").chmod(0o640)
+    with pytest.raises(PrivacyError, match="chmod 600"):
+        FileMaster(tmp_path / "master.key")
+    (vault.directory / "subjects" / made.pseudonym).chmod(0o604)
+    other = Vault(vault.directory, vault._master)
+    with pytest.raises(PrivacyError, match="chmod 600"):
+        other.find(made.pseudonym)
+
+
+def test_keys_of_another_master_are_refused(vault: Vault, tmp_path: Path) -> None:
+    made = vault.create("Ada")
+    stranger = Vault(vault.directory, FileMaster(tmp_path / "other.key"))
+    with pytest.raises(PrivacyError, match="was not wrapped by"):
+        stranger.find(made.pseudonym)
+
+
+def test_wrapped_key_of_one_subject_passes_for_no_other(vault: Vault) -> None:
+    one, two = vault.create("Ada"), vault.create("Bo")
+    folder = vault.directory / "subjects"
+    (folder / two.pseudonym).write_bytes((folder / one.pseudonym).read_bytes())
+    with pytest.raises(PrivacyError, match="was not wrapped by"):
+        vault.find(two.pseudonym)
+
+
+def test_erasure_overwrites_the_key_and_leaves_a_tombstone(vault: Vault, tmp_path: Path) -> None:
+    made = vault.create("Ada")
+    path = vault.directory / "subjects" / made.pseudonym
+    wrapped = path.read_bytes()
+    twin = tmp_path / "same blocks on the disk"
+    twin.hardlink_to(path)
+    # With a second name the bytes would stay, so they are overwritten only without one.
+    twin.unlink()
+    with path.open("rb") as held:
+        grave = vault.erase(made.pseudonym)
+        assert held.read() not in {wrapped, b""}
+    assert (grave.erased, grave.confirmed) == (7, None)
+    assert wrapped not in everything(vault.directory)
+    assert vault.subjects() == []
+    vault.confirm(grave)
+    assert [(g.pseudonym, g.confirmed) for g in vault.graves()] == [(made.pseudonym, 7)]
+    with pytest.raises(NoKeyError):
+        vault.find(made.pseudonym)
+
+
+def test_erasure_elsewhere_counts_at_once(vault: Vault) -> None:
+    made = vault.create("Ada")
+    reader = Vault(vault.directory, vault._master)
+    assert reader.find(made.pseudonym) == made
+    vault.erase(made.pseudonym)
+    with pytest.raises(NoKeyError):
+        reader.find(made.pseudonym)
+
+
+def test_power_cut_between_tombstone_and_key_ends_in_no_key(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = vault.create("Ada")
+
+    def cut(path: Path) -> None:
+        raise SystemExit(str(path))
+
+    monkeypatch.setattr("eskin.privacy.vault.destroy", cut)
+    with pytest.raises(SystemExit):
+        vault.erase(made.pseudonym)
+    monkeypatch.setattr("eskin.privacy.vault.destroy", room.destroy)
+    assert Vault(vault.directory, vault._master).subjects() == []
+
+
+def test_what_is_erased_never_comes_back(vault: Vault) -> None:
+    key, late = bytes(32), "a" * 32
+    assert vault.keep(late, key)
+    assert not vault.keep(late, key)
+    vault.erase(late)
+    with pytest.raises(NoKeyError):
+        vault.keep(late, key)
+    assert vault.bury("b" * 32)
+    assert not vault.bury("b" * 32)
+    with pytest.raises(NoKeyError):
+        vault.keep("b" * 32, key)
+
+
+@pytest.mark.parametrize("name", ["../secret", "", "A" * 32, "a" * 31])
+def test_pseudonym_is_no_path(vault: Vault, name: str) -> None:
+    with pytest.raises(NoKeyError):
+        vault.find(name)

@@ -1,0 +1,136 @@
+"""What tells of a person lies in spool, write-ahead log and dead letters sealed alone."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+import cbor2
+import pytest
+
+from eskin.errors import IdentityError
+from eskin.messages import Position
+from eskin.privacy import FileMaster, Unveiler, Vault, Veiled
+from eskin.topics import Stream
+from gateway.assignments import Assignments
+from gateway.veiling import WITHHELD
+from tests.gateway.messages import EPOCH, block, peak
+from tests.gateway.test_intake import introduce
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin.messages import Block, Peak
+    from tests.gateway.twins import Inside
+    from tests.gateway.wire_node import Seal
+
+BIOMETRIC = "t05.bioelectric"
+
+
+def remains(folder: Path) -> bytes:
+    """All bytes of all files."""
+    return b"".join(path.read_bytes() for path in folder.rglob("*") if path.is_file())
+
+
+def traces(message: Block | Peak) -> list[bytes]:
+    """Pieces of a message's bytes that nothing else has."""
+    data = message.encode()
+    return [data[at : at + 24] for at in range(len(data) // 2, len(data) - 24, 24)]
+
+
+def test_biometric_block_and_peak_never_lie_in_the_clear(
+    inside: Inside, seal: Seal, tmp_path: Path
+) -> None:
+    introduce(inside, seal)
+    told: list[Block | Peak] = [block(1, channel=BIOMETRIC), peak(2, channel=BIOMETRIC)]
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, told[0].encode()))
+    inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, told[1].encode()))
+    reader = Unveiler(inside.vault)
+    for message, body in zip(told, inside.stored()[1:], strict=True):
+        assert reader.read("fingertip", Veiled.decode(body))[1] == message.encode()
+        for trace in traces(message):
+            assert trace not in remains(tmp_path)
+    plain = block(3)
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, plain.encode()))
+    assert inside.stored()[3] == plain.encode()
+    assert traces(plain)[0] in remains(tmp_path)
+
+
+def test_dead_letter_that_may_tell_of_a_person_is_sealed_and_logged_without_its_content(
+    inside: Inside, seal: Seal, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    introduce(inside, seal)
+    secret = 0.123456789
+    poison = cbor2.dumps({1: 2, 2: 1, 3: 1, 4: BIOMETRIC, 5: "V", 11: [secret, "x"], 12: secret})
+    with caplog.at_level(logging.DEBUG):
+        inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, poison))
+    (letter,) = inside.spool.dead_letters()
+    assert letter.reason == WITHHELD
+    assert poison not in remains(tmp_path)
+    assert str(secret) not in caplog.text
+    assert WITHHELD in caplog.text
+    opened = Unveiler(inside.vault).unveil("fingertip", Veiled.decode(letter.body))
+    assert opened.endswith(b"\n" + poison)
+    assert Veiled.decode(letter.body).position == Position(1, 1)
+
+
+def test_node_cannot_say_what_is_veiled_already(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    subject = inside.assignments.subject("fingertip", EPOCH)
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, forged(subject.pseudonym)))
+    assert inside.rejected() == {"poison": 1}
+
+
+def forged(subject: str) -> bytes:
+    return Veiled.decode(
+        cbor2.dumps(
+            {1: 6, 2: 1, 3: 1, 4: BIOMETRIC, 5: 1, 6: subject, 7: [0, 0], 8: bytes(16), 9: 0}
+            | {10: bytes(16)}
+        )
+    ).encode()
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Vault:
+    return Vault(tmp_path / "keys", FileMaster(tmp_path / "master.key"))
+
+
+def test_data_are_of_whoever_wore_the_node_when_they_were_measured(site: Vault) -> None:
+    kept = Assignments(site)
+    nobody = kept.subject("hand", 5)
+    ada, bo = site.create("Ada"), site.create("Bo")
+    kept.assign("hand", ada, since=10)
+    kept.assign("hand", bo, since=20)
+    again = Assignments(Vault(site.directory, site._master))
+    for reader in (kept, again):
+        whose = [reader.subject("hand", moment) for moment in (9, 10, 19, 20, 10**18)]
+        assert whose == [nobody, ada, ada, bo, bo]
+    assert again.wearers() == {"hand": bo.pseudonym}
+    assert kept.subject("palm", 0) != nobody
+
+
+def test_assignment_elsewhere_counts_at_once(site: Vault) -> None:
+    running, command = Assignments(site), Assignments(site)
+    ada = site.create("Ada")
+    assert running.subject("hand", 10**18) != ada
+    command.assign("hand", ada, since=0)
+    assert running.subject("hand", 10**18) == ada
+
+
+def test_late_data_of_an_erased_subject_get_a_key_that_nobody_keeps(site: Vault) -> None:
+    kept = Assignments(site)
+    ada = site.create("Ada")
+    kept.assign("hand", ada, since=10)
+    site.erase(ada.pseudonym)
+    assert kept.release(ada.pseudonym, since=20) == ["hand"]
+    late = kept.subject("hand", 15)
+    assert late.pseudonym == ada.pseudonym
+    assert late.key != ada.key
+    assert late.key not in remains(site.directory)
+    assert kept.subject("hand", 15) == late
+    assert kept.subject("hand", 25).pseudonym not in {ada.pseudonym, late.pseudonym}
+
+
+def test_name_of_a_node_is_no_path(site: Vault) -> None:
+    with pytest.raises(IdentityError):
+        Assignments(site).assign("../subjects/x", site.create(), since=0)

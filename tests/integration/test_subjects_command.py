@@ -1,0 +1,113 @@
+"""``eskin subjects`` as its user has it: real files, and a cloud to fetch from."""
+
+from __future__ import annotations
+
+import threading
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from typing import TYPE_CHECKING, Final
+
+import pytest
+from typer.testing import CliRunner
+
+from eskin.command import app
+from eskin.privacy import open_vault
+from eskin.settings import KeysSection
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from eskin.privacy import Vault
+
+NAME: Final = "Grace Hopper"
+LINES: Final = b'{"kind":"block"}\n{"kind":"peak"}\n'
+
+
+class Site:
+    """A gateway's settings and key store."""
+
+    def __init__(self, folder: Path) -> None:
+        self.config = folder / "gateway.toml"
+        self.config.write_text(
+            f'[identity]\ndirectory = "{folder}"\nsite = "{folder}"\n'
+            f'[spool]\npath = "{folder / "spool.db"}"\n'
+        )
+        self.folder = folder
+
+    def run(self, *words: str, said: str = "", status: int = 0) -> str:
+        wide = {"COLUMNS": "200"}
+        arguments = ["subjects", *words, "--config", str(self.config)]
+        done = CliRunner(env=wide).invoke(app, arguments, input=said)
+        assert (done.exit_code != 0) == (status != 0), done.output
+        return done.output + str(done.exception or "")
+
+    @property
+    def vault(self) -> Vault:
+        return open_vault(KeysSection(), self.folder / "keys")
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path)
+
+
+def test_person_is_assigned_listed_released_and_erased(site: Site) -> None:
+    site.run("assign", "--node", "hand", said=f"{NAME}\n")
+    grace = site.vault.named(NAME)
+    assert grace is not None
+    (row,) = [line for line in site.run("list").splitlines() if NAME in line]
+    assert row.split()[2:] == [grace.pseudonym, "hand", "sealed"]
+    site.run("assign", "--node", "palm", "--name", NAME)
+    assert site.vault.named(NAME) == grace
+    site.run("release", "--node", "palm")
+    site.run("erase", said=f"{NAME}\n")
+    listed = site.run("list")
+    assert NAME not in listed
+    (row,) = [line for line in listed.splitlines() if grace.pseudonym in line]
+    assert "the cloud has not confirmed yet" in row
+    assert "no such person" in site.run("erase", "--name", NAME, status=2)
+    assert "its key is destroyed" in site.run("erase", "--pseudonym", grace.pseudonym, status=2)
+
+
+@pytest.mark.parametrize("name", ["", " ", "x" * 201])
+def test_name_that_is_none_is_refused(site: Site, name: str) -> None:
+    assert "--name" in site.run("assign", "--node", "hand", "--name", name, status=2)
+
+
+@pytest.fixture
+def cloud() -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
+    asked: list[tuple[str, str | None]] = []
+
+    class Answers(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append((self.path, self.headers["Authorization"]))
+            self.send_response(200 if len(asked) == 1 else 403)
+            self.end_headers()
+            self.wfile.write(LINES)
+
+        def log_message(self, *_: object) -> None:
+            return
+
+    with HTTPServer(("127.0.0.1", 0), Answers) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_port}", asked
+        server.shutdown()
+        thread.join()
+
+
+def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
+    site: Site, cloud: tuple[str, list[tuple[str, str | None]]]
+) -> None:
+    url, asked = cloud
+    site.run("assign", "--node", "hand", "--name", NAME)
+    grace = site.vault.named(NAME)
+    assert grace is not None
+    token, out = site.folder / "token", site.folder / "out.jsonl"
+    token.write_text("eskin_abc\n")
+    words = ["--url", url, "--token", str(token), "--name", NAME, "--out"]
+    site.run("export", *words, str(out))
+    assert asked == [(f"/api/v1/subjects/{grace.pseudonym}/export", "Bearer eskin_abc")]
+    assert out.read_bytes() == LINES
+    assert out.stat().st_mode & 0o077 == 0
+    assert "403" in site.run("export", *words, str(site.folder / "second"), status=2)
