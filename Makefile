@@ -23,7 +23,7 @@ DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 MICROPYTHON := tests/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
-.PHONY: help demo test test-compose lint bench chaos docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench chaos fuzz docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -52,6 +52,9 @@ bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure 
 chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1")
 	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev
 	$(BIN)/python -m tests.chaos $(ARGS)
+
+fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every way in (ARGS="--inputs 100000 --target wire")
+	$(BIN)/python -m tests.fuzz $(ARGS)
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
@@ -86,6 +89,11 @@ $(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
 $(VENV)/.peers: pyproject.toml constraints.txt | $(VENV)/.development
 	@echo "Installing the libraries that eskin is measured beside …"
 	@$(BIN)/pip install --disable-pip-version-check --editable '.[bench]' --constraint constraints.txt $(ON_ONE_LINE)
+	@touch $@
+
+$(VENV)/.fuzz: pyproject.toml constraints.txt | $(VENV)/.development
+	@echo "Installing the fuzzer …"
+	@$(BIN)/pip install --disable-pip-version-check --editable '.[fuzz]' --constraint constraints.txt $(ON_ONE_LINE)
 	@touch $@
 
 $(MICROPYTHON_INSTALLED): $(MICROPYTHON)/package.json $(MICROPYTHON)/package-lock.json | $(VENV)/bin/pip

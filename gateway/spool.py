@@ -16,9 +16,10 @@ from dataclasses import dataclass
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from eskin.errors import LockedError, SpoolError
+from eskin.errors import LockedError, MessageError, SpoolError
 from eskin.lockfile import LockFile
 from eskin.messages import Position
+from eskin.wholeness import UNREADABLE, require_whole
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
 from gateway.reserve import Reserve
@@ -96,6 +97,7 @@ class Spool:
         try:
             self._owner = LockFile(path)
             self._intake = _connect(path, "FULL")
+            require_whole(self._intake)
             migrate(self._intake)
             self._outlet = _connect(path, "NORMAL")
             # Their nodes show new ones with each status.
@@ -109,7 +111,7 @@ class Spool:
             raise SpoolError(
                 f"spool {path}: another gateway runs on it; stop it first, or give each its own"
             ) from error
-        except (OSError, sqlite3.Error) as error:
+        except (OSError, *UNREADABLE) as error:
             raise SpoolError(f"spool {path} cannot be opened: {error}") from error
 
     def close(self) -> None:
@@ -171,7 +173,7 @@ class Spool:
                     break
                 taken.append(Stored(*row))
             cursor.close()
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
         return taken
 
@@ -201,7 +203,10 @@ class Spool:
         if not rows:
             return None
         _, boot, sequence, ranges, status, thumbprint = rows[0]
-        return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
+        try:
+            return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
+        except MessageError as error:
+            raise SpoolError(f"spool {self._path} is damaged: {name}: {error}") from error
 
     def nodes(self) -> list[str]:
         """Names of all nodes ever accepted."""
@@ -234,7 +239,7 @@ class Spool:
         try:
             with self._lock:
                 return self._intake.execute(query, values).fetchall()
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
 
     def _forget(self, stored: Sequence[Stored], dead: Sequence[DeadLetter]) -> tuple[int, int]:

@@ -123,10 +123,11 @@ def decode_floats(lo: object, hi: object, n: int, encoding: Encoding) -> Interva
         MessageError: Wrong tag or length, a NaN, or lo > hi.
     """
     dtype = "<f8" if encoding is Encoding.F64 else "<f4"
-    return _ordered(
-        _untyped(lo, dtype, n, "lo").astype(np.float64),
-        _untyped(hi, dtype, n, "hi").astype(np.float64),
-    )
+    with np.errstate(invalid="ignore"):  # a signalling NaN is refused below, as all are
+        return _ordered(
+            _untyped(lo, dtype, n, "lo").astype(np.float64),
+            _untyped(hi, dtype, n, "hi").astype(np.float64),
+        )
 
 
 def decode_q16(lo: object, hi: object, n: int, scale: Scale) -> Interval:
