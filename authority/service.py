@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import ssl
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import uvicorn
 
@@ -13,9 +13,18 @@ from authority.application import create_application
 from authority.tokens import Tokens
 from eskin.identity import Authority, Identity, IdentityKind, new_key
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, write_whole
+from eskin.listening import Bounds, guarded
 
 if TYPE_CHECKING:
     from authority.settings import AuthoritySettings, Expected
+
+_MOST_BODY: Final = 65_536
+_HEADERS: Final = [
+    ("Cache-Control", "no-store"),
+    ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
+    ("Strict-Transport-Security", "max-age=31536000"),
+    ("X-Content-Type-Options", "nosniff"),
+]
 
 log = logging.getLogger(__name__)
 
@@ -40,9 +49,12 @@ def run(settings: AuthoritySettings) -> None:
         ),
         host=own.host,
         port=own.port,
+        http=guarded(Bounds(body_bytes=_MOST_BODY)),
+        ws="none",
         ssl_certfile=identity.directory / CHAIN_FILE,
         ssl_keyfile=identity.directory / KEY_FILE,
         ssl_version=ssl.PROTOCOL_TLS_SERVER,
+        headers=_HEADERS,
         log_config=None,
         access_log=False,
         server_header=False,
