@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 
     from gateway.batch import Batch
 
-
 log = logging.getLogger(__name__)
 
 _CHECKPOINT_PAGES: Final = 1000

@@ -63,7 +63,7 @@ class Service(Running):
     def start(self) -> None:
         """Start, and wait until it is ready."""
         super().start()
-        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready")
+        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready", seconds=60)
 
     def token(self) -> str:
         """A reader's token, made beside the running cloud."""

@@ -110,7 +110,7 @@ async def test_second_head_on_a_connection_has_its_time_too() -> None:
     async with listening(BRIEF) as port:
         said = await say(port, GET, b"GET / HTTP/1.1\r\nHost: ")
         assert said.startswith(b"HTTP/1.1 200")
-        assert b"HTTP/1.1 408" in said
+        assert said.count(b"HTTP/1.1 200") == 1  # and then it was closed
 
 
 async def test_body_that_never_ends_is_refused() -> None:
