@@ -79,8 +79,8 @@ class GuardedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
-        own = self.client and self.client[0]
-        same = sum(1 for other in self.connections if other.client and other.client[0] == own)
+        others = [getattr(other, "client", None) for other in self.connections]
+        same = sum(1 for other in others if other and self.client and other[0] == self.client[0])
         if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
             return
