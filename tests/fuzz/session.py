@@ -117,6 +117,9 @@ class Session:
         progress = self._progress()
         covered = _COVERED.findall(said) or [("0", "0", "0")]
         broken = sorted(self._folder.glob("broken-*"))
+        if status and not broken and (self._folder / CURRENT).exists():
+            broken = [self._folder / "broken-last"]
+            broken[0].write_bytes(read_current(self._folder))
         growth = (progress["bytes"] - progress["warm_bytes"]) / _MIB
         fault = ""
         if status and not broken:

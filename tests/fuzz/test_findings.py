@@ -28,7 +28,7 @@ from gateway.spool import Spool
 from sensor_node.flash import Flash
 from sensor_node.replay.recording import read_recording
 from sensor_node.scenario import read_scenario
-from tests.fuzz.targets import requests
+from tests.fuzz.targets import enrolment, requests
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -110,6 +110,12 @@ def test_odd_request_is_refused_and_no_fault(tmp_path: Path, asked: bytes) -> No
     target = requests.make(tmp_path)
     with target.stack:
         target.check(asked)
+
+
+def test_odd_body_for_the_ca_is_refused_and_no_fault(tmp_path: Path) -> None:
+    target = enrolment.make(tmp_path)
+    with target.stack:
+        target.check(b'POST /enrol\n\n{"\\ud800": "\\ud800"}')
 
 
 def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
