@@ -24,7 +24,7 @@ from tests.fuzz.target import load
 if TYPE_CHECKING:
     from tests.fuzz.target import Target
 
-SLOWEST_S: Final = 10
+SLOWEST_S: Final = 30
 """An input that takes longer is a hang."""
 _WARM: Final = 0.2
 """Share of the run after which memory must not grow any more."""

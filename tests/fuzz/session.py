@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 MOST_GROWTH_MIB: Final = 96.0
 """Room for libFuzzer's own corpus, and for caches that were not full after a fifth of the run."""
-HANGS_S: Final = 20.0
+HANGS_S: Final = 60.0
 """An input that takes longer, and cannot even be interrupted by libFuzzer's own alarm."""
 _LOOK_S: Final = 0.5
 _MIB: Final = 2**20
