@@ -23,7 +23,7 @@ DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 MICROPYTHON := tests/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
-.PHONY: help demo test test-compose lint bench soak chaos powercut docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz scan docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -61,6 +61,12 @@ powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any
 	@services/install_test_packages.sh gcc libc6-dev
 	$(BIN)/python -m tests.powercut $(ARGS)
 
+fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every way in (ARGS="--inputs 100000 --target wire")
+	$(BIN)/python -m tests.fuzz $(ARGS)
+
+scan: $(VENV)/.scan ## Look the pinned libraries up among known vulnerabilities (needs the network)
+	$(BIN)/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt $(ARGS)
+
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
 		eskin '!eskin.command' '!eskin.kernels' $(ARGS)
@@ -94,6 +100,16 @@ $(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
 $(VENV)/.peers: pyproject.toml constraints.txt | $(VENV)/.development
 	@echo "Installing the libraries that eskin is measured beside …"
 	@$(BIN)/pip install --disable-pip-version-check --editable '.[bench]' --constraint constraints.txt $(ON_ONE_LINE)
+	@touch $@
+
+$(VENV)/.fuzz: pyproject.toml constraints.txt | $(VENV)/.development
+	@echo "Installing the fuzzer …"
+	@$(BIN)/pip install --disable-pip-version-check --editable '.[fuzz]' --constraint constraints.txt $(ON_ONE_LINE)
+	@touch $@
+
+$(VENV)/.scan: pyproject.toml constraints.txt | $(VENV)/bin/pip
+	@echo "Installing pip-audit …"
+	@$(BIN)/pip install --disable-pip-version-check 'pip-audit>=2.7' $(ON_ONE_LINE)
 	@touch $@
 
 $(MICROPYTHON_INSTALLED): $(MICROPYTHON)/package.json $(MICROPYTHON)/package-lock.json | $(VENV)/bin/pip

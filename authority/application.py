@@ -14,6 +14,7 @@ from typing import Annotated
 from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from fastapi import FastAPI, HTTPException, Path, Request, Response
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -27,6 +28,7 @@ from eskin.identity.certificates import pem
 log = logging.getLogger(__name__)
 
 _PEM = "application/x-pem-file"
+_LONGEST_DETAIL = 1000
 
 
 class EnrolmentRequest(BaseModel):
@@ -66,6 +68,21 @@ def create_application(
         return JSONResponse(
             {"type": "about:blank", "title": "Forbidden", "status": 403, "detail": str(error)},
             status_code=403,
+            media_type="application/problem+json",
+        )
+
+    @app.exception_handler(RequestValidationError)
+    async def refuse_body(_: Request, error: RequestValidationError) -> JSONResponse:
+        faults = "; ".join(f"{fault['loc'][-1]}: {fault['msg']}" for fault in error.errors())
+        said = faults[:_LONGEST_DETAIL].encode("ascii", "backslashreplace").decode()
+        return JSONResponse(
+            {
+                "type": "about:blank",
+                "title": "Unprocessable Content",
+                "status": 422,
+                "detail": said,
+            },
+            status_code=422,
             media_type="application/problem+json",
         )
 

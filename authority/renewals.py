@@ -11,6 +11,7 @@ from authority.requests import requested_key
 from eskin.envelope import Verifier, signer_chain
 from eskin.errors import EnvelopeError, IdentityError
 from eskin.identity import IdentityKind, Trust, common_name, issuer_kind
+from eskin.identity.certificates import read_certificate
 from eskin.topics import RENEWAL
 
 if TYPE_CHECKING:
@@ -68,8 +69,8 @@ class Renewals:
     def _holder(self, signed: bytes) -> x509.Certificate:
         """The certificate that speaks, not verified yet, but neither revoked nor too old."""
         try:
-            old = x509.load_der_x509_certificate(signer_chain(signed)[0])
-        except (EnvelopeError, ValueError, IndexError) as error:
+            old = read_certificate(signer_chain(signed)[0])
+        except (EnvelopeError, IndexError) as error:
             raise IdentityError(f"no request to renew: {error}") from error
         if self._authority.is_revoked(old):
             raise IdentityError(f"{common_name(old)} was revoked; enrol it again")

@@ -8,6 +8,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import NameOID
 
 from eskin.errors import IdentityError
+from eskin.identity.certificates import UNREADABLE
 
 
 def make_request(key: ec.EllipticCurvePrivateKey, name: str) -> x509.CertificateSigningRequest:
@@ -24,10 +25,9 @@ def requested_key(request: bytes) -> ec.EllipticCurvePublicKey:
     """
     try:
         read = x509.load_der_x509_csr(request)
-        genuine = read.is_signature_valid
-    except ValueError as error:
+        genuine, key = read.is_signature_valid, read.public_key()
+    except UNREADABLE as error:
         raise IdentityError(f"no PKCS #10 request: {error}") from error
-    key = read.public_key()
     if not genuine:
         raise IdentityError("the request is not signed by the key that it holds")
     if not isinstance(key, ec.EllipticCurvePublicKey) or not isinstance(key.curve, ec.SECP256R1):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import ssl
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import uvicorn
 
@@ -13,11 +13,20 @@ from authority.application import create_application
 from authority.tokens import TOKENS_FILE, Tokens
 from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, write_whole
+from eskin.listening import Bounds, guarded
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
 
     from authority.settings import AuthoritySection, AuthoritySettings, Expected
+
+_MOST_BODY: Final = 65_536
+_HEADERS: Final = [
+    ("Cache-Control", "no-store"),
+    ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
+    ("Strict-Transport-Security", "max-age=31536000"),
+    ("X-Content-Type-Options", "nosniff"),
+]
 
 log = logging.getLogger(__name__)
 
@@ -58,9 +67,12 @@ class Server(uvicorn.Server):
             app,
             host=settings.host,
             port=settings.port,
+            http=guarded(Bounds(body_bytes=_MOST_BODY)),
+            ws="none",
             ssl_certfile=self._identity.directory / CHAIN_FILE,
             ssl_keyfile=self._identity.directory / KEY_FILE,
             ssl_version=ssl.PROTOCOL_TLS_SERVER,
+            headers=_HEADERS,
             log_config=None,
             access_log=False,
             server_header=False,

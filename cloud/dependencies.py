@@ -118,9 +118,16 @@ def require_same_site(request: Request) -> None:
     if site is not None:
         own = site in {"same-origin", "none"}
     else:
-        own = origin is None or urlsplit(origin).netloc == request.headers.get("host")
+        own = origin is None or _host_of(origin) == request.headers.get("host", "")
     if not own:
         raise ProblemError(403, "another site had this sent; do it on this page, or with a token")
+
+
+def _host_of(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return None
 
 
 def _require(visitor: Access | None, scope: Scope) -> Access:

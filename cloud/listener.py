@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Final
 import uvicorn
 
 from eskin.errors import SettingsError
+from eskin.listening import guarded
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from starlette.types import ASGIApp
+
+    from eskin.listening import Bounds
 
 _GRACE_SECONDS: Final = 10
 
@@ -68,15 +71,28 @@ class Certificate:
 class Listener(uvicorn.Server):
     """A server whose signals and whose state are somebody else's.
 
+    Args:
+        app: What answers.
+        bound: Where it listens.
+        context: For TLS; ``None`` for plain HTTP.
+        bounds: What a stranger may take.
+
     Attributes:
         ready: Set once it accepts.
     """
 
     def __init__(
-        self, app: ASGIApp, bound: socket.socket, *, context: ssl.SSLContext | None
+        self,
+        app: ASGIApp,
+        bound: socket.socket,
+        *,
+        context: ssl.SSLContext | None,
+        bounds: Bounds,
     ) -> None:
         config = uvicorn.Config(
             app,
+            http=guarded(bounds),
+            ws="none",
             lifespan="off",
             log_config=None,
             access_log=False,

@@ -21,7 +21,7 @@ from cloud.ingest.errors import (
 )
 from cloud.privacy.errors import ErasedError
 from cloud.query.errors import UnknownPlaceError
-from eskin.errors import CommandError, EskinError, QueryError, StoreError
+from eskin.errors import CommandError, EskinError, QueryError, StoreError, shown
 
 if TYPE_CHECKING:
     from fastapi import FastAPI
@@ -31,6 +31,8 @@ log = logging.getLogger(__name__)
 
 MEDIA_TYPE: Final = "application/problem+json"
 RETRY_SECONDS: Final = 5
+_LONGEST_NAME: Final = 200
+"""Of a parameter as refusals show it: who asks may call it anything."""
 
 _STATUSES: Final[tuple[tuple[type[EskinError], int], ...]] = (
     (UnknownPlaceError, 404),
@@ -87,7 +89,7 @@ def problem(
         "title": _title(status),
         "status": status,
         "detail": detail,
-        "instance": request.url.path,
+        "instance": _path(request),
     }
     extra = dict(headers or {})
     if status == HTTPStatus.UNAUTHORIZED:
@@ -114,7 +116,7 @@ def _on_problem(request: Request, error: Exception) -> Response:
 def _on_eskin(request: Request, error: Exception) -> Response:
     status = next((status for kind, status in _STATUSES if isinstance(error, kind)), 500)
     if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
-        log.error("request failed: path=%s reason=%s", request.url.path, error)
+        log.error("request failed: path=%s reason=%s", _path(request), error)
     elif isinstance(error, IngestError):
         log.warning("batch refused: status=%d reason=%s", status, error)
     if status == HTTPStatus.INTERNAL_SERVER_ERROR:
@@ -129,19 +131,18 @@ def _on_validation(request: Request, error: Exception) -> Response:
 
 def _said(fault: dict[str, Any]) -> str:
     name = ".".join(str(part) for part in fault["loc"][1:]) or "request"
+    name = name[:_LONGEST_NAME].encode("ascii", "backslashreplace").decode()
     if fault["type"] == "extra_forbidden":
         return f"{name}: no such parameter; check its spelling"
     if fault["type"] == "missing":
         return f"{name}: is missing"
-    shown = repr(fault.get("input"))
-    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-    return f"{name}: {shown} is not allowed: {fault['msg']}"
+    return f"{name}: {shown(fault.get('input'))} is not allowed: {fault['msg']}"
 
 
 def _on_http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)  # noqa: S101 - what it is registered for
     details = {
-        404: f"there is nothing at {request.url.path}; /openapi.json lists what there is",
+        404: f"there is nothing at {_path(request)}; /openapi.json lists what there is",
         405: f"{request.method} is not possible here; see the Allow header",
     }
     detail = details.get(error.status_code, str(error.detail))
@@ -150,10 +151,14 @@ def _on_http(request: Request, error: Exception) -> Response:
 
 
 def _on_fault(request: Request, error: Exception) -> Response:
-    log.error(
-        "request failed: path=%s reason=%s: %s", request.url.path, type(error).__name__, error
-    )
+    log.error("request failed: path=%s reason=%s: %s", _path(request), type(error).__name__, error)
     return problem(request, 500, "this is our fault; the cloud's log tells more")
+
+
+def _path(request: Request) -> str:
+    """As it was asked for; `Request.url` fails where host or query are no good."""
+    path: str = request.scope["path"]
+    return path
 
 
 def _title(status: int) -> str:

@@ -28,6 +28,7 @@ from cloud.store import Store
 from cloud.watch import watch
 from eskin.errors import LockedError, StoreError
 from eskin.identity import Identity, Trust
+from eskin.listening import Bounds
 from eskin.lockfile import LockFile
 from eskin.privacy import open_vault
 
@@ -111,17 +112,21 @@ def _make_feed(settings: CloudSettings, store: Store) -> Feed:
 async def _serve(cloud: Cloud) -> None:
     people, gateways = cloud.settings.people, cloud.settings.gateways
     inner = Certificate("gateways.identity", gateways.identity)
+    limits = cloud.settings.limits
+    bounds = Bounds(connections=limits.connections, of_one=limits.connections_of_one)
     outer = None if people.identity is None else Certificate("people.identity", people.identity)
     listeners = (
         Listener(
             people_application(cloud),
             bind("people", people.host, people.port),
             context=None if outer is None else outer.context,
+            bounds=bounds,
         ),
         Listener(
             gateway_application(cloud),
             bind("gateways", gateways.host, gateways.port),
             context=inner.context,
+            bounds=bounds,
         ),
     )
     stopping = asyncio.Event()

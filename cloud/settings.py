@@ -190,6 +190,12 @@ class LimitsSection(Section):
     body_bytes: int = Field(
         default=65_536, ge=1024, le=16_777_216, description="bytes that a person's request may have"
     )
+    connections: int = Field(
+        default=768, ge=1, le=100_000, description="connections open at once, of each listener"
+    )
+    connections_of_one: int = Field(
+        default=256, ge=1, le=100_000, description="of these, from one address"
+    )
 
 
 class RetentionSection(Section):

@@ -9,7 +9,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticUndefined
@@ -22,12 +22,14 @@ from pydantic_settings import (
     SettingsError as EnvironmentSettingsError,
 )
 
-from eskin.errors import SettingsError
+from eskin.errors import SettingsError, shown
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 ENVIRONMENT_PREFIX = "ESKIN_"
+_LONGEST_NAME: Final = 200
+"""Of a setting as errors show it: a name may be anything."""
 
 
 class Section(BaseModel):
@@ -104,7 +106,7 @@ class Settings(BaseSettings):
             return cls(**({} if path is None else _read(path)))
         except ValidationError as error:
             raise _refusal(error, path) from error
-        except EnvironmentSettingsError as error:
+        except (EnvironmentSettingsError, RecursionError) as error:
             raise SettingsError("environment", str(error)) from error
 
 
@@ -154,18 +156,17 @@ def _read(path: Path) -> dict[str, Any]:
             return tomllib.load(file)
     except OSError as error:
         raise SettingsError("--config", f"{path} cannot be read: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError("--config", f"{path} is no TOML: {error}") from error
+    except (ValueError, RecursionError) as error:
+        # Also integers of thousands of digits, and arrays in arrays in arrays.
+        raise SettingsError("--config", f"{path} is no TOML that can be read: {error}") from error
 
 
 def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
     first = error.errors(include_url=False)[0]
-    name = ".".join(str(part) for part in first["loc"]) or "settings"
+    name = ".".join(str(part) for part in first["loc"])[:_LONGEST_NAME] or "settings"
     where = "" if path is None else f" (file {path})"
     if first["type"] == "missing":
         return SettingsError(name, f"is missing{where}; it has no default")
     if first["type"] == "extra_forbidden":
         return SettingsError(name, f"no such setting{where}; check its spelling")
-    shown = repr(first["input"])
-    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-    return SettingsError(name, f"{shown} is not allowed{where}: {first['msg']}")
+    return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {first['msg']}")

@@ -7,7 +7,9 @@ from typing import Self
 
 import cbor2
 
+from eskin.errors import MessageError, shown
 from eskin.messages import Position
+from eskin.messages.fields import MOST_COUNT, integer, integer_pair, items
 from eskin.sequences import SequenceRanges
 
 
@@ -55,9 +57,24 @@ class NodeRecord:
     def restore(
         cls, held: Position, ranges: bytes, status: bytes | None, thumbprint: bytes | None
     ) -> Self:
-        """Read what `encode_ranges` wrote."""
-        decoded: dict[int, list[tuple[int, int]]] = cbor2.loads(ranges)
-        kept = {boot: SequenceRanges(spans) for boot, spans in decoded.items()}
+        """Read what `encode_ranges` wrote.
+
+        Raises:
+            MessageError: It is something else.
+        """
+        try:
+            decoded = cbor2.loads(ranges)
+        except (cbor2.CBORError, ValueError, TypeError, ArithmeticError, RuntimeError) as error:
+            raise MessageError(f"ranges are no CBOR: {error}") from error
+        if not isinstance(decoded, dict):
+            raise MessageError(f"ranges are {shown(decoded)}; expected a map")
+        kept = {
+            integer(boot, "boot", 0, MOST_COUNT): SequenceRanges(
+                integer_pair(span, "span", 0, MOST_COUNT)
+                for span in items(spans, "spans", len(ranges))
+            )
+            for boot, spans in decoded.items()
+        }
         return cls(held, kept, status, thumbprint)
 
     def _cut(self) -> None:

@@ -5,12 +5,15 @@ A migration and its record (``user_version``) share a transaction.
 
 from __future__ import annotations
 
+import sqlite3
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SpoolError
 
 if TYPE_CHECKING:
-    import sqlite3
+    from pathlib import Path
+
+_CHECKPOINT_PAGES: Final = 1000
 
 MIGRATIONS: Final = (
     (
@@ -65,3 +68,15 @@ def migrate(connection: sqlite3.Connection) -> None:
             connection.execute(statement)
         connection.execute(f"PRAGMA user_version = {number}")
         connection.execute("COMMIT")
+
+
+def connect(path: Path, synchronous: str) -> sqlite3.Connection:
+    """Open the file; ``synchronous``: ``FULL`` where a commit must be durable, else ``NORMAL``."""
+    connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.execute(f"PRAGMA synchronous = {synchronous}")
+    # Debian's SQLite overwrites what is deleted: twice the writing, for what the cloud has anyway.
+    connection.execute("PRAGMA secure_delete = OFF")
+    connection.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
+    connection.execute("PRAGMA busy_timeout = 5000")
+    return connection

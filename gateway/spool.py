@@ -16,14 +16,15 @@ from dataclasses import dataclass
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from eskin.errors import LockedError, SpoolError
+from eskin.errors import LockedError, MessageError, SpoolError
 from eskin.lockfile import LockFile
 from eskin.messages import Position
 from eskin.sequences import SequenceRanges
+from eskin.wholeness import UNREADABLE, require_whole
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
 from gateway.reserve import Reserve
-from gateway.schema import migrate
+from gateway.schema import connect, migrate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,10 +32,8 @@ if TYPE_CHECKING:
 
     from gateway.batch import Batch
 
-
 log = logging.getLogger(__name__)
 
-_CHECKPOINT_PAGES: Final = 1000
 RESERVE: Final = 8_000_000
 """Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
 _ADD_MESSAGE: Final = "INSERT INTO messages (node, received, body) VALUES (?, ?, ?)"
@@ -96,9 +95,10 @@ class Spool:
         self.filled = Event()
         try:
             self._owner = LockFile(path)
-            self._intake = _connect(path, "FULL")
+            self._intake = connect(path, "FULL")
+            require_whole(self._intake)
             migrate(self._intake)
-            self._outlet = _connect(path, "NORMAL")
+            self._outlet = connect(path, "NORMAL")
             # Their nodes show new ones with each status.
             self._intake.execute("DELETE FROM senders WHERE expires < ?", (int(time.time()),))
             self._messages, self._used = self._intake.execute(
@@ -110,7 +110,7 @@ class Spool:
             raise SpoolError(
                 f"spool {path}: another gateway runs on it; stop it first, or give each its own"
             ) from error
-        except (OSError, sqlite3.Error) as error:
+        except (OSError, *UNREADABLE) as error:
             raise SpoolError(f"spool {path} cannot be opened: {error}") from error
 
     def close(self) -> None:
@@ -172,7 +172,7 @@ class Spool:
                     break
                 taken.append(Stored(*row))
             cursor.close()
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
         return taken
 
@@ -202,7 +202,10 @@ class Spool:
         if not rows:
             return None
         _, boot, sequence, ranges, status, thumbprint = rows[0]
-        return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
+        try:
+            return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
+        except MessageError as error:
+            raise SpoolError(f"spool {self._path} is damaged: {name}: {error}") from error
 
     def nodes(self) -> list[str]:
         """Names of all nodes ever accepted."""
@@ -235,7 +238,7 @@ class Spool:
         try:
             with self._lock:
                 return self._intake.execute(query, values).fetchall()
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
 
     def _forget(self, stored: Sequence[Stored], dead: Sequence[DeadLetter]) -> tuple[int, int]:
@@ -281,17 +284,6 @@ class Spool:
     def _count_letters(self, added: int, dropped: int) -> None:
         self._letters += added - dropped
         self._dropped += dropped
-
-
-def _connect(path: Path, synchronous: str) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-    connection.execute("PRAGMA journal_mode = WAL")
-    connection.execute(f"PRAGMA synchronous = {synchronous}")
-    # Debian's SQLite overwrites what is deleted: twice the writing, for what the cloud has anyway.
-    connection.execute("PRAGMA secure_delete = OFF")
-    connection.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
-    connection.execute("PRAGMA busy_timeout = 5000")
-    return connection
 
 
 def _row(name: str, record: NodeRecord) -> tuple[object, ...]:

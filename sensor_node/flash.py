@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
+from eskin.wholeness import UNREADABLE, require_whole
 from sensor_node.firmware.chip import Kept
 
 if TYPE_CHECKING:
@@ -74,12 +75,13 @@ class Flash:
             self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
             self._db.execute("PRAGMA journal_mode = WAL")
             self._db.execute("PRAGMA synchronous = FULL")
+            require_whole(self._db)
             self._db.executescript(_SCHEMA)
             self._db.execute(_COUNT, (int(time.time()) if epoch is None else epoch,))
             self.boot: int = self._counter("boot")
         except LockedError as error:
             raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
-        except (OSError, sqlite3.Error) as error:
+        except (OSError, *UNREADABLE) as error:
             raise FlashError(
                 f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
             ) from error
@@ -181,7 +183,10 @@ class Flash:
         self._owner.close()
 
     def _counter(self, name: str) -> int:
-        value: int = self._query("SELECT value FROM counter WHERE name = ?", name)[0][0]
+        rows = self._query("SELECT value FROM counter WHERE name = ?", name)
+        if not rows:
+            raise FlashError(f"{self._path}: flash is damaged: its counter {name} is gone")
+        value: int = rows[0][0]
         return value
 
     def _select(self, condition: str, *values: int) -> list[Kept]:
@@ -195,14 +200,14 @@ class Flash:
     def _query(self, statement: str, *values: int | str) -> list[tuple[Any, ...]]:
         try:
             return self._db.execute(statement, values).fetchall()
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise FlashError(f"{self._path}: flash cannot be read: {error}") from error
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise FlashError(
                 f"{self._path}: flash cannot be written: {error}; make room, sampling goes on "
                 "and a gap will tell"

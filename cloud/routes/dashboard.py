@@ -45,7 +45,8 @@ def get_file(cloud: CloudState, visitor: Visitor, path: str) -> Response:
 
 def _find(folder: Path, path: str) -> Path | None:
     """A file inside the folder, whatever the path tries."""
-    if "\x00" in path or len(path) > 500:
+    try:
+        file = (folder / path).resolve()
+        return file if file.is_relative_to(folder.resolve()) and file.is_file() else None
+    except (OSError, ValueError):  # a name that no file can have
         return None
-    file = (folder / path).resolve()
-    return file if file.is_relative_to(folder.resolve()) and file.is_file() else None

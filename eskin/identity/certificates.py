@@ -7,6 +7,7 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final
 
 from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
@@ -20,6 +21,16 @@ if TYPE_CHECKING:
 
 SKEW: Final = timedelta(minutes=5)
 """Certificates are valid from a little before they are made, for clocks that are behind."""
+
+UNREADABLE: Final = (
+    ValueError,
+    TypeError,
+    UnsupportedAlgorithm,
+    x509.DuplicateExtension,
+    x509.InvalidVersion,
+    x509.UnsupportedGeneralNameType,
+)
+"""What reading a stranger's certificate or request may raise, field by field."""
 
 _NO_USAGE: Final = {
     "digital_signature": False,
@@ -37,6 +48,22 @@ _NO_USAGE: Final = {
 def new_key() -> ec.EllipticCurvePrivateKey:
     """A fresh P-256 key from the operating system's generator."""
     return ec.generate_private_key(ec.SECP256R1())
+
+
+def read_certificate(data: bytes) -> x509.Certificate:
+    """Read a stranger's certificate (DER).
+
+    Raises:
+        IdentityError: It is none, or a field of it cannot be read.
+    """
+    try:
+        found = x509.load_der_x509_certificate(data)
+        # Parsed when asked for, and no sooner: whoever asks later shall find them good.
+        _ = found.subject, found.issuer, found.not_valid_before_utc, found.not_valid_after_utc
+        _ = found.extensions, found.public_key(), found.signature_hash_algorithm
+    except UNREADABLE as error:
+        raise IdentityError(f"no certificate that can be read: {error}") from error
+    return found
 
 
 def thumbprint(certificate: x509.Certificate) -> bytes:

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 from cryptography import x509
 
-from eskin.errors import UntrustedCertificateError
-from eskin.identity.certificates import common_name, public_key, thumbprint
+from eskin.errors import IdentityError, UntrustedCertificateError
+from eskin.identity.certificates import (
+    UNREADABLE,
+    common_name,
+    der,
+    public_key,
+    read_certificate,
+    thumbprint,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -51,9 +58,11 @@ def read_lists(
         UntrustedCertificateError: Something is wrong with it; nothing of it is taken.
     """
     try:
-        issuers = x509.load_pem_x509_certificates(data)
+        issuers = [read_certificate(der(one)) for one in x509.load_pem_x509_certificates(data)]
         found = [x509.load_pem_x509_crl(part) for part in _LIST.findall(data)]
-    except ValueError as error:
+        # Parsed when asked for, and no sooner.
+        _ = [(one.next_update_utc, one.last_update_utc, one.extensions) for one in found]
+    except (IdentityError, *UNREADABLE) as error:
         raise UntrustedCertificateError(f"no revocation list: {error}") from error
     lists: Lists = {}
     for issuer in issuers:

@@ -9,7 +9,13 @@ from cryptography import x509
 from cryptography.exceptions import InvalidSignature
 
 from eskin.errors import IdentityError, UntrustedCertificateError
-from eskin.identity.certificates import common_name, issuer_kind, public_key, thumbprint
+from eskin.identity.certificates import (
+    common_name,
+    issuer_kind,
+    public_key,
+    read_certificate,
+    thumbprint,
+)
 from eskin.identity.revocations import read_lists
 
 if TYPE_CHECKING:
@@ -164,7 +170,7 @@ def _pair(chain: Sequence[bytes]) -> tuple[x509.Certificate, x509.Certificate]:
             f"chain has {len(chain)} certificates; expected the identity's and its issuing CA's"
         )
     try:
-        leaf, issuer = (x509.load_der_x509_certificate(bytes(item)) for item in chain)
-    except ValueError as error:
+        leaf, issuer = (read_certificate(bytes(item)) for item in chain)
+    except IdentityError as error:
         raise UntrustedCertificateError(f"chain holds no certificate: {error}") from error
     return leaf, issuer

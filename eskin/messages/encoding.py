@@ -132,10 +132,11 @@ def decode_floats(lo: object, hi: object, n: int, encoding: Encoding) -> Interva
     Raises:
         MessageError: Wrong tag or length, a NaN, or lo > hi.
     """
-    return _ordered(
-        _untyped(lo, encoding, n, "lo").astype(np.float64),
-        _untyped(hi, encoding, n, "hi").astype(np.float64),
-    )
+    with np.errstate(invalid="ignore"):  # a signalling NaN is refused below, as all are
+        return _ordered(
+            _untyped(lo, encoding, n, "lo").astype(np.float64),
+            _untyped(hi, encoding, n, "hi").astype(np.float64),
+        )
 
 
 def decode_q16(lo: object, hi: object, n: int, scale: Scale) -> Interval:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 import cbor2
 
 from eskin.errors import MessageError, shown
+from eskin.messages.outline import require_plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -57,10 +58,10 @@ def load_any(data: bytes, what: str) -> object:
     Raises:
         MessageError: It is no CBOR.
     """
+    require_plain(data, what)
     try:
         value: object = cbor2.loads(data)
-    except (cbor2.CBORError, ValueError, TypeError, ArithmeticError, RecursionError) as error:
-        # All but the first come out of cbor2's readers of tags: decimals, rationals, sets, dates.
+    except cbor2.CBORError as error:
         raise MessageError(f"{what} is no CBOR: {error}") from error
     return value
 

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import pyarrow as pa
 import pyarrow.parquet
 
-from eskin.errors import RecordingError
+from eskin.errors import RecordingError, shown
 from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class _Layout:
         """Read one sample; raises `RowError`."""
         channel = cells[self.channel]
         if not channel or not isinstance(channel, str):
-            raise RowError(f"channel is {channel!r}")
+            raise RowError(f"channel is {shown(channel)}")
         time = _time(cells[self.time], _TIMES[self.time], self.time)
         lo, hi = (_number(cells[name], name) for name in self.bounds)
         if self.bounds[0] == "value" and math.isinf(lo):
@@ -161,7 +161,7 @@ def _number(cell: Any, name: str) -> float:
     try:
         value = float(cell)
     except (TypeError, ValueError):
-        raise RowError(f"{name} is {cell!r}, which is no number") from None
+        raise RowError(f"{name} is {shown(cell)}, which is no number") from None
     if math.isnan(value):
         raise RowError(f"{name} is NaN")
     return value
@@ -172,15 +172,15 @@ def _time(cell: Any, unit: int, name: str) -> int:
         try:
             time = int(cell)
         except (TypeError, ValueError, OverflowError):
-            raise RowError(f"{name} is {cell!r}, which is no whole number") from None
+            raise RowError(f"{name} is {shown(cell)}, which is no whole number") from None
         if time != cell and not isinstance(cell, str):
-            raise RowError(f"{name} is {cell!r}, which is no whole number")
+            raise RowError(f"{name} is {shown(cell)}, which is no whole number")
     else:
         seconds = _number(cell, name)
         # Comparing first: a float beyond the latest may be no whole number at all.
         time = round(seconds * unit) if abs(seconds) < _LATEST / unit else _LATEST
     if abs(time) >= _LATEST:
-        raise RowError(f"{name} is {cell!r}, which is too far away")
+        raise RowError(f"{name} is {shown(cell)}, which is too far away")
     return time
 
 

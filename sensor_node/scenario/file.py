@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import ValidationError
 
-from eskin.errors import ScenarioError
+from eskin.errors import ScenarioError, shown
 from sensor_node.scenario.events import NoiseEvent
 from sensor_node.scenario.script import Script
 
@@ -66,8 +66,9 @@ def scenario_text(name: str) -> str:
 def _tables(name: str) -> dict[str, Any]:
     try:
         return tomllib.loads(scenario_text(name))
-    except tomllib.TOMLDecodeError as error:
-        raise ScenarioError(name, "file", f"it is no TOML: {error}") from error
+    except (ValueError, RecursionError) as error:
+        # Also integers of thousands of digits, and arrays in arrays in arrays.
+        raise ScenarioError(name, "file", f"it is no TOML that can be read: {error}") from error
 
 
 def _contradictions(script: Script) -> Iterator[tuple[str, str]]:
@@ -134,9 +135,7 @@ def refusal(name: str, error: ValidationError, *, within: str = "") -> ScenarioE
         return ScenarioError(name, place, "no such key; check its spelling")
     if first["type"] == "value_error" and isinstance(first["input"], dict):
         return ScenarioError(name, place, str(first["ctx"]["error"]))
-    shown = repr(first["input"])
-    shown = shown if len(shown) <= 80 else f"{shown[:77]}..."
-    return ScenarioError(name, place, f"{shown} is not allowed: {first['msg']}")
+    return ScenarioError(name, place, f"{shown(first['input'])} is not allowed: {first['msg']}")
 
 
 def _place(location: tuple[int | str, ...]) -> str:

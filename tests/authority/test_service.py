@@ -122,6 +122,16 @@ def test_bad_enrolment_is_refused_with_its_reason(
     assert words in answer.text
 
 
+def test_listener_has_bounds_and_answers_keep_browsers_from_harm(service: Service) -> None:
+    context = client_context(service.tokens / "root.pem")
+    with httpx.Client(verify=context, base_url=service.url) as client:
+        assert client.post("/enrol", content=b"a" * 70_000).status_code == 413
+        assert client.get("/healthz", headers={"X": "a" * 40_000}).status_code == 431
+        answer = client.get("/healthz")
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    assert answer.headers["strict-transport-security"]
+
+
 def test_unknown_token_is_refused(service: Service, tmp_path: Path) -> None:
     (tmp_path / "root.pem").write_bytes((service.tokens / "root.pem").read_bytes())
     (tmp_path / "fingertip.token").write_text("guess")

@@ -246,6 +246,8 @@ def test_missing_field_is_named() -> None:
 def test_other_encoding_of_the_same_message_is_refused() -> None:
     good = EXAMPLES[0].encode()
     with pytest.raises(MessageError, match="deterministic"):
+        decode_message(good[:2] + b"\x18" + good[2:])
+    with pytest.raises(MessageError, match="something follows it"):
         decode_message(good + b"\x00")
 
 

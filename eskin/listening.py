@@ -1,0 +1,196 @@
+"""HTTP/1.1 with bounds on what a stranger may take: time, bytes, connections.
+
+uvicorn waits for ever for the end of a head or a body, reads heads of any length, and takes as many
+connections as come. The rest of it, and the answers, are its own.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import TYPE_CHECKING, Any, Final
+
+from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
+
+if TYPE_CHECKING:
+    import asyncio
+    from collections.abc import Callable
+
+_STALLED_S: Final = 30.0
+"""For so long somebody may read nothing of an answer."""
+_DETAILS: Final = {
+    400: "this is no HTTP/1.1 request",
+    408: "the request came too slowly",
+    413: "the body is too long; send less",
+    431: "request line and headers are too long; send less",
+    503: "too many connections; come back later",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Bounds:
+    """What a listener gives to strangers.
+
+    Attributes:
+        head_s: Seconds for request line and headers to come, and for the rest of a body that was
+            answered already.
+        head_bytes: Their length.
+        body_s: Seconds in which some of a body must come.
+        body_least: How much of it, in bytes.
+        body_bytes: A body's length; ``None`` where the application looks after that.
+        connections: Open at once.
+        of_one: Of these, from one address.
+    """
+
+    head_s: float = 10.0
+    head_bytes: int = 32_768
+    body_s: float = 20.0
+    body_least: int = 4096
+    body_bytes: int | None = None
+    connections: int = 768
+    of_one: int = 256
+
+
+def guarded(bounds: Bounds) -> Any:
+    """What uvicorn takes as its ``http``."""
+    return functools.partial(GuardedProtocol, bounds=bounds)
+
+
+class GuardedProtocol(HttpToolsProtocol):
+    """One connection.
+
+    Args:
+        bounds: What it may take.
+        others: As uvicorn gives them.
+    """
+
+    def __init__(self, *, bounds: Bounds, **others: Any) -> None:
+        super().__init__(**others)
+        self._bounds = bounds
+        self._timer: asyncio.TimerHandle | None = None
+        self._stall: asyncio.TimerHandle | None = None
+        self._silent = True  # so far
+        self._in_head = True
+        self._head_bytes = self._body_bytes = self._window_bytes = 0
+        self._refusal = HTTPStatus.BAD_REQUEST
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Take a connection, if there is room for it."""
+        super().connection_made(transport)
+        others = [getattr(other, "client", None) for other in self.connections]
+        same = sum(1 for other in others if other and self.client and other[0] == self.client[0])
+        if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
+            return
+        self._expect(self._bounds.head_s, self._too_slow)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """It is over."""
+        self._expect(None)
+        self.resume_writing()
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Bytes came."""
+        if self.transport.is_closing():
+            return
+        self._silent = False
+        if self._in_head:
+            self._head_bytes += len(data)
+        self._window_bytes += len(data)
+        super().data_received(data)
+        if self._in_head and self._head_bytes > self._bounds.head_bytes:
+            self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
+
+    def on_message_begin(self) -> None:
+        """A request begins."""
+        super().on_message_begin()
+        self._in_head, self._body_bytes = True, 0
+        self._expect(self._bounds.head_s, self._too_slow)
+
+    def on_headers_complete(self) -> None:
+        """Its head is here."""
+        size = len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
+        if size > self._bounds.head_bytes:
+            self._stop(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
+        self._in_head, self._head_bytes, self._window_bytes = False, 0, 0
+        self._expect(self._bounds.body_s, self._look)
+        super().on_headers_complete()
+
+    def on_body(self, body: bytes) -> None:
+        """Some of its body is here."""
+        self._body_bytes += len(body)
+        most = self._bounds.body_bytes
+        if most is not None and self._body_bytes > most:
+            self._stop(HTTPStatus.REQUEST_ENTITY_TOO_LARGE)
+        super().on_body(body)
+
+    def on_message_complete(self) -> None:
+        """All of it is here."""
+        self._expect(None)
+        super().on_message_complete()
+
+    def on_response_complete(self) -> None:
+        """It was answered; the next one, or the rest of this one, must come soon."""
+        super().on_response_complete()
+        if not self.transport.is_closing() and self.cycle.response_complete:
+            self._expect(self._bounds.head_s, self.transport.abort)
+
+    def pause_writing(self) -> None:
+        """Nobody reads what we answer."""
+        super().pause_writing()
+        self._stall = self.loop.call_later(_STALLED_S, self.transport.abort)
+
+    def resume_writing(self) -> None:
+        """Somebody does."""
+        if self._stall is not None:
+            self._stall.cancel()
+            self._stall = None
+        super().resume_writing()
+
+    def send_400_response(self, msg: str) -> None:
+        """Refuse, as problem details (RFC 9457), and end the connection."""
+        del msg
+        status = self._refusal
+        said = {"type": "about:blank", "title": status.phrase, "status": int(status)}
+        body = json.dumps(said | {"detail": _DETAILS[status]}).encode()
+        head = (
+            f"HTTP/1.1 {status:d} {status.phrase}\r\nContent-Type: application/problem+json\r\n"
+            f"Content-Length: {len(body)}\r\nX-Content-Type-Options: nosniff\r\n"
+            "Cache-Control: no-store\r\nConnection: close\r\n\r\n"
+        )
+        self.transport.write(head.encode() + body)
+        self.transport.close()
+
+    def _look(self) -> None:
+        """Enough of the body came, or we are who did not read it."""
+        if self._window_bytes < self._bounds.body_least and not self.flow.read_paused:
+            self._too_slow()
+            return
+        self._window_bytes = 0
+        self._expect(self._bounds.body_s, self._look)
+
+    def _too_slow(self) -> None:
+        if self._silent:
+            self.transport.abort()
+        else:
+            self._refuse(HTTPStatus.REQUEST_TIMEOUT)
+
+    def _refuse(self, status: HTTPStatus) -> None:
+        if not self.transport.is_closing():
+            self._refusal = status
+            self.send_400_response("")
+
+    def _stop(self, status: HTTPStatus) -> None:
+        """Refuse from within the parser, which knows no other way to end."""
+        self._refusal = status
+        raise ValueError(_DETAILS[status])
+
+    def _expect(self, seconds: float | None, otherwise: Callable[[], None] | None = None) -> None:
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if seconds is not None and otherwise is not None:
+            self._timer = self.loop.call_later(seconds, otherwise)

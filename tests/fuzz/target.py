@@ -1,0 +1,58 @@
+"""What a fuzz target is: seeds, a way to change them, and what must hold of every input."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+    from random import Random
+
+NAMES: Final = (
+    "wire",
+    "encodings",
+    "envelope",
+    "signature",
+    "warrant",
+    "ingest",
+    "deliveries",
+    "intake",
+    "certificates",
+    "settings",
+    "environment",
+    "scenario",
+    "recording",
+    "queries",
+    "requests",
+    "enrolment",
+    "flash",
+    "spool",
+)
+"""The targets, each a file in ``targets``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Target:
+    """One way in.
+
+    Attributes:
+        seeds: Good inputs.
+        mutate: Changes an input, knowing how it is made.
+        check: The oracle: raises whatever breaks it, and nothing else.
+        stack: What it needs until its end.
+    """
+
+    seeds: tuple[bytes, ...]
+    mutate: Callable[[bytes, Random], bytes]
+    check: Callable[[bytes], None]
+    stack: ExitStack = field(default_factory=ExitStack)
+
+
+def load(name: str, folder: Path) -> Target:
+    """Make a target that keeps its files in a folder."""
+    target: Target = import_module(f"tests.fuzz.targets.{name}").make(folder)
+    return target

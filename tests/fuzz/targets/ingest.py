@@ -1,0 +1,85 @@
+"""The body of an ingest: any CBOR, into a store."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import cbor2
+from sqlalchemy import select
+
+from cloud.ingest.batch import read_batch
+from cloud.ingest.errors import BatchError
+from cloud.store import Store
+from cloud.store.intake import take_in
+from cloud.store.schema import blocks
+from tests.cloud import messages as said
+from tests.fuzz.mutations.trees import mutate_tree
+from tests.fuzz.target import Target
+from tests.gateway.messages import result
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+    from eskin.messages import Message
+
+_AT_ONCE = 500
+"""Batches in one transaction, which is undone then: the store does not grow."""
+
+
+def make(folder: Path) -> Target:
+    """Only `BatchError`; each item gets its answer; what is stored is what was said."""
+    stack = ExitStack()
+    store = stack.enter_context(Store(folder / "store.sqlite", clock=lambda: said.START))
+    opened = _Transaction(store)
+
+    def check(data: bytes) -> None:
+        try:
+            items = read_batch(data)
+        except BatchError:
+            return
+        connection = opened.take()
+        outcome = take_in(
+            connection,
+            store.ledger,
+            items,
+            gateway="gateway.g1",
+            now=said.START,
+            dead_letters=100,
+        )
+        assert len(outcome.results) == len(items)
+        for receipt in outcome.results:
+            assert receipt.result in {"stored", "duplicate", "rejected"}
+            assert (receipt.reason is not None) is (receipt.result == "rejected")
+        for entry in outcome.entries:
+            if entry.block is not None:
+                kept = select(blocks.c.data).where(blocks.c.cursor == entry.cursor)
+                assert connection.execute(kept).scalar_one() == entry.block
+
+    one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]
+    batches = [[[said.NODE, message.encode()]] for message in one]
+    batches.append([item for batch in batches for item in batch])
+    return Target(tuple(cbor2.dumps(batch) for batch in batches), mutate_tree, check, stack)
+
+
+class _Transaction:
+    """The writer's connection, begun anew after so many uses."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._used = 0
+        self._connection: Connection | None = None
+
+    def take(self) -> Connection:
+        if self._connection is None or self._used == _AT_ONCE:
+            if self._connection is not None:
+                self._connection.rollback()
+                self._store.ledger.forget()
+            else:
+                self._connection = self._store._writing.connect()
+            self._used = 0
+            self._connection.begin()
+        self._used += 1
+        return self._connection

@@ -1,0 +1,117 @@
+"""Requests of people: any path, parameters, headers and body, over the whole application."""
+
+from __future__ import annotations
+
+import json
+import logging
+from contextlib import ExitStack
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+from cloud.access import Scope, create_token
+from cloud.application import people_application
+from cloud.settings import LimitsSection
+from tests.cloud.clouds import Stand, put, standing
+from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
+from tests.fuzz.asgi import Asker
+from tests.fuzz.mutations.texts import mutate_text
+from tests.fuzz.target import Target
+from tests.identities import Identities
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.fuzz.asgi import Answer
+
+_SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
+_ASKED = (
+    "GET /api/v1/nodes",
+    f"GET /api/v1/nodes/{NODE}/channels",
+    f"GET /api/v1/nodes/{NODE}/state",
+    f"GET /api/v1/nodes/{NODE}/commands/1",
+    f"GET {_SERIES}?start={START}&end={START + 10**9}&points=100",
+    f"GET {_SERIES}?start=2027-01-15T08:00:00Z&points=2\nAccept: text/csv;q=0.5, */*;q=0.1",
+    f"GET {_SERIES}\nAccept: application/vnd.apache.parquet",
+    f"GET {_SERIES}/threshold?above=1.5",
+    f"GET /api/v1/events?node={NODE}&channel={CHANNEL}&kind=peak&verdict=certain&limit=1&order=asc",
+    "GET /api/v1/events?cursor=MTgwMDAwMDAwMDAwMDAwMDAwMAox",
+    f"GET /api/v1/live?channel={NODE}/{CHANNEL}&points=2\nLast-Event-ID: 1",
+    "GET /api/v1/audit-log?limit=3",
+    "GET /api/v1/tokens",
+    "DELETE /api/v1/tokens/1",
+    "GET /openapi.json",
+    "GET /healthz\nHost: cloud\nOrigin: http://cloud\nSec-Fetch-Site: same-origin",
+    "POST /logout\nOrigin: http://cloud",
+    "GET /assets/index.js",
+    "GET /metrics",
+    "GET /login?code=x",
+    "GET /nodes/fingertip",
+    "POST /login\nContent-Type: application/x-www-form-urlencoded\n\ntoken=x",
+)
+_COMMANDS = ({"rate": 500, "taxel": "t01"}, {"threshold": 1e-12, "channel": CHANNEL})
+_BODIES = (
+    *(
+        (f"nodes/{NODE}/commands", {"name": "set", "arguments": given, "expires_s": 60})
+        for given in _COMMANDS
+    ),
+    (f"nodes/{NODE}/commands", {"name": "reset"}),
+    ("tokens", {"name": "lab", "scopes": ["read"], "days": 30}),
+)
+
+
+def make(folder: Path) -> Target:
+    """The input is ``METHOD target``, header lines, an empty line, a body; none is answered by 5xx.
+
+    An answer is no traceback; a refusal is problem details; the headers for browsers are there.
+    """
+    logging.getLogger("cloud").setLevel(logging.CRITICAL)
+    generous = LimitsSection(
+        requests_per_s=10**6, failures_per_min=10**6, refusals_per_min=1, body_bytes=65_536
+    )
+    (folder / "dashboard").mkdir()
+    (folder / "dashboard" / "index.html").write_text("<!doctype html>")
+    stack = ExitStack()
+    stand = stack.enter_context(
+        standing(folder, Identities(folder / "identities"), limits=generous)
+    )
+    put(stand.cloud.store, status(0), block(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
+    asker, token = Asker(people_application(stand.cloud)), _operator(stand)
+    stack.callback(asker.close)
+
+    def check(data: bytes) -> None:
+        head, _, body = data.partition(b"\n\n")
+        first, *lines = head.split(b"\n")
+        method, _, target = first.partition(b" ")
+        headers = [(b"host", b"cloud"), (b"content-length", str(len(body)).encode())]
+        headers += [
+            (name.strip().lower(), value.strip())
+            for name, found, value in (line.partition(b":") for line in lines)
+            if found
+        ]
+        if not any(name == b"authorization" for name, _ in headers):
+            headers.append((b"authorization", b"Bearer " + token))
+        _require_sound(
+            asker.ask(method.decode("latin-1"), b"/" + target.lstrip(b"/"), headers, body)
+        )
+
+    posted = [
+        f"POST /api/v1/{path}\nContent-Type: application/json\n\n{json.dumps(body)}"
+        for path, body in _BODIES
+    ]
+    return Target(tuple(seed.encode() for seed in (*_ASKED, *posted)), mutate_text, check, stack)
+
+
+def _require_sound(answer: Answer) -> None:
+    assert answer.status < 500, answer
+    assert b"Traceback" not in answer.body
+    assert answer.headers[b"x-content-type-options"] == b"nosniff"
+    kind = answer.headers.get(b"content-type", b"")
+    if answer.status >= 400 and not kind.startswith(b"text/html"):  # the page to sign in
+        assert kind == b"application/problem+json", answer
+        assert json.loads(answer.body)["status"] == answer.status
+
+
+def _operator(stand: Stand) -> bytes:
+    lifetime = timedelta(days=3)
+    token = create_token(stand.cloud.store, scopes=list(Scope), name="fuzz", lifetime=lifetime)
+    return token.encode()

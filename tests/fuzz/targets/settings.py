@@ -1,0 +1,104 @@
+"""Configuration files of all processes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from authority.settings import AuthoritySettings
+from cloud.settings import CloudSettings
+from eskin.errors import SettingsError
+from gateway.settings import GatewaySettings
+from sensor_node.profile import Profile, profile_names
+from sensor_node.settings import NodeSettings
+from tests.fuzz.mutations.texts import mutate_text
+from tests.fuzz.target import Target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin.settings import Settings
+
+CLASSES: tuple[type[Settings], ...] = (
+    NodeSettings,
+    GatewaySettings,
+    CloudSettings,
+    AuthoritySettings,
+)
+NODE = """
+[node]
+name = "fingertip"
+profile = "own"
+[identity]
+directory = "keys"
+site = "site.pem"
+[flash]
+path = "flash.db"
+[truth]
+path = "truth.db"
+"""
+GATEWAY = """
+[broker]
+host = "b"
+port = 8883
+group = "g"
+[identity]
+directory = "k"
+site = "s"
+[cloud]
+url = "https://c:8443/api/v1/ingest"
+[spool]
+path = "spool.db"
+"""
+CLOUD = """
+[store]
+path = "s.sqlite"
+[people]
+host = "127.0.0.1"
+port = 8080
+[gateways]
+identity = "keys"
+skew_s = 30.0
+[limits]
+body_bytes = 65536
+"""
+AUTHORITY = """
+[authority]
+directory = "ca"
+port = 8444
+names = ["localhost"]
+[[identity]]
+kind = "node"
+name = "palm"
+directory = "palm"
+"""
+FILES = (
+    NODE.replace('"own"', '"fingertip"') + '[sampling]\nencoding = "f64"\n[fleet]\ncount = 3\n',
+    GATEWAY,
+    CLOUD,
+    AUTHORITY,
+)
+
+
+def make(folder: Path) -> Target:
+    """The input is the number of a process, and its file: only `SettingsError`, in one line."""
+    path = folder / "settings.toml"
+
+    def check(data: bytes) -> None:
+        settings = CLASSES[sum(data[:1]) % len(CLASSES)]
+        path.write_bytes(data[1:])
+        try:
+            settings.load(path)
+        except SettingsError as error:
+            require_line(str(error))
+
+    designs = [NODE + Profile.read(name).text for name in profile_names()]
+    texts = [*enumerate(FILES), *((0, text) for text in designs)]
+    first = ord("0")  # which the number of processes divides
+    seeds = tuple(bytes([first + number]) + text.encode() for number, text in texts)
+    return Target(seeds, mutate_text, check)
+
+
+def require_line(text: str) -> None:
+    """Check what a user is told."""
+    assert "Traceback" not in text
+    assert len(text) < 4000, text

@@ -1,0 +1,150 @@
+"""What fuzzing found once, each kept as the shortest input that showed it."""
+
+from __future__ import annotations
+
+import base64
+import sqlite3
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from eskin.errors import (
+    FlashError,
+    MessageError,
+    RecordingError,
+    ScenarioError,
+    SettingsError,
+    SpoolError,
+    UntrustedCertificateError,
+)
+from eskin.identity import IdentityKind, Trust, der
+from eskin.interval import Interval
+from eskin.messages import Block, Encoding, Position, decode_message
+from eskin.tube import Tube
+from gateway.record import NodeRecord
+from gateway.settings import GatewaySettings
+from gateway.spool import Spool
+from sensor_node.flash import Flash
+from sensor_node.replay.recording import read_recording
+from sensor_node.scenario import read_scenario
+from tests.fuzz.targets import enrolment, requests
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.identities import Identities
+
+
+@pytest.mark.parametrize("field", ["subject", "issuer"])
+def test_name_that_is_no_text_is_an_untrusted_certificate(
+    identities: Identities, field: str
+) -> None:
+    leaf, issuer = (der(certificate) for certificate in identities.node.chain)
+    name = {"subject": b"fingertip", "issuer": b"eskin node CA"}[field]
+    with pytest.raises(UntrustedCertificateError, match="no certificate that can be read"):
+        Trust(identities.authority.root).verify(
+            [leaf.replace(name, b"\xff" * len(name)), issuer], IdentityKind.NODE
+        )
+
+
+def test_revocation_list_with_such_a_certificate_is_refused(identities: Identities) -> None:
+    damaged = der(identities.node.chain[1]).replace(b"eskin node CA", b"\xff" * 13)
+    pem = b"-----BEGIN CERTIFICATE-----\n" + base64.encodebytes(damaged)
+    with pytest.raises(UntrustedCertificateError, match="no revocation list"):
+        Trust(identities.authority.root).revocations(
+            IdentityKind.NODE, pem + b"-----END CERTIFICATE-----\n"
+        )
+
+
+def test_signalling_nan_is_refused_without_a_warning() -> None:
+    tube = Tube((0, 0), 1, Interval(np.ones(1), np.ones(1) * 2.0), "F", 1.0)
+    good = Block.pack(Position(1, 1), "t01.x", 0, tube, Encoding.F32).encode()
+    one, quiet_not = np.float32(1.0).tobytes(), b"\x01\x00\xa0\x7f"
+    with pytest.raises(MessageError, match="samples are no intervals"):
+        decode_message(good.replace(one, quiet_not, 1))
+
+
+@pytest.mark.parametrize("text", ["x = " + "9" * 5000, "x = " + "[" * 3000])
+def test_toml_that_python_cannot_hold_is_a_clear_error(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "file.toml"
+    path.write_text(text)
+    with pytest.raises(SettingsError, match="no TOML that can be read"):
+        GatewaySettings.load(path)
+    with pytest.raises(ScenarioError, match="no TOML that can be read"):
+        read_scenario(str(path))
+
+
+def test_nested_setting_of_the_environment_is_a_clear_error(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("ESKIN_BROKER", "[" * 3000)
+    with pytest.raises(SettingsError, match="environment"):
+        GatewaySettings.load()
+
+
+def test_long_names_and_cells_are_shown_in_short(tmp_path: Path) -> None:
+    path = tmp_path / "long.toml"
+    path.write_text(f"{'a' * 5000} = 1")
+    with pytest.raises(SettingsError) as setting:
+        GatewaySettings.load(path)
+    table = tmp_path / "long.csv"
+    table.write_text(f"time,channel,value\n{'x' * 5000},a.b,1\n")
+    with pytest.raises(RecordingError) as cell:
+        read_recording(table)
+    assert max(len(str(setting.value)), len(str(cell.value))) < 1000
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        b"GET /nowhere?\x88",
+        b"GET /nowhere\nHost: http://[",
+        b"POST /logout\nOrigin: http://[",
+        b"GET /assets/" + b"a" * 300,
+        b"GET /%00",
+        b'POST /api/v1/tokens\nContent-Type: application/json\n\n{"\\ud800": 1}',
+    ],
+)
+def test_odd_request_is_refused_and_no_fault(tmp_path: Path, asked: bytes) -> None:
+    target = requests.make(tmp_path)
+    with target.stack:
+        target.check(asked)
+
+
+def test_odd_body_for_the_ca_is_refused_and_no_fault(tmp_path: Path) -> None:
+    target = enrolment.make(tmp_path)
+    with target.stack:
+        target.check(b'POST /enrol\n\n{"\\ud800": "\\ud800"}')
+
+
+def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "flash.db"
+    Flash(path, epoch=1).close()
+    with sqlite3.connect(path) as database:
+        never = "CREATE TRIGGER never BEFORE INSERT ON counter BEGIN SELECT raise(IGNORE); END"
+        database.execute(never)
+        database.execute("DELETE FROM counter")
+    database.close()
+    with pytest.raises(FlashError, match="damaged"):
+        Flash(path)
+
+
+def test_damaged_page_is_noticed_when_it_is_opened(tmp_path: Path) -> None:
+    flash, spool = tmp_path / "flash.db", tmp_path / "spool.db"
+    Flash(flash, epoch=1).close()
+    Spool(spool, capacity=1000, letters=5).close()
+    for path in (flash, spool):
+        image = bytearray(path.read_bytes())
+        image[4096:4200] = b"\xff" * 104
+        path.write_bytes(image)
+    with pytest.raises(FlashError):
+        Flash(flash)
+    with pytest.raises(SpoolError):
+        Spool(spool, capacity=1000, letters=5)
+
+
+@pytest.mark.parametrize("ranges", [b"\x01", b"\xa1\x01\x02", b"\xa1\x01\x81\x82\x02\x01", b"\xff"])
+def test_damaged_ranges_are_noticed(ranges: bytes) -> None:
+    with pytest.raises(MessageError):
+        NodeRecord.restore(Position(0, 0), ranges, None, None)

@@ -1,0 +1,39 @@
+"""Each target for a moment, from the same seed; ``make fuzz`` tries a million inputs of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.fuzz.mutations.octets import mutate_octets
+from tests.fuzz.run import BrokenError, run
+from tests.fuzz.target import NAMES, Target, load
+
+INPUTS = 50
+"""Of each target, its seeds among them."""
+
+
+@pytest.mark.filterwarnings("ignore::cryptography.utils.CryptographyDeprecationWarning")
+@pytest.mark.parametrize("name", NAMES)
+def test_target_holds(name: str, tmp_path: Path) -> None:
+    target = load(name, tmp_path)
+    with target.stack:
+        run(target, inputs=len(target.seeds) + INPUTS, seed=1)
+
+
+def test_broken_target_names_its_input() -> None:
+    def check(data: bytes) -> None:
+        if b"\xff" in data:
+            raise KeyError(data)
+
+    with pytest.raises(BrokenError) as caught:
+        run(Target((b"good",), mutate_octets, check), inputs=1000, seed=1)
+    assert b"\xff" in caught.value.data
+    assert isinstance(caught.value.__cause__, KeyError)
+
+
+def test_each_file_of_targets_is_a_target() -> None:
+    folder = Path(__file__).with_name("targets")
+    found = {path.stem for path in folder.glob("*.py")} - {"__init__"}
+    assert found == set(NAMES)
