@@ -1,11 +1,12 @@
-"""Fixtures that several rooms share, and which tests may run side by side."""
+"""Fixtures that several rooms share, and which tests run on which worker."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
+from xdist.scheduler import LoadScopeScheduling
 
 from eskin.identity import IdentityKind
 from tests.identities import Identities
@@ -15,17 +16,30 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 HERE = Path(__file__).parent
-CALCULATING = ("eskin", "sensor_node")
-"""Rooms whose tests only calculate: beside them, brokers, browsers and demos have their peace."""
+FIRST = ("integration", "dashboard")
+"""Rooms that share what takes long to start; they begin first, so that nobody waits for them."""
 
 
-@pytest.hookimpl(tryfirst=True)
+class RoomScheduling(LoadScopeScheduling):
+    """A worker takes a whole file, or a whole room of those above."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.partition("::")[0]
+        room = file.split("/")[1]
+        return room if room in FIRST else file
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> RoomScheduling:
+    """Share tests out by rooms; xdist's own groups do nothing under pytest 9.2."""
+    return RoomScheduling(config, log)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Keep all tests that start real parts together, one after the other on one worker."""
-    for item in items:
-        room = item.path.relative_to(HERE).parts[0]
-        group = str(item.path.relative_to(HERE)) if room in CALCULATING else "parts"
-        item.add_marker(pytest.mark.xdist_group(group))
+    """Put the rooms that take longest first."""
+    rooms = [item.path.relative_to(HERE).parts[0] for item in items]
+    order = {room: number for number, room in enumerate(FIRST)}
+    ranked = sorted(zip(rooms, items, strict=True), key=lambda each: order.get(each[0], len(order)))
+    items[:] = [item for _, item in ranked]
 
 
 @pytest.fixture(scope="session")

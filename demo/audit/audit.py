@@ -98,7 +98,8 @@ def _audit(
         path = files.get(node)
         if path is None:
             raise AuditError(f"{layout.nodes}: the emulator's truth of node {node!r} is missing")
-        for page in chain(_pages(connection, node), sealed_pages(layout, connection, node)):
+        closed = sealed_pages(layout, connection, node) if node in sealed else ()
+        for page in chain(_pages(connection, node), closed):
             truths = Truth.read(path, [block.position for block, _ in page], node=node)
             oldest = Truth.oldest(path, node=node)
             for block, fits in page:

@@ -218,14 +218,7 @@ class Scribe:
         put_integer(out, 7, uptime)
         for key in (8, 9, 10, 11):
             put_integer(out, key, storage[key - 8])
-        out.integer(12)
-        out.array(len(channels))
-        for channel in channels:
-            out.array(4)
-            out.text(channel.name)
-            out.text(channel.unit)
-            out.integer(channel.dt)
-            out.real(channel.coverage)
+        _channels(out, channels)
         put_integer(out, 13, cause)
         if energy is not None:
             stored, charge, verdict, stage = energy
@@ -269,6 +262,17 @@ class Scribe:
         put_integer(out, 2, self._boot)
         put_integer(out, 3, sequence)
         return out, sequence
+
+
+def _channels(out: Writer, channels: "Sequence[Channel]") -> None:
+    out.integer(12)
+    out.array(len(channels))
+    for channel in channels:
+        out.array(4)
+        out.text(channel.name)
+        out.text(channel.unit)
+        out.integer(channel.dt)
+        out.real(channel.coverage)
 
 
 def _places(out: Writer, places: "Sequence[tuple[str, float, float]]") -> None:

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from eskin.moment import format_moment
 from tests.dashboard.browsing import history
 from tests.processes import wait_until
 
@@ -29,10 +28,10 @@ LOOK_BACK = 250_000_000
 
 def hulls(demo: RunningDemo, end: int) -> dict[str, tuple[float, float]]:
     """What each taxel measured in the quarter of a second before an instant."""
-    window = f"start={format_moment(end - LOOK_BACK)}&end={format_moment(end)}&points=1"
+    window = {"start": end - LOOK_BACK, "end": end, "points": 1}
     found = {}
     for taxel in ("t01", "t02", "t03"):
-        series = demo.get(f"/series/fingertip/{taxel}.capacitance?{window}")
+        series = demo.get(f"/series/fingertip/{taxel}.capacitance", **window)
         known = [(lo, hi) for lo, hi in zip(series["lo"], series["hi"], strict=True) if lo != hi]
         found[taxel] = min(lo for lo, _ in known), max(hi for _, hi in known)
     return found

@@ -23,7 +23,6 @@ def journal(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     return folder, record(folder, seed=1)
 
 
-@pytest.mark.xdist_group("powercut")
 @pytest.mark.parametrize("name", STORES)
 def test_power_cut_at_any_byte_loses_nothing_acknowledged(
     name: str, journal: tuple[Path, Path]

@@ -8,16 +8,6 @@ import sensor_node
 ROOM = Path(sensor_node.__file__).parent
 
 
-def imports(path: Path) -> set[str]:
-    found: set[str] = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            found.add(node.module or "")
-        elif isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
-    return found
-
-
 def imported_names(path: Path) -> set[str]:
     """What a file imports when it runs, as ``module.name``."""
     found: set[str] = set()
@@ -39,10 +29,10 @@ def test_firmware_imports_what_every_port_has_and_computes_alike() -> None:
             assert own or name in exact | {"array.array", "struct"}, (file.name, name)
 
 
-def test_only_the_emulation_joins_world_and_firmware() -> None:
-    joined = {
+def test_only_what_senses_knows_the_world() -> None:
+    knowing = {
         file.name
         for file in ROOM.glob("*.py")
-        if any(name.startswith("sensor_node.physics") for name in imports(file))
+        if any(name.startswith("sensor_node.physics") for name in imported_names(file))
     }
-    assert joined == {"emulation.py"}
+    assert knowing == {"sensing.py"}

@@ -72,7 +72,7 @@ BAD = {
         "skin (flat).columns: 1000 is not allowed",
     ),
     "no shape": (HEAD.replace('"flat"', '"round"'), "skin: "),
-    "mid-line": (HEAD + TAP[:-12], "file: it is no TOML: "),
+    "mid-line": (HEAD + TAP[:-12], "file: it is no TOML that can be read: "),
     "no duration": (HEAD.replace("duration_s = 10.0", "duration_s = 0.0"), "duration_s: 0.0 is"),
 }
 

@@ -111,7 +111,6 @@ export class SkinPicture {
     this.root.replaceChildren(controls, this.draw(), this.summary);
     this.root.hidden = false;
     this.choose();
-    if (this.view.kind === "history") void this.look();
   }
 
   private choose(): void {
