@@ -20,7 +20,7 @@ FIRST = ("integration", "dashboard")
 """Rooms that share what takes long to start; they begin first, so that nobody waits for them."""
 
 
-class RoomScheduling(LoadScopeScheduling):
+class RoomScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
     """A worker takes a whole file, or a whole room of those above."""
 
     def _split_scope(self, nodeid: str) -> str:
