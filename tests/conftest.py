@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 FIRST = ("integration", "dashboard")
 """Rooms that share what takes long to start; they begin first, so that nobody waits for them."""
+LAST = ("eskin", "sensor_node")
+"""Rooms of many short files, which fill what is left of the time evenly."""
 
 
 class RoomScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
@@ -37,8 +39,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> RoomScheduli
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Put the rooms that take longest first."""
     rooms = [item.path.relative_to(HERE).parts[0] for item in items]
-    order = {room: number for number, room in enumerate(FIRST)}
-    ranked = sorted(zip(rooms, items, strict=True), key=lambda each: order.get(each[0], len(order)))
+    order = dict.fromkeys(LAST, len(FIRST) + 1) | {room: n for n, room in enumerate(FIRST)}
+    ranked = sorted(zip(rooms, items, strict=True), key=lambda each: order.get(each[0], len(FIRST)))
     items[:] = [item for _, item in ranked]
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -10,8 +12,21 @@ from tests.fuzz.mutations.octets import mutate_octets
 from tests.fuzz.run import BrokenError, run
 from tests.fuzz.target import NAMES, Target, load
 
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
 INPUTS = 50
 """Of each target, its seeds among them."""
+
+
+@pytest.fixture(autouse=True)
+def levels() -> Iterator[None]:
+    """Targets silence what they try; the tests after them listen again."""
+    loggers = [logging.getLogger(name) for name in ("cloud", "gateway", "authority")]
+    before = [logger.level for logger in loggers]
+    yield
+    for logger, level in zip(loggers, before, strict=True):
+        logger.setLevel(level)
 
 
 @pytest.mark.filterwarnings("ignore::cryptography.utils.CryptographyDeprecationWarning")
