@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import insert, select
 
 from cloud.store.entry import Entry
-from cloud.store.events import ENERGY, event_row
+from cloud.store.events import event_row
 from cloud.store.schema import events, nodes
 from eskin.messages import Position
 
@@ -78,18 +78,4 @@ def _fresh(node: str, position: Position, now: int) -> Row:
         "online": 1,
         "boot": position.boot,
         "sequence": position.sequence,
-    } | dict.fromkeys(
-        (
-            "status_boot",
-            "status_sequence",
-            "profile",
-            "description",
-            "uptime",
-            "messages",
-            "used",
-            "capacity",
-            "gaps",
-            *ENERGY,
-            "places",
-        )
-    )
+    } | dict.fromkeys(column.name for column in nodes.columns if column.nullable)

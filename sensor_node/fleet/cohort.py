@@ -139,8 +139,9 @@ class Cohort:
         return self._clocks.true_times(ticks)
 
     def enclosure(self, row: int, ticks: int) -> tuple[int, int]:
-        """Earliest and latest UTC of a moment, as a member knows it."""
-        return self._clocks.known(row).enclosure(ticks)
+        """Earliest and latest UTC of a moment, as a member knows it; also before its start."""
+        # Drift counts in either direction from the moment at which the clock was read.
+        return self._clocks.known(row).enclosure(ticks, max(0, -2 * ticks))
 
     @property
     def channels(self) -> list[Channel]:

@@ -179,7 +179,7 @@ class Squad:
         """Earliest and latest UTC of the present, as a member knows it."""
         if row in self.soloists:
             return self.soloists[row].enclosure()
-        return self._cohort.enclosure(row, max(0, self.ticks(self._monotonic())))
+        return self._cohort.enclosure(row, self.ticks(self._monotonic()))
 
     def status(self, row: int, now: int) -> Record:
         """How a member of the cohort fares."""

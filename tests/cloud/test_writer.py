@@ -20,8 +20,8 @@ from cloud.store.schema import (
 )
 from cloud.store.writer import Writer
 from eskin.errors import StoreError
-from tests.cloud.clouds import put
-from tests.cloud.messages import NODE, START, block
+from tests.cloud.clouds import put, put_items
+from tests.cloud.messages import NODE, START, block, status
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -134,6 +134,15 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
     put(store, block(0))
     applied = [row["version"] for row in rows(store, versions)]
     assert applied == list(range(1, migrations.CURRENT + 1))
+
+
+def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> None:
+    told, silent = status(0).encode(), block(0).encode()
+    put_items(store, [Item.read("told", told), Item.read("silent", silent)])
+    assert {row["node"]: row["profile"] for row in rows(store, nodes)} == {
+        "told": "fingertip",
+        "silent": None,
+    }
 
 
 def test_store_of_before_is_given_the_columns_of_nodes(tmp_path: Path) -> None:

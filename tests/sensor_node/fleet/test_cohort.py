@@ -119,3 +119,13 @@ def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: in
             home = Path(folder) / str(row)
             home.mkdir()
             assert (said[row], known[row]) == alone(design, home, member, moments)
+
+
+@given(seed=st.integers(0, 2**63 - 1), ticks=st.integers(-(10**14), 10**14))
+@effort(max_examples=30, deadline=None)
+def test_moment_is_enclosed_also_before_the_cohort_s_start(seed: int, ticks: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        design = settings(Path(folder), clock={"drift_ppm": 100.0})
+        cohort = Cohort(design, [Member(seed, 1, START)])
+    earliest, latest = cohort.enclosure(0, ticks)
+    assert earliest <= cohort.true_times(ticks)[0] <= latest
