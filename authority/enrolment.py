@@ -109,7 +109,7 @@ def enrol_fleet(
                 yield Identity.load(own)
             else:
                 yield patiently(
-                    lambda own=own: enrol(  # type: ignore[misc]  # bound now
+                    lambda own=own: enrol(  # type: ignore[misc]  # mypy infers no default
                         url, directory, own.name, own, stem=stem, client=connection.client()
                     ),
                     patience,

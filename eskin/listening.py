@@ -76,7 +76,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._head_bytes = self._body_bytes = self._window_bytes = 0
         self._refusal = HTTPStatus.BAD_REQUEST
 
-    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
         others = [getattr(other, "client", None) for other in self.connections]

@@ -23,7 +23,7 @@ class Words(TypeDecorator[str]):
 
     def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[Any]:
         """The type of a column."""
-        length = self.impl_instance.length  # type: ignore[attr-defined]  # of a String
+        length = self.impl_instance.length  # type: ignore[attr-defined]  # impl is a String
         collation = "C" if dialect.name == "postgresql" else None
         return dialect.type_descriptor(String(length, collation=collation))
 
