@@ -8,6 +8,7 @@ import os
 import signal
 import subprocess
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import EskinError
@@ -119,7 +120,7 @@ class Child:
             self._process.terminate()
 
     def stop(self) -> None:
-        """End it: SIGTERM, and SIGKILL after 10 s."""
+        """End it: SIGTERM, and SIGKILL after 10 s; what outlives even that is left, and said."""
         process = self._process
         if process is None or process.poll() is not None:
             return
@@ -129,7 +130,11 @@ class Child:
         except subprocess.TimeoutExpired:
             log.warning("%s did not end within %g s; killed", self.name, _PATIENCE_S)
             process.kill()
-            process.wait()
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(_PATIENCE_S)
+                return
+            # Held by the kernel, as on a disk that does not answer: it ends once it is let go.
+            log.warning("%s, process %d, does not end even killed; left", self.name, process.pid)
 
     def _tail(self) -> str:
         with self._log_file.open("rb") as file:

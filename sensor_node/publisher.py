@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import queue
+import socket
 import threading
 import time
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as mqtt
@@ -18,6 +20,7 @@ from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
 from sensor_node.keys import NodeKeys
 from sensor_node.machine.crystal import BILLION
+from sensor_node.silence import Silence
 from sensor_node.uplink import Uplink
 
 if TYPE_CHECKING:
@@ -81,6 +84,7 @@ class Publisher:
         if take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
         self._fresh, self._wake, self._stopping = (threading.Event() for _ in range(3))
+        self._silence = Silence(broker.silence_s)
         self._client = self._make_client()
         self._uplink = Uplink(
             outbox,
@@ -196,9 +200,22 @@ class Publisher:
             self._fresh.clear()
             self._uplink.clear()
             self._outbox.connect(now)
+            self._silence.connected(now / BILLION)
+        if self._silence.is_too_long(now / BILLION, waiting=self._outbox.messages > 0):
+            self._hang_up()
+            return
         self._uplink.report(now)
         self._tell_status(now)
         self._uplink.send_due(now)
+
+    def _hang_up(self) -> None:
+        """Let paho find the connection ended, upon which it makes another."""
+        log.warning("no gateway answers, connecting anew; messages wait")
+        own = self._client.socket()
+        if own is not None:
+            with suppress(OSError):
+                # Not TLS's own farewell, which is not for two threads at once.
+                socket.socket.shutdown(own, socket.SHUT_RDWR)
 
     def _opened(self, topic: str, what: str) -> Iterator[bytes]:
         """What came on a topic, as far as the site has sealed it to this node."""
@@ -231,6 +248,7 @@ class Publisher:
             self._outbox.acknowledge(
                 [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
             )
+            self._silence.answered(time.monotonic())
 
     def _tell_status(self, now: int) -> None:
         """First of all after connecting: it introduces the node to the gateway."""

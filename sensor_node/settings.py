@@ -87,6 +87,12 @@ class BrokerSection(Section):
         default=5.0, gt=0, description="seconds from leaving the radio until it is sent again"
     )
     status_s: float = Field(default=5.0, gt=0, description="seconds between two status messages")
+    silence_s: float = Field(
+        default=30.0,
+        gt=0,
+        description="seconds without any acknowledgement, while messages wait for one, after which "
+        "the node connects anew; doubled each time, up to 16 times as long",
+    )
     drain_s: float = Field(
         default=3.0, ge=0, description="seconds to wait for acknowledgements when told to end"
     )

@@ -106,7 +106,7 @@ class Running:
         self.process.kill()
         self.process.wait()
 
-    def stop(self, *, seconds: float = 20.0) -> int:
+    def stop(self, *, seconds: float = 60.0) -> int:
         """End it as an operator would; gives its exit status."""
         assert self.process is not None
         if self.process.poll() is None:

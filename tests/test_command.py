@@ -18,6 +18,7 @@ from cloud.store import Store
 from demo.child import Child, ChildError
 from eskin.identity import Identity
 from sensor_node.profile import Profile
+from tests.commands import run
 from tests.processes import ESKIN, free_port, wait_until
 
 if TYPE_CHECKING:
@@ -26,20 +27,6 @@ if TYPE_CHECKING:
     from tests.identities import Identities
 
 COMMANDS = ["demo", "audit", "node", "gateway", "cloud", "pki", "pki enrol", "cloud login"]
-
-
-def run(
-    *arguments: str, cwd: Path | None = None, path: str | None = None
-) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [ESKIN, *arguments],
-        capture_output=True,
-        text=True,
-        timeout=90,
-        check=False,
-        cwd=cwd,
-        env=None if path is None else {**os.environ, "PATH": path},
-    )
 
 
 @pytest.mark.parametrize("command", ["", *COMMANDS, "subjects"])
@@ -56,7 +43,9 @@ def test_command_alone_shows_help_and_nothing_else(command: str) -> None:
 
 
 def test_version_is_the_installed_one() -> None:
-    done = run("--version")
+    done = subprocess.run(
+        [ESKIN, "--version"], capture_output=True, text=True, timeout=90, check=False
+    )
     assert (done.returncode, done.stdout) == (0, f"eskin {version('eskin')}\n")
 
 
@@ -280,7 +269,11 @@ def test_gateway_says_which_port_is_taken(tmp_path: Path, identities: Identities
 def test_demo_says_how_to_audit_and_where_the_data_stay(tmp_path: Path) -> None:
     data, port = tmp_path / "data", str(free_port())
     options = ["--data", str(data), "--nodes", "1", "--port", port, "--duration", "0.1"]
-    done = run("demo", *options, path="/usr/bin:/bin")
+    done = subprocess.run(
+        [ESKIN, "demo", *options],
+        capture_output=True, text=True, timeout=90, check=False,
+        env={**os.environ, "PATH": "/usr/bin:/bin"},
+    )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert f"Check the data: {ESKIN} audit --data {data}\n" in done.stderr
     assert done.stderr.splitlines()[-1] == f"Stopped; the data stay in {data}"

@@ -56,7 +56,7 @@ def main() -> NoReturn:
     """Run the command; exit status 0, 1 where a check failed, or 2 with one clear line."""
     os.umask(0o077)  # spool, store, flash and keys are their owner's business
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="eskin", standalone_mode=False)
     except typer.Exit as stop:
         status = stop.exit_code
     except typer.Abort:

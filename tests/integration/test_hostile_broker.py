@@ -51,7 +51,9 @@ def publisher(own: Identities, name: str, bench: Bench, port: int) -> Publisher:
         radio=bench.radio(),
         speed=1.0,
         record_status=bench.node.record_status,
-        broker=NodeBroker(port=port, resend_s=0.3, status_s=0.5, drain_s=0.0, window=20),
+        broker=NodeBroker(
+            port=port, resend_s=0.3, status_s=0.5, drain_s=0.0, window=20, silence_s=5.0
+        ),
         identity=NodeIdentity(
             directory=own.make(IdentityKind.NODE, name).directory,
             site=own.site.directory / CHAIN_FILE,

@@ -105,6 +105,23 @@ def test_broker_s_word_alone_forgets_nothing(
         wait_until(lambda: empty(bench), "flash is empty")
 
 
+@its_broker(silence_s=0.3)
+def test_connection_without_answers_is_made_anew(
+    bench: Bench,
+    broker: Mosquitto,
+    identities: Identities,
+    publishing: Callable[..., Any],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    bench.run_to(1.0)
+    caplog.set_level(logging.INFO, "sensor_node.publisher")
+    with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
+        wait_until(lambda: caplog.text.count("connected: broker") >= 2, "it has connected again")
+        assert "connecting anew" in caplog.text
+        peer.acknowledging = True
+        wait_until(lambda: empty(bench), "flash is empty")
+
+
 def test_word_that_is_too_long_for_one_is_not_kept(publishing: Callable[..., Any]) -> None:
     message = mqtt.MQTTMessage(topic=node_topic("fingertip", Stream.ACKS).encode())
     with publishing() as publisher:

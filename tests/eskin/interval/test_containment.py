@@ -24,7 +24,7 @@ SUBJECT = intervals_with_members()
 
 
 @pytest.mark.parametrize("name", UNARY)
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(subject=SUBJECT)
 def test_function_encloses_the_exact_result(name: str, subject: tuple[Interval, float]) -> None:
     ours, exact = UNARY[name]
@@ -34,7 +34,7 @@ def test_function_encloses_the_exact_result(name: str, subject: tuple[Interval, 
 
 
 @pytest.mark.parametrize("name", BINARY)
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(a=SUBJECT, b=SUBJECT)
 def test_function_of_two_encloses_the_exact_result(
     name: str, a: tuple[Interval, float], b: tuple[Interval, float]
@@ -45,7 +45,7 @@ def test_function_of_two_encloses_the_exact_result(
         assert encloses(ours(a[0], b[0]), exact(mpmath.mpf(a[1]), mpmath.mpf(b[1])))
 
 
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(a=SUBJECT, b=SUBJECT, c=SUBJECT)
 def test_fma_encloses_the_exact_result(
     a: tuple[Interval, float], b: tuple[Interval, float], c: tuple[Interval, float]
@@ -63,7 +63,7 @@ def ulps_between(lo: float, hi: float) -> int:
 
 
 @pytest.mark.parametrize("name", [*UNARY, *BINARY])
-@settings(max_examples=150)
+@settings(max_examples=75)
 @given(x=EXTREME, y=EXTREME)
 def test_thin_argument_gives_at_most_two_floats(name: str, x: float, y: float) -> None:
     numbers = (x,) if name in UNARY else (x, y)
@@ -84,7 +84,7 @@ def test_thin_argument_gives_at_most_two_floats(name: str, x: float, y: float) -
 
 
 @pytest.mark.parametrize("name", ["add", "sub", "mul", "div"])
-@settings(max_examples=200)
+@settings(max_examples=100)
 @given(x=st.floats(-1e100, 1e100), y=st.floats(-1e100, 1e100))
 def test_arithmetic_is_tightest(name: str, x: float, y: float) -> None:
     assume(not (name == "div" and (y == 0.0 or abs(x) < 1e-280)))
@@ -135,7 +135,7 @@ def test_function_of_two_is_isotonic(
 
 
 @pytest.mark.parametrize("name", ["sin", "cos", "tan"])
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(
     x=st.one_of(
         st.floats(-(2.0**48), 2.0**48),

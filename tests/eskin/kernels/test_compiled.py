@@ -83,8 +83,7 @@ def test_second_start_compiles_nothing(tmp_path: Path) -> None:
         "from numba.core import event\n"
         "with event.install_recorder('numba:compile') as seen:\n"
         "    x = eskin.Interval([1.0, 2.0], [2.0, 3.0])\n"
-        "    (x * x + x / 3.0).sqrt().exp().log().sin()\n"
-        "    eskin.models.capacitance(relative_permittivity=x, area=1e-4, distance=1e-3)\n"
+        "    (x + x).sqrt()\n"
         "print(len(seen.buffer))\n"
     )
     environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path)}

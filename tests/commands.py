@@ -1,0 +1,86 @@
+"""The ``eskin`` command in a fork of the test's process: as real, without a second of imports."""
+
+from __future__ import annotations
+
+import io
+import os
+import sys
+import tempfile
+import traceback
+from subprocess import CompletedProcess
+from typing import IO, TYPE_CHECKING, NoReturn
+
+import authority.service
+import cloud.service
+import gateway.service
+import sensor_node.fleet
+from eskin.command import main
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+__all__ = ["run"]
+
+# Each subcommand imports its tier when it runs; what is here already, no fork imports again.
+_LOADED = (authority.service, cloud.service, gateway.service, sensor_node.fleet)
+
+
+def run(*arguments: str, cwd: Path | None = None) -> CompletedProcess[str]:
+    """Run the command; gives its status and what it wrote.
+
+    A process of its own, with its own working folder, file descriptors and exit; only its modules
+    are those that are loaded already.
+    """
+    argv = ["eskin", *arguments]
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        child = os.fork()
+        if child == 0:
+            _become(argv, cwd, out, err)
+        status = _status(child, argv)
+        return CompletedProcess(argv, status, _text(out), _text(err))
+
+
+def _become(argv: list[str], cwd: Path | None, out: IO[bytes], err: IO[bytes]) -> NoReturn:
+    """What the fork does; it never returns into the test."""
+    status = 70
+    try:
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        os.dup2(out.fileno(), 1)
+        os.dup2(err.fileno(), 2)
+        sys.stdout, sys.stderr = (io.TextIOWrapper(io.FileIO(n, "w")) for n in (1, 2))
+        sys.argv = argv
+        if cwd is not None:
+            os.chdir(cwd)
+        main()
+    except SystemExit as end:
+        status = end.code if isinstance(end.code, int) else 1
+    except BaseException:  # noqa: BLE001 - a traceback is for the test to see
+        traceback.print_exc()
+    finally:
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(status)
+
+
+def _status(child: int, argv: list[str], *, seconds: float = 90.0) -> int:
+    ended: list[int] = []
+
+    def has_ended() -> bool:
+        found, status = os.waitpid(child, os.WNOHANG)
+        if found:
+            ended.append(os.waitstatus_to_exitcode(status))
+        return bool(ended)
+
+    try:
+        wait_until(has_ended, f"{' '.join(argv)} ends", seconds=seconds)
+    except AssertionError:
+        os.kill(child, 9)
+        os.waitpid(child, 0)
+        raise
+    return ended[0]
+
+
+def _text(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read().decode()
