@@ -212,7 +212,7 @@ class Publisher:
         """Let paho find the connection ended, upon which it makes another."""
         log.warning("no gateway answers, connecting anew; messages wait")
         own = self._client.socket()
-        if own is not None:
+        if isinstance(own, socket.socket):
             with suppress(OSError):
                 # Not TLS's own farewell, which is not for two threads at once.
                 socket.socket.shutdown(own, socket.SHUT_RDWR)
