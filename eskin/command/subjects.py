@@ -25,9 +25,9 @@ Config = Annotated[
     Path, typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the gateway's settings.")
 ]
 Name = Annotated[
-    str,
-    typer.Option(prompt="Name", help="The person's name; asked for if left out, so that it stays "
-                 "out of the shell's history."),
+    str | None,
+    typer.Option(help="The person's name; asked for if left out, so that it stays out of the "
+                 "shell's history."),
 ]  # fmt: skip
 
 
@@ -63,15 +63,16 @@ def list_subjects(config: Config) -> None:
 def assign(
     config: Config,
     node: Annotated[str, typer.Option(help="The node that the person wears from now on.")],
-    name: Name,
+    name: Name = None,
 ) -> None:
     """Have a person wear a node from now on; what it measured before stays whose it is."""
     from eskin.privacy.subject import LONGEST_NAME
 
+    vault, assignments = _open(config)
+    name = _asked(name)
     if not name.strip() or len(name) > LONGEST_NAME:
         raise SettingsError("--name", f"is empty or longer than {LONGEST_NAME} characters")
     _require_device(node, name)
-    vault, assignments = _open(config)
     subject = vault.named(name) or vault.create(name)
     assignments.assign(node, subject, since=time.time_ns())
     typer.echo(f"{node} is worn by {subject.pseudonym} from now on")
@@ -91,13 +92,13 @@ def release(
 @subjects.command()
 def erase(
     config: Config,
-    name: Annotated[str | None, typer.Option(help="The person's name.")] = None,
+    name: Name = None,
     pseudonym: Annotated[str | None, typer.Option(help="Or the pseudonym.")] = None,
 ) -> None:
     """Erase a person: destroy the key here now, and at the cloud; nothing brings the data back."""
-    if name is None and pseudonym is None:
-        name = typer.prompt("Name")
     vault, assignments = _open(config)
+    if pseudonym is None:
+        name = _asked(name)
     gone = _find(vault, name, pseudonym)
     nodes = assignments.release(gone.pseudonym, since=time.time_ns())
     vault.erase(gone.pseudonym)
@@ -115,13 +116,13 @@ def export(
         Path, typer.Option(help="File with a token with the scopes read and biometric.")
     ],
     out: Annotated[Path, typer.Option(help="JSON lines; a new file, mode 0600.")],
-    name: Name,
+    name: Name = None,
 ) -> None:
     """Fetch all that the cloud holds of a person, for the person."""
     import httpx
 
     vault, _ = _open(config)
-    subject = _find(vault, name, None)
+    subject = _find(vault, _asked(name), None)
     headers = {"Authorization": f"Bearer {token.read_text().strip()}"}
     place = f"{url.rstrip('/')}/api/v1/subjects/{subject.pseudonym}/export"
     lines = 0
@@ -148,6 +149,11 @@ def _open(config: Path) -> tuple[Vault, Assignments]:
     settings = GatewaySettings.load(config)
     vault = open_vault(settings.keys, settings.vault)
     return vault, Assignments(vault)
+
+
+def _asked(name: str | None) -> str:
+    """The name; asked for once the settings are known to be good."""
+    return str(typer.prompt("Name")) if name is None else name
 
 
 def _find(vault: Vault, name: str | None, pseudonym: str | None) -> Subject:

@@ -41,6 +41,10 @@ def test_what_is_desired_and_what_is_reported_stand_side_by_side(visit: Visit) -
     visit.open("fingertip")
     settings = visit.page.locator("[data-testid=settings]")
     settings.wait_for()
+    # Folded away, so that what the node feels comes first.
+    assert not settings.locator("table").is_visible()
+    settings.locator("summary").click()
+    assert settings.locator("table").is_visible()
     assert visit.evaluate(ROWS) == [
         ["whole node", "rate", "50", "100not yet"],
         ["t01", "mode", "–", "samples"],

@@ -74,6 +74,13 @@ def test_name_that_is_none_is_refused(site: Site, name: str) -> None:
     assert "--name" in site.run("assign", "--node", "hand", "--name", name, status=2)
 
 
+@pytest.mark.parametrize("words", [("assign", "--node", "hand"), ("erase",)])
+def test_nobody_is_asked_for_a_name_before_the_settings_are_read(words: tuple[str, ...]) -> None:
+    done = CliRunner().invoke(app, ["subjects", *words, "--config", "/none.toml"], input="")
+    assert "/none.toml" in str(done.exception)
+    assert "Name" not in done.output
+
+
 @pytest.fixture
 def cloud() -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
     asked: list[tuple[str, str | None]] = []

@@ -24,11 +24,11 @@ function tableRow(row: SettingRow): HTMLElement {
   );
 }
 
-/** How a node should be set, and beside it how it says that it is; nothing until either is known. */
+/** How a node should be set, and beside it how it says that it is, folded away; nothing until either is known. */
 export class NodeSettings {
   readonly root: HTMLElement;
   private readonly body = element("tbody");
-  private readonly note = element("p", { class: "settings-note", role: "status", "data-testid": "settings-note" });
+  private readonly note = element("span", { class: "settings-note", role: "status", "data-testid": "settings-note" });
   private readonly loading = new AbortController();
   private dueAt = 0;
   private busy = false;
@@ -39,8 +39,9 @@ export class NodeSettings {
   ) {
     const titles = ["of", "setting", "desired", "reported"].map((title) => element("th", { scope: "col" }, title));
     const table = element("table", {}, element("thead", {}, element("tr", {}, ...titles)), this.body);
-    const head = element("h2", { class: "section-head" }, "Settings");
-    this.root = element("section", { class: "node-settings", "data-testid": "settings", "aria-label": `settings of ${node}`, hidden: true }, head, this.note, table);
+    const head = element("summary", {}, element("h2", { class: "section-head" }, "Settings"), this.note);
+    const folded = element("details", {}, head, element("div", { class: "settings-table" }, table));
+    this.root = element("section", { class: "node-settings", "data-testid": "settings", "aria-label": `settings of ${node}`, hidden: true }, folded);
   }
 
   /** A command was answered: what is shown is out of date. */
