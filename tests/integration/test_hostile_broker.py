@@ -61,7 +61,7 @@ def publisher(own: Identities, name: str, bench: Bench, port: int) -> Publisher:
     )
 
 
-@pytest.mark.timeout(240)
+@pytest.mark.timeout(500)
 def test_hostile_broker_can_neither_read_nor_forge_nor_replay_nor_redirect(
     tmp_path: Path,
 ) -> None:
@@ -93,7 +93,7 @@ def test_hostile_broker_can_neither_read_nor_forge_nor_replay_nor_redirect(
             )
         malice.evil = False
         for bench in benches.values():
-            wait_until(lambda b=bench: b.outbox.messages == 0, "empty", seconds=60)  # type: ignore[misc]
+            wait_until(lambda b=bench: b.outbox.messages == 0, "empty", seconds=150)  # type: ignore[misc]
         wait_until(lambda: running.spool.statistics.messages == 0, "the cloud has all")
         for name in NAMES:
             require_exactly(said[name], [body for node, body in cloud.stored if node == name])
