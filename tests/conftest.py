@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
 from eskin.identity import IdentityKind
@@ -14,6 +15,12 @@ from tests.postgresql import Cluster
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+# A run says something of the change alone: properties try the same inputs each time. The hunt
+# tries others: ARGS="--hypothesis-profile=hunt". The machine's pauses are nobody's failure.
+settings.register_profile("steady", deadline=None, derandomize=True)
+settings.register_profile("hunt", deadline=None)
+settings.load_profile("steady")
 
 HERE = Path(__file__).parent
 FIRST = ("integration", "dashboard")

@@ -65,8 +65,10 @@ def _tanh_of(x: float) -> Two:
 @inlined
 def _sinh_up(x: float) -> float:
     size = abs(x)
-    bound = above(signed((size, 0.0) if size < TINY else _sinh_of(size), x))
-    return lesser(bound, x) if x <= 0.0 else bound
+    value = (size, 0.0) if size < TINY else _sinh_of(size)
+    bound = above(signed(value, x))
+    below_zero = -two_words.GREATEST if value[0] == math.inf else lesser(bound, x)
+    return below_zero if x <= 0.0 else bound
 
 
 @inlined

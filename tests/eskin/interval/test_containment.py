@@ -20,6 +20,8 @@ from tests.eskin.interval.exact import (
 )
 
 MOST_ULP = 2
+FAR = 2.0**48
+"""Beyond it libm's sine is moved by two floats, and may itself be one off."""
 SUBJECT = intervals_with_members()
 
 
@@ -79,8 +81,9 @@ def test_thin_argument_gives_at_most_two_floats(name: str, x: float, y: float) -
     if np.isinf(lo) or np.isinf(hi):
         assert abs(exact) > 1.7e308 or name == "tan"
         return
-    assert ulps_between(lo, float(exact)) <= MOST_ULP
-    assert ulps_between(float(exact), hi) <= MOST_ULP
+    most = MOST_ULP + (name in {"sin", "cos", "tan"} and abs(x) > FAR)
+    assert ulps_between(lo, float(exact)) <= most
+    assert ulps_between(float(exact), hi) <= most
 
 
 @pytest.mark.parametrize("name", ["add", "sub", "mul", "div"])
@@ -119,6 +122,19 @@ def test_function_is_isotonic_and_the_hull_of_its_parts(
         "rootn-5",
         "tan",
     }
+
+
+@pytest.mark.parametrize("name", ["exp", "expm1", "exp2", "exp10", "sinh", "cosh"])
+@pytest.mark.parametrize("x", [1100.0, 1e300])
+def test_what_no_float_holds_is_beyond_the_greatest(name: str, x: float) -> None:
+    result = UNARY[name][0](Interval(x))
+    assert (float(result.inf), float(result.sup)) == (np.finfo(float).max, np.inf)
+
+
+def test_odd_function_overflows_alike_on_both_sides() -> None:
+    result = Interval([711.0, -711.0]).sinh()
+    assert list(result.inf) == [np.finfo(float).max, -np.inf]
+    assert list(result.sup) == [np.inf, -np.finfo(float).max]
 
 
 @pytest.mark.parametrize("name", BINARY)
