@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from array import array
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
@@ -13,6 +12,7 @@ from eskin.messages import Encoding, Position
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.record import BLOCK
 from sensor_node.firmware.taxel import CHAINS
+from sensor_node.held import Reader
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.ledger import operations
 from sensor_node.machine.schedule import build_schedule
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Channel, Record, Scribe
     from sensor_node.firmware.schedule import Frame
     from sensor_node.firmware.selftest import SelfTest
-    from sensor_node.frontend import Digitised
     from sensor_node.machine.clock import Clock
     from sensor_node.physics import Signals
     from sensor_node.settings import SamplingSection
@@ -49,6 +48,7 @@ class EmulatedTaxel:
         clock: The node's clock.
         sampling: How samples become blocks.
         functions: The firmware's arithmetic, or its compiled copy.
+        repeats: How often a sample can be converted again before the next one comes.
         companions: What it reads along, by the names of its inputs.
         coverage: Probability that its intervals hold the truth.
     """
@@ -63,11 +63,13 @@ class EmulatedTaxel:
         clock: Clock,
         sampling: SamplingSection,
         functions: ModuleType,
+        repeats: int,
     ) -> None:
         self._taxel = taxel
         self._inverted: list[int] = []
         self._seed = seed
         self._sampling = sampling
+        self._repeats = repeats
         self._functions = functions
         self._sensing = Sensing(taxel, seed, companions)
         self._companions = companions
@@ -93,9 +95,11 @@ class EmulatedTaxel:
             prominences=_prominences(taxel),
             longest=round(taxel.longest_region_s * BILLION),
             encoding=int(Encoding[self._sampling.encoding.upper()]),
+            repeats=self._repeats,
             clock=self._clock.known,
             scribe=scribe,
         )
+        self.reader = Reader(self.control_unit, self._sensing, self._calibrated.inputs)
         self._inverted = list(self._calibrated.inverted)
         self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
         self.next: Frame = self.control_unit.schedule.frame(0)
@@ -117,7 +121,8 @@ class EmulatedTaxel:
         chains = [each.taxel.chain for each in self._companions.values()]
         counts = [now - then for then, now in zip(before, self._inverted, strict=True)]
         new = dict(zip(chains, counts, strict=True))
-        return operations(self._taxel.chain, n, self.control_unit.known_neighbours, new)
+        measured = n + self.reader.repeats.samples
+        return operations(self._taxel.chain, measured, self.control_unit.known_neighbours, new)
 
     @property
     def channels(self) -> list[Channel]:
@@ -155,7 +160,7 @@ class EmulatedTaxel:
         digitised = self._sensing.digitise(signals.sensed, random)
         self._truth = signals.truth | digitised.truth
         with self._watched():
-            self.control_unit.measure(self.next, self._codes(digitised))
+            self.control_unit.measure(self.next, self.reader.read(digitised))
 
     def separate(self) -> None:
         """Take back what neighbours have handed on, which are measured, too.
@@ -179,6 +184,7 @@ class EmulatedTaxel:
         return records, self._told(frame, records, self._truth)
 
     def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
+        self.reader.begin()
         random = np.random.default_rng((*self._seed, self._boot, frame.start))
         return self._sensing.signals(self._seconds(frame), random), random
 
@@ -187,9 +193,10 @@ class EmulatedTaxel:
     ) -> tuple[list[Record], list[TrueBlock]]:
         digitised = self._sensing.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        ends = [self._codes(self._sensing.digitise(end, random)) for end in signals.ends]
+        ends = [self._sensing.digitise(end, random) for end in signals.ends]
         with self._watched():
-            records = self.control_unit.process(frame, *(ends or [self._codes(digitised)]))
+            readings = [self.reader.read(each) for each in ends or [digitised]]
+            records = self.control_unit.process(frame, *readings)
         return records, self._told(frame, records, truth)
 
     @contextmanager
@@ -216,9 +223,6 @@ class EmulatedTaxel:
             for record in records
             if record.kind == BLOCK
         ]
-
-    def _codes(self, digitised: Digitised) -> list[array[int]]:
-        return [array("q", digitised.codes[name].tobytes()) for name in self._calibrated.inputs]
 
     def _miss(self, frame: Frame) -> list[Record]:
         """Say that there was nothing to sample."""

@@ -244,6 +244,7 @@ class Node:
         self.machine.ledger.charge_frame(
             taken.frame, operations=operations, inputs=taxel.inputs, channels=channels
         )
+        self.machine.ledger.charge_repeats(*taxel.reader.repeats)
         self._batch.take([*taken.records, *self._examiner.watch(taken.number, taken.frame.end)])
         self._true_blocks += taken.truth
         self.sampling.arm(taken.number, taxel.next)

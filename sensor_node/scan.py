@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from sensor_node.emulation import EmulatedTaxel
+from sensor_node.machine.sampling import most_repeats
 from sensor_node.neighbours import patches
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def build_taxels(
             functions=functions,
             companions=settings.companions(taxel, seed),
             coverage=coverages[number],
+            repeats=most_repeats(settings, taxel),
         )
         for number, taxel in enumerate(settings.taxel)
     ]

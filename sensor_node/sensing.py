@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.firmware.adaptation import Adaptation
     from sensor_node.frontend import Digitised
+    from sensor_node.machine.converter import Codes
     from sensor_node.physics import Signals
     from sensor_node.taxels import AnyTaxel
     from sensor_node.taxels.companion import Companion
@@ -29,6 +30,9 @@ class Sensing:
         taxel: Its settings.
         seed: Draws them.
         companions: What it reads along, by the names of its inputs.
+
+    Attributes:
+        last: Greatest code of its converter.
     """
 
     def __init__(
@@ -37,6 +41,7 @@ class Sensing:
         parts = np.random.default_rng(seed)
         self._world = build_world(taxel, parts)
         self._frontend = build_frontend(taxel, parts, companions)
+        self.last = (1 << taxel.adc_bits) - 1
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:
         """True signals at instants since the start (a burst: since its trigger)."""
@@ -45,6 +50,10 @@ class Sensing:
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Codes of what is sensed."""
         return self._frontend.digitise(sensed, random)
+
+    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
+        """Codes of what is held before the amplifier, with another gain and step of the trimmer."""
+        return self._frontend.repeat(held, gain, trim)
 
     def adjust(self, chosen: Adaptation) -> None:
         """Set amplifier, trimmer and plates as the control unit has chosen."""

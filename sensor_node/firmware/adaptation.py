@@ -4,12 +4,15 @@
   they moved on as far as in this frame, lower the gain before the next frame; the plates move apart
   where the gain is at its least. After some frames in which more would fit, it rises again.
 - From the environment (E_c): where nothing touches, the trimmer follows the drifting rest.
+- Within a frame: what lies beyond an end of the range is converted again at once with the range
+  that takes it on (`sensor_node.firmware.ranging`).
 
-A setting belongs to a frame: it decides how codes are read, never what is told of the world. So a
-contact that stays cannot be trimmed away; intervals only become wider or narrower around it.
+A setting belongs to a frame, or to a sample that is converted again: it decides how codes are read,
+never what is told of the world. So a contact that stays cannot be trimmed away; intervals only
+become wider or narrower around it.
 """
 
-from math import floor
+from math import ceil, floor
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -49,6 +52,9 @@ class Adaptation:
         self._gains = sheet["gain_least"], sheet["gain_most"]
         self._step = sheet["trimmer_step"] * self._range
         self._steps = int(sheet["trimmer_steps"])
+        self._tolerances = sheet["gain_tolerance"], sheet["trimmer_tolerance"]
+        errors = (sheet["adc_offset_error"] + sheet["adc_nonlinearity"] + 1.0) / self._codes
+        self._error = 2.0 * (sheet["adc_gain_error"] + errors) * self._range
         self._plates = int(sheet.get("actuator_steps", 0.0))
         # A current of Fig. 3 grows with the distance of the plates (eq. 2, 6).
         distance = sheet.get("plate_distance", 1.0)
@@ -93,6 +99,50 @@ class Adaptation:
         else:
             self._quiet = 0
 
+    def beyond(self, side: int, setting: "tuple[float, int]") -> "tuple[float, int] | None":
+        """Gain and trimmer whose range goes on where that of others ends, and reaches farthest.
+
+        Args:
+            side: 1: beyond the upper end; -1: beyond the lower one.
+            setting: The others.
+
+        Returns:
+            They leave no hole between both ranges, whatever the parts truly are within their
+            tolerances; ``None``: none reaches farther.
+        """
+        gain, trim = setting
+        end = farthest = self._end(side, gain, trim)
+        found = None
+        while True:
+            chosen = self._joined(side, gain, setting, end)
+            if -self._steps <= chosen <= self._steps:
+                reached = self._end(side, gain, chosen)
+                if side * reached > side * farthest:
+                    found, farthest = (gain, chosen), reached
+            if 0.5 * gain < self._gains[0]:
+                return found
+            gain *= 0.5
+
+    def _end(self, side: int, gain: float, trim: int) -> float:
+        """About which input is at an end of the range."""
+        top = self._range if side > 0 else 0.0
+        return (self._lowest + top + trim * self._step) / gain
+
+    def _joined(self, side: int, gain: float, setting: "tuple[float, int]", end: float) -> int:
+        """The trimmer's step that has a range begin before another one ends; it may have none."""
+        off = gain * end - self._lowest
+        overlap = self._overlap(gain, setting, end)
+        if side > 0:
+            return min(self._steps, floor((off - overlap) / self._step))
+        return max(-self._steps, ceil((off - self._range + overlap) / self._step))
+
+    def _overlap(self, gain: float, setting: "tuple[float, int]", end: float) -> float:
+        """How far ranges must overlap at least, for all that their true parts may be."""
+        amplified = abs(gain * end)
+        trimmed = abs(setting[1]) * self._step * gain / setting[0]
+        trimmed += amplified + abs(self._lowest) + self._range
+        return self._error + 2.0 * self._tolerances[0] * amplified + self._tolerances[1] * trimmed
+
     def _input(self, code: int) -> float:
         """About which input a code stands for."""
         level = self._lowest + code * self._range / self._codes
@@ -130,7 +180,7 @@ class Adaptation:
     def _damp(self, lo: float, hi: float, least: int, most: int) -> None:
         """The greatest gain that fits; plates apart or together where none does."""
         gain = self.gain
-        while gain > self._gains[0] and not self._fits(gain, lo, hi, _NEAR):
+        while 0.5 * gain >= self._gains[0] and not self._fits(gain, lo, hi, _NEAR):
             gain *= 0.5
         if self._fits(gain, lo, hi, _NEAR):
             self._set_gain(gain)
@@ -139,10 +189,10 @@ class Adaptation:
 
     def _damp_most(self, apart: int) -> None:
         """The least gain; where it stands already, other plates."""
-        if self.gain <= self._gains[0]:
+        if 0.5 * self.gain < self._gains[0]:
             self.plate = max(0, min(self._plates, self.plate + apart))
         gain = self.gain
-        while gain > self._gains[0]:
+        while 0.5 * gain >= self._gains[0]:
             gain *= 0.5
         self._set_gain(gain)
 

@@ -4,6 +4,7 @@ from array import array
 
 from sensor_node.firmware.adaptation import Adaptation
 from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES, ChannelUnit
+from sensor_node.firmware.ranging import Ranging
 from sensor_node.firmware.record import Channel
 
 TYPE_CHECKING = False
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.clock import Clock
     from sensor_node.firmware.inversion import Buffer, Codes
+    from sensor_node.firmware.ranging import Hold, Readings
     from sensor_node.firmware.record import Record, Scribe
     from sensor_node.firmware.schedule import Frame, Schedule
     from sensor_node.firmware.taxel import Taxel
@@ -32,11 +34,13 @@ class ControlUnit:
         prominences: Quantity to the least prominence of its peaks; others have none.
         longest: ns after which undecided peaks are reported.
         encoding: How blocks write their bounds.
+        repeats: How often a sample can be converted again before the next one comes.
         clock: What the node knows of time.
         scribe: Writes its messages.
 
     Attributes:
         broken: Whether the taxel is certainly stuck or dead: it tells of no cause then.
+        ranging: Converts again what saturates, while it is adaptive.
         left_out: Samples that it has not told for this, until somebody says so and sets it to 0.
         known_neighbours: How many were measured at the instants of its last frame.
     """
@@ -51,6 +55,7 @@ class ControlUnit:
         prominences: "Mapping[str, float]",
         longest: int,
         encoding: int,
+        repeats: int,
         clock: "Clock",
         scribe: "Scribe",
     ) -> None:
@@ -67,6 +72,7 @@ class ControlUnit:
         self._around: Sequence[ControlUnit] = ()
         self._frame: Frame | None = None
         self._adjustable: list[Codes] = []
+        self.ranging = Ranging(taxel, self.adaptation, repeats)
         self._taxel = taxel
         self._prominences = prominences
         self._encoding = encoding
@@ -95,13 +101,13 @@ class ControlUnit:
         return _FRUGAL[max(_FRUGAL.index(self.mode), min(self.shed, 2))]
 
     def process(
-        self, frame: "Frame", codes: "Sequence[Codes]", other: "Sequence[Codes]" = ()
+        self, frame: "Frame", readings: "Readings", other: "Readings | None" = None
     ) -> "list[Record]":
         """Measure one frame: each channel's block, and the peaks that are decided now.
 
         Taxels that are sampled at the same instants do its three steps together, one by one.
         """
-        self.measure(frame, codes, other)
+        self.measure(frame, readings, other)
         self.separate()
         return self.tell()
 
@@ -110,20 +116,25 @@ class ControlUnit:
         self._around = around
         self._taxel.surround(neighbours)
 
+    def repeat(self, readings: "Readings", i: int, k: int, hold: "Hold") -> None:
+        """Convert a sample again whose code is at an end: the k-th of the i-th amplified input."""
+        if self.adaptive:
+            self.ranging.repeat(readings, i, k, hold)
+
     def measure(
-        self, frame: "Frame", codes: "Sequence[Codes]", other: "Sequence[Codes]" = ()
+        self, frame: "Frame", readings: "Readings", other: "Readings | None" = None
     ) -> None:
         """Calculate a frame's samples back, as if the taxel were alone.
 
-        Where the input was an interval, there are codes of its one end and of its other one; what
-        is told encloses both.
+        Where the input was an interval, there are readings of its one end and of its other one;
+        what is told encloses both.
         """
         self._frame = frame
-        self._taxel.measure(codes, frame.n, self._bounds)
-        self._adjustable = list(codes[: self._taxel.amplified])
-        if other:
+        self.ranging.measure(readings, frame.n, self._bounds)
+        self._adjustable = list(readings.codes[: self._taxel.amplified])
+        if other is not None:
             self._enclose(other, frame.n)
-            self._adjustable += other[: self._taxel.amplified]
+            self._adjustable += other.codes[: self._taxel.amplified]
 
     def separate(self) -> None:
         """Take back what neighbours hand on that are measured at the same instants."""
@@ -214,10 +225,10 @@ class ControlUnit:
             unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)
         return records
 
-    def _enclose(self, codes: "Sequence[Codes]", n: int) -> None:
-        """Widen what is measured, so that it encloses what other codes tell."""
+    def _enclose(self, readings: "Readings", n: int) -> None:
+        """Widen what is measured, so that it encloses what other readings tell."""
         found = [array("d", bytes(8 * n)) for _ in self._bounds]
-        self._taxel.measure(codes, n, found)
+        self.ranging.measure(readings, n, found)
         for j in range(0, len(found), 2):
             lows, highs = self._bounds[j], self._bounds[j + 1]
             for k in range(n):

@@ -44,7 +44,7 @@ class ThermometerFrontend(Amplified):
         resistance = self._nominal * ratio
         share = resistance / (resistance + self._series)
         noisy = share + draw_noise(random, self._noise, share.shape)
-        return Digitised({}, {"share": self._converter.convert(noisy)})
+        return self._digitised({}, {"share": noisy})
 
 
 class HygrometerFrontend(RcFrontend):
@@ -60,5 +60,5 @@ class HygrometerFrontend(RcFrontend):
         """Codes of the current."""
         above = sensed["humidity"] + self._off - REFERENCE_HUMIDITY
         capacitance = self._rest * (1.0 + self._sensitivity * above)
-        codes = super().digitise({"capacitance": capacitance}, random).codes
-        return Digitised({}, codes)
+        made = super().digitise({"capacitance": capacitance}, random)
+        return Digitised({}, made.codes, made.held)

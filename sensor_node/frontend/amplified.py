@@ -21,10 +21,12 @@ class Digitised:
     Attributes:
         truth: Quantities that come to be in the chain, without noise.
         codes: One array of ADC codes an input.
+        held: Of each input behind the adjustable amplifier, what is held before it.
     """
 
     truth: dict[str, Floats]
     codes: dict[str, Codes]
+    held: dict[str, Floats]
 
 
 class Frontend(Protocol):
@@ -36,6 +38,9 @@ class Frontend(Protocol):
     def adjust(self, gain: float, trim: int) -> None:
         """Set the amplifier before the converter, and the trimmer to one of its steps."""
 
+    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
+        """Codes of what is held, with another gain and step of the trimmer."""
+
 
 class Amplified:
     """What all chains have: a converter behind an amplifier."""
@@ -45,3 +50,11 @@ class Amplified:
     def adjust(self, gain: float, trim: int) -> None:
         """Set the amplifier before the converter, and the trimmer to one of its steps."""
         self._converter.adjust(gain, trim)
+
+    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
+        """Codes of what is held, with another gain and step of the trimmer."""
+        return self._converter.repeat(held, gain, trim)
+
+    def _digitised(self, truth: dict[str, Floats], held: dict[str, Floats]) -> Digitised:
+        codes = {name: self._converter.convert(values) for name, values in held.items()}
+        return Digitised(truth, codes, held)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sensor_node.frontend.amplified import Amplified, Digitised
+from sensor_node.frontend.amplified import Amplified
 from sensor_node.machine.converter import Converter
 from sensor_node.physics.parameters import draw_noise, draw_part
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from eskin.interval import Floats
+    from sensor_node.frontend.amplified import Digitised
     from sensor_node.taxels import BioelectricSection
 
 
@@ -30,4 +31,4 @@ class BioelectricFrontend(Amplified):
         """Codes of the amplifier's voltage."""
         voltage = self._gain * (sensed["bioelectric"] + self._offset)
         noisy = voltage + draw_noise(random, self._noise, voltage.shape)
-        return Digitised({}, {"voltage": self._converter.convert(noisy)})
+        return self._digitised({}, {"voltage": noisy})

@@ -50,4 +50,4 @@ class CoilFrontend(LcFrontend):
             )
             for name, (part, converter) in self._demodulators.items()
         }
-        return Digitised(oscillator.truth, oscillator.codes | codes)
+        return Digitised(oscillator.truth, oscillator.codes | codes, oscillator.held)

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from sensor_node.frontend.amplified import Frontend
+    from sensor_node.machine.converter import Codes
 
 
 class CompaniedFrontend:
@@ -33,8 +34,12 @@ class CompaniedFrontend:
         codes = dict(own.codes)
         for name, companion in self._companions.items():
             (codes[name],) = companion.digitise(sensed, random).codes.values()
-        return Digitised(own.truth, codes)
+        return Digitised(own.truth, codes, own.held)
 
     def adjust(self, gain: float, trim: int) -> None:
         """Set the amplifier before the taxel's own converter, and its trimmer."""
         self._own.adjust(gain, trim)
+
+    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
+        """Codes of what is held before the taxel's own amplifier."""
+        return self._own.repeat(held, gain, trim)

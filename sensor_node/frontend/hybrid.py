@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from sensor_node.frontend.amplified import Amplified, Digitised
+from sensor_node.frontend.amplified import Amplified
 from sensor_node.machine.converter import Converter
 from sensor_node.physics.parameters import draw_noise, draw_part
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from eskin.interval import Floats
+    from sensor_node.frontend.amplified import Digitised
     from sensor_node.taxels import HybridSection
 
 
@@ -30,10 +31,9 @@ class LinearFrontend(Amplified):
 
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Codes of both amplifiers' voltages."""
-        codes = {
-            quantity: self._converter.convert(
-                gain * sensed[quantity] + draw_noise(random, self._noise, sensed[quantity].shape)
-            )
+        held = {
+            quantity: gain * sensed[quantity]
+            + draw_noise(random, self._noise, sensed[quantity].shape)
             for quantity, gain in self._gains.items()
         }
-        return Digitised({}, codes)
+        return self._digitised({}, held)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sensor_node.frontend.amplified import Amplified, Digitised
+from sensor_node.frontend.amplified import Amplified
 from sensor_node.machine.converter import Converter
 from sensor_node.physics.parameters import draw_noise, draw_part
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eskin.interval import Floats
+    from sensor_node.frontend.amplified import Digitised
     from sensor_node.noise import Noise
     from sensor_node.taxels import InductiveSection
     from sensor_node.taxels.capacitive import RcSection
@@ -46,8 +47,7 @@ class RcFrontend(Amplified):
         noisy = current
         if self._noise is not None:
             noisy = current + draw_noise(random, self._noise, current.shape)
-        codes = self._converter.convert(noisy)
-        return Digitised({"current": current}, {"current": codes})
+        return self._digitised({"current": current}, {"current": noisy})
 
 
 class LcFrontend(Amplified):
@@ -64,4 +64,4 @@ class LcFrontend(Amplified):
         frequency = 1.0 / (2.0 * np.pi * np.sqrt(sensed["inductance"] * self._capacitance))
         voltage = frequency / self._reference
         noisy = voltage + draw_noise(random, self._noise, voltage.shape)
-        return Digitised({"frequency": frequency}, {"voltage": self._converter.convert(noisy)})
+        return self._digitised({"frequency": frequency}, {"voltage": noisy})

@@ -39,6 +39,7 @@ _FLIGHT: Final = 32
 """Bytes of an entry in the index of messages under way."""
 _BOUND: Final = 8
 _CODE: Final = 2
+_RANGE: Final = 1
 _MEMORY: Final = SLOTS * (4 + 2 * _BOUND) + 3 * 16
 """Bytes in which a pad remembers what a sensor's codes mean: code, bounds, three arrays' heads."""
 _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
@@ -51,7 +52,8 @@ class Budget:
     Attributes:
         program: The firmware's modules.
         connection: TLS.
-        codes: Two buffers of codes for each input: one fills while the other is worked off.
+        codes: Two buffers of codes for each input: one fills while the other is worked off; and of
+            the ranges that an amplified input's samples were converted with.
         bounds: A lower and an upper bound of each sample of a frame, for each channel.
         objects: Calibrations, schedules, rests, filters, detectors.
         messages: A frame's messages while they are written, and the one that is being sealed.
@@ -82,13 +84,13 @@ def ram_budget(settings: NodeSettings) -> Budget:
     blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
     width = _WIDTHS[sampling.encoding]
     shapes = [
-        (n, _inputs(taxel), len(taxel.units))
+        (n, _CODE * _inputs(taxel) + _RANGE * CHAINS[taxel.chain].amplified, len(taxel.units))
         for n, taxel in zip(blocks, settings.taxel, strict=True)
     ]
     return Budget(
         program=PROGRAM,
         connection=CONNECTION,
-        codes=sum(2 * _CODE * n * inputs for n, inputs, _ in shapes),
+        codes=sum(2 * n * size for n, size, _ in shapes),
         bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
         objects=sum(map(taxel_objects, settings.taxel)),
         messages=max(_messages(n, channels, width) for n, _, channels in shapes),

@@ -61,11 +61,20 @@ class Converter:
 
     def adjust(self, gain: float, trim: int) -> None:
         """Set the amplifier, and the trimmer to one of its steps."""
-        self._gain = gain * self._amplifier
-        self._trim = float(self._trims[trim + len(self._trims) // 2])
+        self._gain, self._trim = self._amplified(gain, trim)
 
     def convert(self, values: Floats) -> Codes:
         """Quantise; what lies outside of the range takes the end codes."""
-        steps = (self._gain * values - self._trim - self._zero) / self._step
+        return self._quantised(values, self._gain, self._trim)
+
+    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
+        """Quantise what is held with another gain and step; the next values have the old ones."""
+        return self._quantised(held, *self._amplified(gain, trim))
+
+    def _amplified(self, gain: float, trim: int) -> tuple[float, float]:
+        return gain * self._amplifier, float(self._trims[trim + len(self._trims) // 2])
+
+    def _quantised(self, values: Floats, gain: float, trim: float) -> Codes:
+        steps = (gain * values - trim - self._zero) / self._step
         bowed = steps + self._bow * np.sin(2.0 * np.pi * steps / self._codes)
         return np.clip(np.floor(bowed), 0, self.last).astype(np.int64)

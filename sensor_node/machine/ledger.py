@@ -15,6 +15,8 @@ CLOCK_HZ: Final = 160_000_000
 """Of the processor: a Cortex-M33 as in an STM32U575 (ST, DS13737)."""
 _CONVERSION_NS: Final = 1_000
 """Awake for one conversion: sampling, and 14 bits at 2.5 million a second."""
+REPEAT_NS: Final = 5_000 + _CONVERSION_NS
+"""Awake for a conversion of what is held with another range: the amplifier settles (assumed)."""
 WAKE_NS: Final = 20_000
 """Awake for one wake-up from deep sleep: regulator and clock (assumed)."""
 OF_INTERRUPT: Final = 200
@@ -92,11 +94,17 @@ class Ledger:
         sampling = frame.n * min(frame.dt, inputs * _CONVERSION_NS)
         self._awake += sampling + instructions * 1_000_000_000 // CLOCK_HZ
 
-    def charge_interrupt(self) -> None:
-        """Count a wake-up of the processor, and the handler of what woke it."""
-        self._wakes += 1
-        self._instructions += OF_INTERRUPT
-        self._awake += WAKE_NS + INTERRUPT_NS
+    def charge_interrupt(self, times: int = 1) -> None:
+        """Count wake-ups of the processor, and the handler of what woke it."""
+        self._wakes += times
+        self._instructions += times * OF_INTERRUPT
+        self._awake += times * (WAKE_NS + INTERRUPT_NS)
+
+    def charge_repeats(self, samples: int, conversions: int) -> None:
+        """Count samples that were converted again: an interrupt each, and how often in all."""
+        self.charge_interrupt(samples)
+        self._conversions += conversions
+        self._awake += conversions * REPEAT_NS
 
     def charge_hang(self, span: int) -> None:
         """Count ns in which the processor went round in circles."""

@@ -11,8 +11,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from sensor_node.firmware.ranging import MOST
+from sensor_node.firmware.taxel import CHAINS
 from sensor_node.machine.events import NEVER
-from sensor_node.machine.ledger import INTERRUPT_NS, WAKE_NS
+from sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS, WAKE_NS
 from sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.schedule import Frame
     from sensor_node.machine.machine import Machine
     from sensor_node.settings import NodeSettings
+    from sensor_node.taxels import AnyTaxel
 
 WHOLE_FRAME: Final = 0
 """Depth of a buffer that holds a frame, whatever its length."""
@@ -29,6 +32,16 @@ WHOLE_FRAME: Final = 0
 def most_latency(taxels: int) -> int:
     """From an interrupt to its handler, ns at most: the wake-up, and the handlers of all others."""
     return WAKE_NS + (taxels - 1) * INTERRUPT_NS
+
+
+def most_repeats(settings: NodeSettings, taxel: AnyTaxel) -> int:
+    """How often a taxel's samples can be converted again before the next ones come.
+
+    All taxels may saturate at one moment, and one after the other is served.
+    """
+    inputs = sum(CHAINS[each.chain].amplified for each in settings.taxel)
+    free = build_schedule(taxel, 1).dt - most_latency(len(settings.taxel)) - INTERRUPT_NS
+    return max(0, min(MOST, free // (inputs * REPEAT_NS)))
 
 
 def require_depth(settings: NodeSettings) -> None:

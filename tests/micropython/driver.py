@@ -10,6 +10,7 @@ from array import array
 from sensor_node.firmware.clock import Clock
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
+from sensor_node.firmware.ranging import Readings
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.schedule import Schedule
 from sensor_node.firmware.selftest import SelfTest
@@ -58,6 +59,7 @@ def control_unit(taxel: "Table", clock: Clock, scribe: Scribe) -> ControlUnit:
         prominences=reals(taxel["prominences"]),
         longest=int(taxel["longest"]),
         encoding=taxel["encoding"],
+        repeats=taxel["repeats"],
         clock=clock,
         scribe=scribe,
     )
@@ -135,13 +137,32 @@ def drive(step: "Table", units: "Sequence[ControlUnit]") -> "list[Record]":
         unit.broken = step["broken"]
         return unit.tell()
     if "codes" in step:
-        codes, other = ([array("i", each) for each in step[name]] for name in ("codes", "other"))
-        unit.measure(unit.schedule.frame(step["frame"]).part(*step["part"]), codes, other)
+        taken = [readings(unit, each) for each in step["codes"]]
+        unit.measure(unit.schedule.frame(step["frame"]).part(*step["part"]), *taken)
     elif "separate" in step:
         unit.separate()
     else:
         unit.surround([units[k] for k in step["around"]], step["of"])
     return []
+
+
+def readings(unit: ControlUnit, given: "Table") -> Readings:
+    """The codes as they came, converted again as the firmware wants it."""
+    made = Readings(
+        [array("i", each) for each in given["first"]],
+        [array("b", bytes(len(given["first"][0]))) for _ in range(given["ranges"])],
+    )
+    for i, k, answers in given["again"]:
+        left = list(answers)
+
+        def hold(gain: float, trim: int, left: "list[Any]" = left) -> int:
+            asked, code = left.pop(0)
+            assert asked == [struct.pack("<d", gain).hex(), trim]
+            return int(code)
+
+        unit.repeat(made, i, k, hold)
+        assert not left
+    return made
 
 
 def state(step: "Table") -> "dict[str, dict[str, float | str]]":

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from sensor_node.firmware import inversion
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
@@ -22,6 +23,7 @@ from sensor_node.truth import Truth
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
+    from types import ModuleType
 
     from sensor_node.firmware.chip import Kept
     from sensor_node.taxels import AnyTaxel
@@ -91,7 +93,13 @@ class Bench:
     """A node without a network, whose time the test turns."""
 
     def __init__(
-        self, folder: Path, profile: str = "fingertip", *, drift: int = 0, **sections: Any
+        self,
+        folder: Path,
+        profile: str = "fingertip",
+        *,
+        drift: int = 0,
+        functions: ModuleType = inversion,
+        **sections: Any,
     ) -> None:
         self.settings = settings(folder, profile, **sections)
         self.truth = Truth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
@@ -105,7 +113,12 @@ class Bench:
         self.ticks = 0
         self.clock = clock_at(lambda: self.ticks, drift=drift)
         self.node = Node(
-            self.settings, clock=self.clock, outbox=self.outbox, truth=self.truth, seed=7
+            self.settings,
+            clock=self.clock,
+            outbox=self.outbox,
+            truth=self.truth,
+            seed=7,
+            functions=functions,
         )
 
     def run_to(self, seconds: float) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pytest
 
     from eskin.messages.vocabulary import State
-    from sensor_node.firmware.inversion import Codes
+    from sensor_node.firmware.ranging import Hold, Readings
     from sensor_node.firmware.record import Channel, Record
     from sensor_node.firmware.schedule import Frame
 
@@ -30,6 +30,7 @@ class Recorder:
         self.job: dict[str, Any] = {"boot": 1, "taxels": [], "steps": []}
         self._units: list[ControlUnit] = []
         self._calling = False
+        self._again: dict[int, list[tuple[int, int, int, list[Any]]]] = {}
         # By taxel: one that is read along is made within another one.
         self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
@@ -64,14 +65,28 @@ class Recorder:
         measure, skip = ControlUnit.measure, ControlUnit.skip
         separate, tell, surround = ControlUnit.separate, ControlUnit.tell, ControlUnit.surround
 
+        repeat = ControlUnit.repeat
+
+        def repeated(unit: ControlUnit, readings: Readings, i: int, k: int, hold: Hold) -> None:
+            first, answers = readings.codes[i][k], []
+
+            def held(gain: float, trim: int) -> int:
+                code = hold(gain, trim)
+                answers.append([[_hexadecimal(gain), trim], code])
+                return code
+
+            repeat(unit, readings, i, k, held)
+            self._again.setdefault(id(readings), []).append((i, k, first, answers))
+
         def measured(
-            unit: ControlUnit, frame: Frame, codes: Sequence[Codes], other: Sequence[Codes] = ()
+            unit: ControlUnit, frame: Frame, readings: Readings, other: Readings | None = None
         ) -> None:
             first = unit.schedule.frame(frame.number).first
             part = frame.first - first, frame.first - first + frame.n
-            given = [[list(each) for each in inputs] for inputs in (codes, other)]
-            self._note(unit, frame=frame.number, part=part, codes=given[0], other=given[1])
-            measure(unit, frame, codes, other)
+            taken = [readings] if other is None else [readings, other]
+            given = [self._described_readings(each) for each in taken]
+            self._note(unit, frame=frame.number, part=part, codes=given)
+            measure(unit, frame, *taken)
 
         def separated(unit: ControlUnit) -> None:
             self._note(unit, separate=True)
@@ -90,6 +105,7 @@ class Recorder:
                 self._note(unit, skip=samples)
             return skip(unit, samples)
 
+        monkeypatch.setattr(ControlUnit, "repeat", repeated)
         monkeypatch.setattr(ControlUnit, "measure", measured)
         monkeypatch.setattr(ControlUnit, "separate", separated)
         monkeypatch.setattr(ControlUnit, "tell", told)
@@ -221,6 +237,15 @@ class Recorder:
     def _note(self, unit: ControlUnit, **step: Any) -> None:
         self.job["steps"].append({"taxel": self._units.index(unit), **step})
 
+    def _described_readings(self, readings: Readings) -> dict[str, Any]:
+        """The codes as they came, and what was converted again."""
+        first = [list(each) for each in readings.codes]
+        again = self._again.pop(id(readings), [])
+        for i, k, code, _ in again:
+            first[i][k] = code
+        asked = [[i, k, answers] for i, k, _, answers in again]
+        return {"first": first, "ranges": len(readings.ranges), "again": asked}
+
     def _described(self, name: str, made: Taxel, given: dict[str, Any]) -> dict[str, Any]:
         kind, sheet = self._sheets[made]
         schedule = given["schedule"]
@@ -233,6 +258,7 @@ class Recorder:
             "prominences": _hexadecimals(given["prominences"]),
             "longest": str(given["longest"]),
             "encoding": given["encoding"],
+            "repeats": given["repeats"],
         }
 
 

@@ -67,7 +67,13 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     moved = table("touch", adaptive=True, adc_min_A=1.2e-4, actuator_steps=4, **changes)
     pad = table("pad", adaptive=True, adc_min_A=8.5e-4, actuator_steps=4, gain_most=1.0)
     pad = {key: pad[key] for key in pad if key not in ("thermometer", "hygrometer")}
-    bench = Bench(tmp_path, "palm", taxel=(moved, pad), sampling={"block_samples": 50})
+    still = table("touch", id="t02", sampling_Hz=250.0, stimulus_Hz=1e-9, adaptive=True, **changes)
+    taxels = moved, pad, still
+    bench = Bench(tmp_path, "palm", taxel=taxels, sampling={"block_samples": 50})
+    bench.run_to(2.0)
+    # At once, and beyond what it is set to by now.
+    world: Any = bench.node.taxels[2]._sensing._world
+    world._least = world._most = world._least / 4.0
     bench.run_to(3.0)
     plate = bench.node.taxels[1].control_unit.adaptation.plate
     # As if a self-test had found it: it tells no cause any more, and the status says so.
@@ -78,6 +84,8 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     said = [body.hex() for body in bench.bodies()]
     settings = bench.node.taxels[0].control_unit.adaptation
     bench.close()
+    frames = [each for step in recorder.job["steps"] for each in step.get("codes", ())]
+    assert {len(asked) for each in frames for _, _, asked in each["again"]} >= {0, 1}
     assert (settings.gain, settings.trim) != (1.0, 0)
     assert plate > 0
     assert under_micropython(recorder.job, tmp_path) == said

@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 from sensor_node.firmware.control_unit import ControlUnit
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     import pytest
 
-    from sensor_node.firmware.inversion import Codes
+    from sensor_node.firmware.ranging import Readings
     from sensor_node.firmware.record import Record
     from sensor_node.firmware.schedule import Frame
 
@@ -21,10 +19,10 @@ def hang(monkeypatch: pytest.MonkeyPatch, taxel: str, number: int) -> None:
     process = ControlUnit.process
     left = [1]
 
-    def failing(unit: ControlUnit, frame: Frame, codes: Sequence[Codes]) -> list[Record]:
+    def failing(unit: ControlUnit, frame: Frame, readings: Readings) -> list[Record]:
         if unit.name == taxel and frame.number == number and left:
             left.pop()
             raise IndexError("index out of range")
-        return process(unit, frame, codes)
+        return process(unit, frame, readings)
 
     monkeypatch.setattr(ControlUnit, "process", failing)

@@ -78,7 +78,7 @@ def test_page_of_the_node_shows_the_budget_of_each_profile(tmp_path: Path) -> No
 def test_budget_follows_the_layout(tmp_path: Path) -> None:
     budget = ram_budget(settings(tmp_path, "fingertip"))
     assert budget.bounds == 3 * 2 * 2 * 8 * 250
-    assert budget.codes == 3 * 2 * 2 * 250
+    assert budget.codes == 3 * 2 * (2 + 1) * 250
     assert budget.total == sum(budget.parts().values())
 
 
