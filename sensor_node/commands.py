@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import logging
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Any, Final, Protocol
 
 from eskin.envelope import Verifier
-from eskin.errors import EnvelopeError, EskinError, FlashError, IdentityError, MessageError
+from eskin.errors import CommandError, EnvelopeError, EskinError, FlashError, IdentityError
 from eskin.identity import IdentityKind, Trust
-from eskin.messages import Command, Outcome, Result
-from eskin.messages.result import MOST_REASON
-from eskin.moment import LATEST, SECOND, format_moment
+from eskin.messages import Outcome
+from eskin.messages.vocabulary import CommandName, check_arguments
+from eskin.moment import LATEST, SECOND
 from eskin.topics import Stream, node_topic
+from sensor_node.firmware import commander
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -55,11 +56,7 @@ class Controls(Protocol):
 
 
 class Commander:
-    """Does what the cloud asks of this node.
-
-    The effect of a command lives in memory until its id, its result and the state behind are in
-    flash, in one commit; a crash before undoes it, and a start after takes it up again. So it has
-    one effect, however often it comes.
+    """Takes from the cloud what it asks of this node; the firmware decides what becomes of it.
 
     Args:
         outbox: Keeps the last command's result, and tells it.
@@ -78,16 +75,11 @@ class Commander:
         controls: Controls,
         enclosure: Callable[[], tuple[int, int]],
     ) -> None:
-        self._outbox = outbox
-        self._node = own.name
         self._topic = node_topic(own.name, Stream.COMMANDS)
-        self._controls = controls
         self._enclosure = enclosure
+        self._firmware = commander.Commander(own.name, outbox, _Checked(controls))
         trust = Trust(own.root, clock=self._now)
         self._verifier = Verifier(trust, kind=IdentityKind.SERVER, name=cloud)
-        self._last: tuple[int, Outcome, str | None] = (0, Outcome.DONE, None)
-        self._state: State = {}
-        self._recorded = True
 
     def start(self) -> None:
         """Take up the state of before, and say how the node is set; once, before any command.
@@ -95,15 +87,12 @@ class Commander:
         Raises:
             FlashError: Flash cannot be read.
         """
-        body = self._outbox.answer()
-        kept = None if body is None else Result.decode(body)
-        if kept is not None:
-            self._last = kept.command, kept.outcome, kept.reason
-        self._state = self._controls.restore({} if kept is None else kept.state)
         try:
-            self._record()
+            self._firmware.start(self._enclosure())
         except FlashError as error:
             log.warning("the node's state is told later: error=%s", error)
+        except ValueError as error:
+            raise FlashError(f"the last result that it kept cannot be read: {error}") from error
 
     def take(self, signed: bytes) -> None:
         """Take a command that was sealed to this node.
@@ -116,49 +105,43 @@ class Commander:
                 then only the result is written.
         """
         try:
-            command = Command.decode(self._verifier.verify(signed, topic=self._topic))
-        except (EnvelopeError, IdentityError, MessageError) as error:
+            plaintext = self._verifier.verify(signed, topic=self._topic)
+            done = self._firmware.take(plaintext, self._enclosure())
+        except (EnvelopeError, IdentityError, ValueError) as error:
             log.warning("command rejected: reason=%s", error)
             return
-        if command.node != self._node:
-            log.warning("command rejected: reason=it is for %s", command.node)
-        elif command.id > self._last[0]:
-            self._do(command)
-        elif not self._recorded:
-            self._record()
-
-    def _do(self, command: Command) -> None:
-        outcome, reason = Outcome.DONE, None
-        latest = self._enclosure()[1]
-        if latest >= command.expires:
-            outcome = Outcome.EXPIRED
-            reason = (
-                f"it was to be done before {format_moment(command.expires)}, "
-                f"and here it may be {format_moment(latest)} already"
-            )
-        else:
-            try:
-                self._state = self._controls.apply(str(command.name), command.arguments)
-            except EskinError as error:
-                outcome, reason = Outcome.REFUSED, _printable(str(error))
-        self._last = command.id, outcome, reason
-        self._recorded = False
-        log.info("command %s: id=%d outcome=%s", command.name, command.id, outcome.name.lower())
-        self._record()
-
-    def _record(self) -> None:
-        number, outcome, reason = self._last
-        with self._outbox.batch() as batch:
-            scribe, time = self._outbox.scribe, self._enclosure()
-            batch.take([scribe.result(time, number, int(outcome), reason, self._state)])
-        self._recorded = True
+        if done is not None:
+            number, name, outcome = done
+            log.info("command %s: id=%d outcome=%s", name, number, Outcome(outcome).name.lower())
 
     def _now(self) -> datetime:
         seconds = min(self._enclosure()[1] // SECOND, _MOST_SECONDS)
         return datetime.fromtimestamp(seconds, UTC)
 
 
+class _Checked:
+    """Controls as the firmware has them: what is not allowed is refused, with its reason."""
+
+    __slots__ = ("_controls",)
+
+    def __init__(self, controls: Controls) -> None:
+        self._controls = controls
+
+    def apply(self, name: str, arguments: dict[str, Any]) -> State:
+        """Do what a command asks, or raise `Refusal`."""
+        try:
+            if name not in CommandName.__members__.values():
+                raise CommandError("command", name, ", ".join(CommandName))
+            checked = check_arguments(CommandName(name), arguments)
+            return self._controls.apply(name, checked)
+        except EskinError as error:
+            raise commander.Refusal(_printable(str(error))) from error
+
+    def restore(self, state: Any) -> State:
+        """Take up what was reported before."""
+        return self._controls.restore(state)
+
+
 def _printable(text: str) -> str:
     """A reason as a result can tell it."""
-    shown = "".join(letter if letter.isprintable() else " " for letter in text)
-    return shown[:MOST_REASON] or "no reason given"
+    return "".join(letter if letter.isprintable() else " " for letter in text)

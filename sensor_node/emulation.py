@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eskin.errors import FirmwareError
 from eskin.messages import Encoding, Position
 from sensor_node.firmware.control_unit import ControlUnit
+from sensor_node.firmware.reasons import UNRECORDED
 from sensor_node.firmware.record import BLOCK
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.held import Reader
@@ -33,10 +34,6 @@ if TYPE_CHECKING:
     from sensor_node.settings import SamplingSection
     from sensor_node.taxels import AnyTaxel
     from sensor_node.taxels.companion import Companion
-
-
-UNRECORDED: Final = "nothing recorded"
-"""Reason of a gap where a replayed recording has one."""
 
 
 class EmulatedTaxel:

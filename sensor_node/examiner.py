@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sensor_node.firmware.reasons import DEAD, STUCK
 from sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, SelfTest
 from sensor_node.machine.crystal import BILLION
 from sensor_node.neighbours import neighbours
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
 
 SELF_TEST: Final = 20 * BILLION
 """Ticks of a window in which stuck and dead taxels are looked for."""
-_FAULTS: Final = ("dead", "stuck")
 
 
 class Examiner:
@@ -84,8 +84,8 @@ class Examiner:
             return []
         said = []
         if known is None or unit.left_out:
-            reason = f"{taxel.name} certainly {_FAULTS[fault]}"
-            said.append(self._scribe.gap(reason, time, unit.left_out))
+            reason = DEAD if fault == 0 else STUCK
+            said.append(self._scribe.gap(reason, time, unit.left_out, taxel=taxel.name))
         self._broken[taxel.name], unit.broken, unit.left_out = fault, True, 0
         if found[fault] == IMPOSSIBLE:
             del self._broken[taxel.name]

@@ -15,6 +15,7 @@ from eskin.messages import Position
 from sensor_node.energy_keeper import keep_energy
 from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
+from sensor_node.firmware.reasons import ASLEEP, OVERRUN, RESET, TEXTS
 from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.machine import Machine
@@ -36,7 +37,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-OVERRUN: Final = "sampling overrun"
 _MOST_FRAMES: Final = 64
 """Events of one commit, at most."""
 
@@ -215,7 +215,7 @@ class Node:
         self._boot()
         with self._tolerant(), self._outbox.batch() as batch:
             time = earliest, clock.known.enclosure(0)[1]
-            batch.take([self._outbox.scribe.gap(f"{machine.cause.label} reset", time, lost)])
+            batch.take([self._outbox.scribe.gap(RESET + machine.cause, time, lost)])
         log.warning("machine starts: boot=%d samples_lost=%d", self._outbox.boot, lost)
         if self.at_start is not None:
             self.at_start()
@@ -251,7 +251,7 @@ class Node:
 
     def _resume(self) -> None:
         if self.states.state == states.SHED:
-            reason = f"deep sleep: {self.states.cause}"
+            reason = ASLEEP[self.states.cause]
             ticks = self.machine.now - self.machine.booted
             self.states.take(states.RESUMED, ticks)
             self._leave_out(self._batch, ticks, reason)
@@ -262,7 +262,7 @@ class Node:
         with self._tolerant(), self._outbox.batch() as batch:
             self._leave_out(batch, time - self.machine.booted, OVERRUN)
 
-    def _leave_out(self, batch: Batch, ticks: int, reason: str) -> None:
+    def _leave_out(self, batch: Batch, ticks: int, reason: int) -> None:
         """Take no frame that begins before a moment, and say so."""
         known = self._clock.known
         begin = min(taxel.next.start for taxel in self.taxels)
@@ -276,7 +276,8 @@ class Node:
         time = known.enclosure(begin)[0], known.enclosure(again)[1]
         batch.take([self._outbox.scribe.gap(reason, time, lost)])
         behind = (ticks - begin) / BILLION
-        log.warning("samples lost: reason=%s samples=%d span_s=%.3f", reason, lost, behind)
+        told = TEXTS[reason], lost, behind
+        log.warning("samples lost: reason=%s samples=%d span_s=%.3f", *told)
 
     def _line_up(self) -> None:
         if self.states.state == states.SHED:

@@ -12,7 +12,7 @@ class Loss:
     """Messages lost for one reason.
 
     Attributes:
-        reason: Such as ``flash full``.
+        reason: A code of `sensor_node.firmware.reasons`.
         time: UTC ns, earliest and latest moment that is affected; None: nothing is lost.
         messages: How many messages.
         samples: How many samples, over all channels.
@@ -21,7 +21,7 @@ class Loss:
 
     __slots__ = ("messages", "reason", "samples", "spans", "time")
 
-    def __init__(self, reason: str) -> None:
+    def __init__(self, reason: int) -> None:
         self.reason = reason
         self.time: tuple[int, int] | None = None
         self.messages = 0

@@ -6,6 +6,7 @@ out again, what is forgotten and what gives way is decided here.
 
 from sensor_node.firmware.batch import Batch
 from sensor_node.firmware.losses import Loss
+from sensor_node.firmware.reasons import FAILED
 from sensor_node.firmware.record import STATUS, Scribe
 from sensor_node.firmware.room import Change, Level
 from sensor_node.firmware.window import Window
@@ -35,7 +36,6 @@ if TYPE_CHECKING:
             """Give it back."""
 
 
-FAILED = "flash write failed"
 _BEFORE_ALL = (-1, -1)
 _AT_ONCE = 0
 """A moment that is over."""

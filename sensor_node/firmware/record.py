@@ -10,6 +10,7 @@ from sensor_node.firmware.fields import (
     put_text,
 )
 from sensor_node.firmware.places import write_places
+from sensor_node.firmware.reasons import tell
 from sensor_node.firmware.rounding import up
 
 TYPE_CHECKING = False
@@ -159,25 +160,27 @@ class Scribe:
 
     def gap(
         self,
-        reason: str,
+        reason: int,
         time: "tuple[int, int]",
         samples: int,
         messages: int = 0,
         lost: "Sequence[tuple[int, int, int]]" = (),
         sequence: "int | None" = None,
+        taxel: str = "",
     ) -> Record:
         """Samples that were never taken, or messages that were lost.
 
         Args:
-            reason: Why.
+            reason: Why, as a code of `sensor_node.firmware.reasons`.
             time: UTC ns, from the earliest to the latest moment that is affected.
             samples: How many samples.
             messages: How many messages.
             lost: ``(boot, first, last)`` of the messages.
             sequence: Its number, if it was given out before.
+            taxel: Which one is broken, where this is why.
         """
         out, sequence = self._begin(GAP, 8, sequence)
-        put_text(out, 4, reason)
+        put_text(out, 4, tell(reason, taxel))
         put_integers(out, 5, time)
         put_integer(out, 6, messages)
         put_integer(out, 7, samples)

@@ -1,6 +1,7 @@
 """What gives way in a full storage, and the gap that names it."""
 
 from sensor_node.firmware.losses import Loss
+from sensor_node.firmware.reasons import FULL
 from sensor_node.firmware.record import BLOCK, GAP, RESULT
 
 TYPE_CHECKING = False
@@ -8,7 +9,6 @@ if TYPE_CHECKING:
     from sensor_node.firmware.chip import Chip, Kept
     from sensor_node.firmware.record import Numbers, Record, Scribe
 
-FULL = "flash full"
 _GAP_RESERVE = 2048
 """Bytes kept for the gap that tells what gave way."""
 _EVENTS = 1

@@ -11,6 +11,7 @@ import numpy as np
 
 from eskin.messages import Position, ResetCause
 from sensor_node.controls import NodeControls
+from sensor_node.firmware.reasons import DEAD, OVERRUN, TEXTS
 from sensor_node.firmware.record import BLOCK, Record
 from sensor_node.fleet.cohort import Cohort, Member
 from sensor_node.fleet.outbox import MemberOutbox
@@ -19,7 +20,6 @@ from sensor_node.fleet.watch import Watch
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.machine.events import NEVER
-from sensor_node.node import OVERRUN
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
@@ -217,7 +217,7 @@ class Squad:
         for row, name in self._watch.examine(end):
             if row not in self.soloists:
                 time = self._cohort.enclosure(row, begin)[0], self._cohort.enclosure(row, end)[1]
-                gap = self.outboxes[row].scribe.gap(f"{name} certainly dead", time, 0)
+                gap = self.outboxes[row].scribe.gap(DEAD, time, 0, taxel=name)
                 records.setdefault(row, []).append(gap)
 
     def _pass_over(self, ticks: int, records: dict[int, list[Record]]) -> None:
@@ -232,7 +232,7 @@ class Squad:
             records.setdefault(row, []).append(gap)
         log.warning(
             "samples lost: reason=%s nodes=%d samples=%d behind_s=%.3f",
-            OVERRUN,
+            TEXTS[OVERRUN],
             len(together),
             lost * len(together),
             (ticks - begin) / BILLION,

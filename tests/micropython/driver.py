@@ -8,6 +8,7 @@ import struct
 from array import array
 
 from sensor_node.firmware.clock import Clock
+from sensor_node.firmware.commander import Commander, Refusal
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.ranging import Readings
@@ -21,7 +22,7 @@ from tests.micropython.examination import examine
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from typing import Any
+    from typing import Any, Self
 
     from sensor_node.firmware.record import Record
 
@@ -38,6 +39,60 @@ class Counter:
         """The next number."""
         self.next += 1
         return self.next - 1
+
+
+class Box:
+    """What a commander has around it: an outbox that keeps a batch, and settings that answer."""
+
+    def __init__(self, scribe: Scribe) -> None:
+        self.scribe = scribe
+        self.kept: bytes | None = None
+        self.records: list[Record] = []
+        self.answers: list[Any] = []
+
+    def answer(self) -> "bytes | None":
+        return self.kept
+
+    def batch(self) -> "Box":
+        return self
+
+    def __enter__(self) -> "Self":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is kept on a chip here."""
+
+    def take(self, records: "Sequence[Record]") -> None:
+        self.records += records
+
+    def restore(self, state: "Table") -> "dict[str, Any]":
+        return self.apply("restore", state)
+
+    def apply(self, name: str, arguments: "Table") -> "dict[str, Any]":
+        """Answer as it was answered before; else this is another question."""
+        answer = self.answers.pop(0)
+        asked, given = answer["asked"]
+        wanted = state({"state": given})
+        assert name == asked
+        assert arguments == (wanted if name == "restore" else wanted.get("", {}))
+        if "refusal" in answer:
+            raise Refusal(answer["refusal"])
+        return state(answer)
+
+
+def decide(step: "Table", commander: Commander, box: Box) -> "list[Record]":
+    """Start, or take a command; gives what is said of it."""
+    box.records, box.answers = [], list(step["answers"])
+    if "start" in step:
+        box.kept = step["start"] and bytes.fromhex(step["start"])
+        commander.start(times(step))
+    else:
+        try:
+            commander.take(bytes.fromhex(step["take"]), times(step))
+        except ValueError:
+            assert not box.records
+    assert not box.answers
+    return box.records
 
 
 def real(text: str) -> float:
@@ -78,6 +133,8 @@ def say(job: "Table") -> "list[Any]":
     scribe = Scribe(job["boot"], Counter())
     units = [control_unit(taxel, clock, scribe) for taxel in job["taxels"]]
     manager = EnergyManager(reals(job["energy"])) if "energy" in job else None
+    box = Box(scribe) if "node" in job else None
+    commander = Commander(job["node"], box, box) if box else None  # type: ignore[arg-type]  # all it needs
     test = SelfTest(job["neighbours"])
     said: list[Record] = []
     found: list[Any] = []
@@ -87,6 +144,8 @@ def say(job: "Table") -> "list[Any]":
             test.take(step["show"], unit.lows, unit.highs, unit.filled)
         elif "examine" in step:
             found.append([list(each) for each in test.examine()])
+        elif commander and box and ("take" in step or "start" in step):
+            said += decide(step, commander, box)
         elif manager and "rest" in step:
             time = int(step["rest"][0]), int(step["rest"][1])
             found.append(manager.rest(time).hex())
@@ -113,7 +172,7 @@ def tell(
     step: "Table", units: "Sequence[ControlUnit]", scribe: Scribe, manager: "EnergyManager | None"
 ) -> "Record":
     if "gap" in step:
-        return scribe.gap(step["gap"], times(step), step["samples"])
+        return scribe.gap(step["gap"], times(step), step["samples"], taxel=step["broken"])
     if "status" in step:
         channels = [channel for unit in units for channel in unit.channels]
         uptime, storage = int(step["uptime"]), step["storage"]
@@ -121,8 +180,7 @@ def tell(
         energy = manager.told if manager and step["lives"] else None
         more = {"energy": energy, "faults": step["faults"], "places": places(step)}
         return scribe.status(times(step), *told, **more)
-    command, now = int(step["command"]), state(step)
-    return scribe.result(times(step), command, step["result"], step["reason"], now)
+    raise ValueError("an unknown step")
 
 
 def drive(step: "Table", units: "Sequence[ControlUnit]") -> "list[Record]":

@@ -15,6 +15,7 @@ from eskin.identity import IdentityKind
 from eskin.messages import Command, CommandName, Kind, Outcome, Result
 from eskin.topics import Stream, node_topic
 from sensor_node.commands import Commander
+from sensor_node.firmware.reasons import OVERRUN
 from sensor_node.flash import Flash
 from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
@@ -250,7 +251,7 @@ def test_result_gives_way_last_in_a_full_flash(rig: Rig) -> None:
     # Room for them, and for the gap that tells of what gave way.
     rig.outbox.capacity = 2048 + sum(len(told.encode()) for told in results)
     with rig.outbox.batch() as batch:
-        batch.take(rig.outbox.scribe.gap("sampling overrun", (0, 1), 1) for _ in range(100))
+        batch.take(rig.outbox.scribe.gap(OVERRUN, (0, 1), 1) for _ in range(100))
     kinds = [kept.kind for kept in waiting(rig.flash)]
     assert kinds == [Kind.RESULT, Kind.RESULT, Kind.GAP]
     assert rig.results() == results

@@ -9,8 +9,7 @@ from eskin.errors import FlashError
 from eskin.messages import Block, Gap, Peak
 from eskin.sequences import SequenceRanges
 from sensor_node.firmware.losses import MOST_SPANS
-from sensor_node.firmware.outbox import FAILED
-from sensor_node.firmware.room import FULL
+from sensor_node.firmware.reasons import FAILED, FULL, OVERRUN, TEXTS
 from sensor_node.flash import Flash
 from tests.sensor_node.designs import waiting
 from tests.sensor_node.stores import Store, plain
@@ -129,7 +128,7 @@ def test_full_flash_gives_up_oldest_blocks_first_and_names_them(small: Store) ->
     )
     assert all(sequence in named for _, sequence in lost)
     assert sum(last - first + 1 for first, last in named) == len(lost)
-    assert {gap.reason for gap in gaps} == {FULL}
+    assert {gap.reason for gap in gaps} == {TEXTS[FULL]}
     assert sum(gap.messages for gap in gaps) == len(lost)
     assert sum(gap.samples for gap in gaps) == 250 * len(lost)
     assert min(gap.time[0] for gap in gaps) == lost[0][1]
@@ -199,7 +198,7 @@ def test_failed_write_is_a_clear_error_and_a_gap_when_room_is_back(store: Store)
         late = store.add_block(batch).sequence
     (gap,) = store.gaps()
     assert store.positions() == [*said, plain(gap), (1, late)]
-    assert gap.reason == FAILED
+    assert gap.reason == TEXTS[FAILED]
     assert gap.messages == 40
     assert gap.samples == 40_000
     named = SequenceRanges((first, last) for _, first, last in gap.lost)
@@ -237,7 +236,7 @@ def test_long_failure_is_told_in_one_readable_gap(
         patch.setattr(store.flash, "commit", full)
         for _ in range(200):
             with pytest.raises(FlashError), store.outbox.batch() as batch:
-                batch.take([store.outbox.scribe.gap("x", (0, 1), 7)])
+                batch.take([store.outbox.scribe.gap(OVERRUN, (0, 1), 7)])
     with store.outbox.batch():
         pass
     (gap,) = store.messages()

@@ -9,7 +9,7 @@ import pytest
 from eskin.messages import Block, Gap, Peak, Status, decode_message
 from eskin.peaks import Verdict
 from sensor_node.firmware.channel import union_coverage
-from sensor_node.node import OVERRUN
+from sensor_node.firmware.reasons import OVERRUN, TEXTS
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, Bench, table
 
@@ -169,7 +169,7 @@ def test_overrun_is_a_gap_that_counts_the_missing_samples(bench: Bench) -> None:
     own = [block for block in blocks_of(bench) if block.channel == "t01.capacitance"]
     ticks = [block.ticks for block in own]
     assert ticks == [n * SECOND // 4 for n in range(36) if n < 8 or n >= 29]
-    assert gap.reason == OVERRUN
+    assert gap.reason == TEXTS[OVERRUN]
     assert gap.samples == 6 * (29 - 8) * 250
     assert gap.messages == 0
     assert gap.lost == ()

@@ -11,7 +11,7 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eskin.messages import Block, Gap, Position, decode_message
-from sensor_node.node import OVERRUN
+from sensor_node.firmware.reasons import OVERRUN, TEXTS
 from sensor_node.service import REBOOT
 from sensor_node.truth import Truth
 from tests.processes import ESKIN, Running, free_port, wait_until
@@ -146,7 +146,7 @@ def test_stopped_process_leaves_a_gap_that_counts_what_is_missing(
             return any(block.tube.time[0] >= gap.time[0] for block in blocks)
 
         service.wait_for(after, "blocks come again")
-    assert gap.reason == OVERRUN
+    assert gap.reason == TEXTS[OVERRUN]
     own = sorted(
         (m.ticks, len(m.tube))
         for m in peer.messages.values()

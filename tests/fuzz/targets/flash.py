@@ -52,7 +52,7 @@ def _use(flash: Flash) -> None:
         outbox.left(kept.position, 1)
     outbox.answer()
     with outbox.batch() as batch:
-        batch.take([outbox.scribe.gap("test", (0, 9), 5)])
+        batch.take([outbox.scribe.gap(0, (0, 9), 5)])
     outbox.acknowledge([(flash.boot, 0, 3)])
     outbox.held()
     outbox.restart()

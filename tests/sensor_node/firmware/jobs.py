@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import struct
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sensor_node.firmware.clock import Clock
+from sensor_node.firmware.commander import Commander, Refusal
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
@@ -13,14 +14,41 @@ from sensor_node.firmware.selftest import SelfTest
 from sensor_node.firmware.taxel import CHAINS, Taxel
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import pytest
 
-    from eskin.messages.vocabulary import State
+    from eskin.messages.vocabulary import Arguments, State
+    from sensor_node.firmware.outbox import Outbox
     from sensor_node.firmware.ranging import Hold, Readings
     from sensor_node.firmware.record import Channel, Record
     from sensor_node.firmware.schedule import Frame
+
+T = TypeVar("T")
+
+
+class Answers:
+    """Stands before what can be set, and writes down what it was asked and answered."""
+
+    def __init__(self, controls: Any, answers: list[Any]) -> None:
+        self._controls = controls
+        self._answers = answers
+
+    def apply(self, name: str, arguments: Arguments) -> State:
+        asked = [name, _described_settings({"": arguments})]
+        try:
+            state: State = self._controls.apply(name, arguments)
+        except Refusal as refusal:
+            self._answers.append({"asked": asked, "refusal": str(refusal)})
+            raise
+        self._answers.append({"asked": asked, "state": _described_settings(state)})
+        return state
+
+    def restore(self, state: Any) -> State:
+        asked = ["restore", _described_settings(state)]
+        now: State = self._controls.restore(state)
+        self._answers.append({"asked": asked, "state": _described_settings(now)})
+        return now
 
 
 class Recorder:
@@ -29,7 +57,8 @@ class Recorder:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.job: dict[str, Any] = {"boot": 1, "taxels": [], "steps": []}
         self._units: list[ControlUnit] = []
-        self._calling = False
+        self._calling = self._deciding = False
+        self._answers: list[Any] = []
         self._again: dict[int, list[tuple[int, int, int, list[Any]]]] = {}
         # By taxel: one that is read along is made within another one.
         self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
@@ -118,11 +147,19 @@ class Recorder:
         gap, status = Scribe.gap, Scribe.status
 
         def told_gap(
-            scribe: Scribe, reason: str, time: tuple[int, int], samples: int, *named: Any
+            scribe: Scribe,
+            reason: int,
+            time: tuple[int, int],
+            samples: int,
+            messages: int = 0,
+            lost: Sequence[tuple[int, int, int]] = (),
+            sequence: int | None = None,
+            taxel: str = "",
         ) -> Record:
-            step = {"gap": reason, "time": [str(each) for each in time], "samples": samples}
+            moment = [str(each) for each in time]
+            step = {"gap": reason, "broken": taxel, "time": moment, "samples": samples}
             self.job["steps"].append(step)
-            return gap(scribe, reason, time, samples, *named)
+            return gap(scribe, reason, time, samples, messages, lost, sequence, taxel)
 
         def told_status(
             scribe: Scribe,
@@ -158,17 +195,40 @@ class Recorder:
             reason: str | None,
             state: State,
         ) -> Record:
-            given = [
-                [place, name, type(value) is float, _text(value)]
-                for place, settings in state.items()
-                for name, value in settings.items()
-            ]
-            moment = {"time": [str(each) for each in time], "state": given}
-            told = {"result": outcome, "command": str(command), "reason": reason}
-            self.job["steps"].append(moment | told)
+            assert self._deciding, "only the firmware says what became of a command"
             return result(scribe, time, command, outcome, reason, state)
 
         monkeypatch.setattr(Scribe, "result", told_result)
+        make, start, take = Commander.__init__, Commander.start, Commander.take
+
+        def made(commander: Commander, node: str, outbox: Outbox, controls: Any) -> None:
+            self.job["node"] = node
+            make(commander, node, outbox, Answers(controls, self._answers))
+
+        def started(commander: Commander, time: tuple[int, int]) -> None:
+            kept = commander._outbox.answer()
+            self._decide(lambda: start(commander, time), time, start=kept and kept.hex())
+
+        def taken(
+            commander: Commander, plaintext: bytes, time: tuple[int, int]
+        ) -> tuple[int, str, int] | None:
+            return self._decide(
+                lambda: take(commander, plaintext, time), time, take=plaintext.hex()
+            )
+
+        monkeypatch.setattr(Commander, "__init__", made)
+        monkeypatch.setattr(Commander, "start", started)
+        monkeypatch.setattr(Commander, "take", taken)
+
+    def _decide(self, act: Callable[[], T], time: tuple[int, int], **step: Any) -> T:
+        self._deciding = True
+        self._answers.clear()
+        try:
+            return act()
+        finally:
+            self._deciding = False
+            moment = [str(each) for each in time]
+            self.job["steps"].append({**step, "time": moment, "answers": list(self._answers)})
 
     def _watch_supply(self, monkeypatch: pytest.MonkeyPatch) -> None:
         make, watch = EnergyManager.__init__, EnergyManager.watch
@@ -260,6 +320,15 @@ class Recorder:
             "encoding": given["encoding"],
             "repeats": given["repeats"],
         }
+
+
+def _described_settings(state: State) -> list[Any]:
+    """Place, name, whether it is a number, and the value of each setting."""
+    return [
+        [place, name, type(value) is float, _text(value)]
+        for place, settings in state.items()
+        for name, value in settings.items()
+    ]
 
 
 def _text(value: float | str) -> str:

@@ -34,9 +34,8 @@ from eskin.topics import Stream, node_topic
 from sensor_node.commands import Commander
 from sensor_node.controls import NodeControls
 from sensor_node.firmware.charge import write_charge
-from sensor_node.firmware.outbox import FAILED
+from sensor_node.firmware.reasons import FAILED, FULL, TEXTS
 from sensor_node.firmware.record import GAP
-from sensor_node.firmware.room import FULL
 from sensor_node.scenario.file import scenario_text
 from tests.micropython.delivery import deliver
 from tests.micropython.examination import examine
@@ -150,7 +149,7 @@ def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
     assert {kind for _, kind, _ in sent} == set(range(1, 6))
     assert max(Counter(tuple(position) for position, _, _ in sent).values()) > 2
     gaps = [Gap.decode(bytes.fromhex(body)) for _, kind, body in sent if kind == GAP]
-    assert {gap.reason for gap in gaps} == {FULL, FAILED}
+    assert {gap.reason for gap in gaps} == {TEXTS[FULL], TEXTS[FAILED]}
     assert max(len(gap.lost) for gap in gaps) > 1
 
 
@@ -199,13 +198,19 @@ def test_same_answers_to_commands(
         expires = now + (1 if number == 4 else SECOND * 60)
         command = Command(number, own.name, now, expires, name, given)
         topic = node_topic(own.name, Stream.COMMANDS)
-        commander.take(sign(command.encode(), own=server, topic=topic))
+        for _ in range(number):  # however often it comes
+            commander.take(sign(command.encode(), own=server, topic=topic))
+    commander.take(sign(b"\xa1\x01\x02", own=server, topic=topic))
+    other = Command(9, "forearm", now, now + SECOND * 60, CommandName.RESET, {})
+    commander.take(sign(other.encode(), own=server, topic=topic))
+    commander.start()  # as after a restart: what flash has kept is told again
     said = [body.hex() for body in bench.bodies()]
     bench.close()
     assert under_micropython(recorder.job, tmp_path) == said
     messages = [decode_message(bytes.fromhex(body)) for body in said]
     told = [message.outcome for message in messages if isinstance(message, Result)]
-    assert told == [Outcome.DONE] * 3 + [Outcome.REFUSED, Outcome.EXPIRED]
+    assert told == [Outcome.DONE] * 3 + [Outcome.REFUSED] + [Outcome.EXPIRED] * 2
+    assert sum("take" in step for step in recorder.job["steps"]) == 12
 
 
 def test_self_test_finds_the_same_in_the_emulated_node(

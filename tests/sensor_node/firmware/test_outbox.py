@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, precondition, rule
 
 from eskin.messages import Gap
-from sensor_node.firmware.outbox import FAILED
+from sensor_node.firmware.reasons import FAILED, FULL, TEXTS
 from sensor_node.firmware.record import GAP
-from sensor_node.firmware.room import FULL
 from tests.micropython.delivery import Delivery
 
 if TYPE_CHECKING:
@@ -68,7 +67,7 @@ class Life(RuleBasedStateMachine):
         self.check_losses()
 
     def check_losses(self) -> None:
-        waiting, full, failed = self.waiting(), self.named(FULL), self.named(FAILED)
+        waiting, full, failed = self.waiting(), self.named(TEXTS[FULL]), self.named(TEXTS[FAILED])
         there = waiting.keys() | self.forgotten.keys()
         lost = (self.blocks | self.events) - there
         assert full == Counter(lost), "each loss is named by one gap, and nothing else is"
@@ -156,7 +155,7 @@ class Life(RuleBasedStateMachine):
     @rule()
     def lose_power(self) -> None:
         # What failed at the end of a boot is told by nobody: no number behind it was ever used.
-        self.failed &= self.named(FAILED).keys()
+        self.failed &= self.named(TEXTS[FAILED]).keys()
         self.node.restart()
         self.with_radio.clear()
         self.on_air.clear()
