@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from sensor_node.firmware.ranging import MOST
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.firmware.taxel.air import SLOTS
 from sensor_node.machine.schedule import build_schedule
@@ -25,8 +26,10 @@ PROGRAM: Final = 112 * 1024
 """Bytes kept for the firmware's modules, as MicroPython loads them."""
 CONNECTION: Final = 48 * 1024
 """Bytes kept for TLS: two records of 16 KiB and what a handshake needs."""
-_TAXEL: Final = 1344
+_TAXEL: Final = 1536
 """Bytes of a taxel's calibration, schedule and control unit."""
+_RANGES: Final = 2 * MOST * 48
+"""Bytes of the ranges beyond both ends of a frame's own: gain and step of each."""
 _CHANNEL: Final = 768
 """Bytes of a channel's unit, rest and filter."""
 _DETECTOR: Final = 10 * 160
@@ -103,7 +106,7 @@ def taxel_objects(taxel: AnyTaxel) -> int:
     peaks = sum(taxel.prominence(quantity) is not None for quantity in taxel.units)
     along = len(taxel.companions)
     of_taxels = _TAXEL * (1 + along) + _MEMORY * along
-    return of_taxels + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
+    return of_taxels + _RANGES + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
 
 
 def _inputs(taxel: AnyTaxel) -> int:

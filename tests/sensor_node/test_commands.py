@@ -143,6 +143,16 @@ def test_refused_value_changes_nothing_and_says_why(rig: Rig) -> None:
     assert len(rig.controls.calls) == 1
 
 
+def test_argument_that_is_not_allowed_is_refused_and_the_result_says_which(rig: Rig) -> None:
+    asked = Command(7, "fingertip", rig.now, rig.now + HOUR, CommandName.SET, {"colour": "red"})
+    rig.commander.take(sign(asked.encode(), own=rig.server, topic=TOPIC))
+    told = rig.results()[-1]
+    assert (told.command, told.outcome) == (7, Outcome.REFUSED)
+    assert told.reason is not None
+    assert told.reason.startswith("colour is 'red'; allowed: set takes threshold, gain")
+    assert rig.controls.calls == []
+
+
 @pytest.mark.parametrize(
     ("lifetime", "outcome"),
     [(1001, Outcome.DONE), (1000, Outcome.EXPIRED), (-1000, Outcome.EXPIRED)],
@@ -155,6 +165,9 @@ def test_command_that_may_have_expired_is_not_done(
     assert told.outcome is outcome
     assert len(rig.controls.calls) == (outcome is Outcome.DONE)
     assert (told.reason is None) is (outcome is Outcome.DONE)
+    if told.reason is not None:
+        late = "0.000000000" if lifetime == 1000 else "0.000002000"
+        assert told.reason == f"it may have come {late} s too late"
 
 
 def test_nobody_else_commands(
