@@ -2,53 +2,30 @@
 
 from __future__ import annotations
 
-import struct
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from sensor_node.firmware.clock import Clock
-from sensor_node.firmware.commander import Commander, Refusal
+from sensor_node.firmware.commander import Commander
 from sensor_node.firmware.control_unit import ControlUnit
 from sensor_node.firmware.energy import EnergyManager
 from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.selftest import SelfTest
 from sensor_node.firmware.taxel import CHAINS, Taxel
+from tests.sensor_node.firmware.answers import Answers
+from tests.sensor_node.firmware.notation import hexadecimal, hexadecimals, text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     import pytest
 
-    from eskin.messages.vocabulary import Arguments, State
+    from eskin.messages.vocabulary import State
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.firmware.ranging import Hold, Readings
     from sensor_node.firmware.record import Channel, Record
     from sensor_node.firmware.schedule import Frame
 
 T = TypeVar("T")
-
-
-class Answers:
-    """Stands before what can be set, and writes down what it was asked and answered."""
-
-    def __init__(self, controls: Any, answers: list[Any]) -> None:
-        self._controls = controls
-        self._answers = answers
-
-    def apply(self, name: str, arguments: Arguments) -> State:
-        asked = [name, _described_settings({"": arguments})]
-        try:
-            state: State = self._controls.apply(name, arguments)
-        except Refusal as refusal:
-            self._answers.append({"asked": asked, "refusal": str(refusal)})
-            raise
-        self._answers.append({"asked": asked, "state": _described_settings(state)})
-        return state
-
-    def restore(self, state: Any) -> State:
-        asked = ["restore", _described_settings(state)]
-        now: State = self._controls.restore(state)
-        self._answers.append({"asked": asked, "state": _described_settings(now)})
-        return now
 
 
 class Recorder:
@@ -101,7 +78,7 @@ class Recorder:
 
             def held(gain: float, trim: int) -> int:
                 code = hold(gain, trim)
-                answers.append([[_hexadecimal(gain), trim], code])
+                answers.append([[hexadecimal(gain), trim], code])
                 return code
 
             repeat(unit, readings, i, k, held)
@@ -175,7 +152,7 @@ class Recorder:
             given: dict[str, Any] = {"status": profile, "description": description}
             given |= {"storage": storage, "cause": cause, "lives": more.get("energy") is not None}
             given["faults"] = more.get("faults")
-            given["places"] = [[t, _text(x), _text(y)] for t, x, y in more.get("places", ())]
+            given["places"] = [[t, text(x), text(y)] for t, x, y in more.get("places", ())]
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)
             told = time, profile, description, uptime, storage, channels, cause
@@ -234,7 +211,7 @@ class Recorder:
         make, watch = EnergyManager.__init__, EnergyManager.watch
 
         def made(manager: EnergyManager, sheet: Mapping[str, float]) -> None:
-            self.job["energy"] = _hexadecimals(sheet)
+            self.job["energy"] = hexadecimals(sheet)
             make(manager, sheet)
 
         def watched(manager: EnergyManager, code: int, work: Sequence[int]) -> None:
@@ -285,7 +262,7 @@ class Recorder:
         method = getattr(ControlUnit, name)
 
         def called(unit: ControlUnit, *given: float) -> object:
-            texts = [_text(value) for value in given]
+            texts = [text(value) for value in given]
             self._note(unit, call=name, given=texts, reals=[type(v) is float for v in given])
             self._calling = True
             answer = method(unit, *given)
@@ -312,33 +289,11 @@ class Recorder:
         return {
             "id": name,
             "kind": kind,
-            "sheet": _hexadecimals(sheet),
+            "sheet": hexadecimals(sheet),
             "schedule": [schedule.dt, schedule.block, schedule.burst, schedule.pause],
-            "coverage": _hexadecimal(given["coverage"]),
-            "prominences": _hexadecimals(given["prominences"]),
+            "coverage": hexadecimal(given["coverage"]),
+            "prominences": hexadecimals(given["prominences"]),
             "longest": str(given["longest"]),
             "encoding": given["encoding"],
             "repeats": given["repeats"],
         }
-
-
-def _described_settings(state: State) -> list[Any]:
-    """Place, name, whether it is a number, and the value of each setting."""
-    return [
-        [place, name, type(value) is float, _text(value)]
-        for place, settings in state.items()
-        for name, value in settings.items()
-    ]
-
-
-def _text(value: float | str) -> str:
-    return _hexadecimal(value) if type(value) is float else str(value)
-
-
-def _hexadecimal(value: float) -> str:
-    """A float that every port reads alike."""
-    return struct.pack("<d", value).hex()
-
-
-def _hexadecimals(values: Mapping[str, float]) -> dict[str, str]:
-    return {name: _hexadecimal(value) for name, value in values.items()}
