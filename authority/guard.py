@@ -19,14 +19,10 @@ from typing import TYPE_CHECKING, Final
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from authority.enrolment import (
-    NotReadyError,
-    fetch_anchor,
-    fetch_revocations,
-    fetch_revoked,
-)
+from authority.asking import NotReadyError
+from authority.enrolment import fetch_anchor, fetch_revocations, fetch_revoked
 from eskin.errors import IdentityError
-from eskin.identity import IdentityKind, Trust, load_certificates
+from eskin.identity import IdentityKind, Trust
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE, write_whole
 
 if TYPE_CHECKING:
@@ -77,7 +73,7 @@ class Guard:
         self._identity = identity
         self._url = url
         self._folder = folder
-        self._trust = Trust(load_certificates(identity / ROOT_FILE)[0])
+        self._trust = Trust.following(identity / ROOT_FILE)
         self._revoked: set[tuple[str, str]] = set()
         self._fault: str | None = None
         self._stopping = Event()

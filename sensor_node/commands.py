@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, Protocol
 from eskin.envelope import Verifier
 from eskin.errors import EnvelopeError, EskinError, FlashError, IdentityError, MessageError
 from eskin.identity import IdentityKind, Trust
+from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Command, Outcome, Result
 from eskin.messages.result import MOST_REASON
 from eskin.moment import LATEST, SECOND, format_moment
@@ -83,7 +84,7 @@ class Commander:
         self._topic = node_topic(own.name, Stream.COMMANDS)
         self._controls = controls
         self._enclosure = enclosure
-        trust = Trust(own.root, clock=self._now)
+        trust = Trust.following(own.directory / ROOT_FILE, clock=self._now)
         self._verifier = Verifier(trust, kind=IdentityKind.SERVER, name=cloud)
         self._last: tuple[int, Outcome, str | None] = (0, Outcome.DONE, None)
         self._state: State = {}

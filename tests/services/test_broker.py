@@ -99,7 +99,7 @@ def test_certificate_of_another_ca_is_refused(
     other = Authority.open(tmp_path / "ca")
     key = new_key()
     chain = other.issue(IdentityKind.NODE, "fingertip", key.public_key())
-    stranger = Identity.save(tmp_path / "fingertip", key=key, chain=chain, root=other.root)
+    stranger = Identity.save(tmp_path / "fingertip", key=key, chain=chain, roots=other.roots)
     with Party(stranger, broker.node_port, root=root) as party:
         assert party.refused
 
