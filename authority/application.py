@@ -24,6 +24,7 @@ from authority.tokens import Tokens
 from eskin.errors import IdentityError
 from eskin.identity import Authority, IdentityKind, common_name
 from eskin.identity.certificates import pem
+from eskin.identity.roots import offered_roots
 
 log = logging.getLogger(__name__)
 
@@ -44,7 +45,7 @@ class EnrolmentAnswer(BaseModel):
     """Answer of ``POST /enrol`` and ``POST /renew``."""
 
     chain: str = Field(description="the certificate, then the issuing CA's, PEM")
-    root: str = Field(description="the root CA's certificate, PEM")
+    root: str = Field(description="the root CAs' certificates, PEM")
 
 
 class RenewalRequest(BaseModel):
@@ -95,13 +96,13 @@ def create_application(
             enrolment.kind, enrolment.name, key, hosts=enrolment.hosts, lifetime=lifetime
         )
         log.info("enrolled: kind=%s name=%s", enrolment.kind, enrolment.name)
-        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem([authority.root]).decode())
+        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
 
     @app.post("/renew")
     async def renew(body: RenewalRequest) -> EnrolmentAnswer:
         chain = renewals.renew(_decoded(body.signed))
         log.info("renewed: name=%s", common_name(chain[0]))
-        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem([authority.root]).decode())
+        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
 
     _add_public(app, authority)
     return app
@@ -120,6 +121,10 @@ def _add_public(app: FastAPI, authority: Authority) -> None:
     @app.get("/anchors/{kind}")
     async def anchor(kind: IdentityKind) -> Response:
         return Response(authority.anchor_file(kind).read_bytes(), media_type=_PEM)
+
+    @app.get("/roots")
+    async def roots() -> Response:
+        return Response(offered_roots(authority.directory), media_type=_PEM)
 
     @app.get("/revocations/{kind}")
     async def revocations(kind: IdentityKind) -> Response:

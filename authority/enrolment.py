@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import base64
 import contextlib
-import time
-from typing import TYPE_CHECKING, TypeVar
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
 
-import httpx
 from cryptography import x509
 from cryptography.hazmat.primitives import serialization
 
+from authority.asking import Connection, ask, patiently, waited
 from authority.requests import make_request
 from eskin.envelope import sign
 from eskin.errors import IdentityError
@@ -18,7 +18,6 @@ from eskin.identity import (
     Identity,
     IdentityKind,
     Trust,
-    client_context,
     common_name,
     der,
     install,
@@ -27,22 +26,17 @@ from eskin.identity import (
     next_key,
     numbered,
 )
+from eskin.identity.certificates import pem
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, load_key, save_key, write_whole
+from eskin.identity.roots import accept_roots
 from eskin.topics import RENEWAL
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
     from pathlib import Path
 
+    import httpx
     from cryptography.hazmat.primitives.asymmetric import ec
-
-T = TypeVar("T")
-
-_TIMEOUT_S = 10.0
-
-
-class NotReadyError(IdentityError):
-    """The service, the token or the certificate is not there yet; ask again."""
 
 
 def enrol(
@@ -71,14 +65,15 @@ def enrol(
         NotReadyError: Token or service are not there yet.
         IdentityError: The service refuses.
     """
-    token = _waited(directory / f"{stem or name}.token")
+    token = waited(directory / f"{stem or name}.token")
     key = _key(out)
     request = make_request(key, name).public_bytes(serialization.Encoding.PEM).decode()
     body = {"token": token.decode(), "request": request}
-    answer = _ask("POST", url, directory, "/enrol", body, client)
+    answer = ask("POST", url, directory, "/enrol", body, client)
     chain = tuple(x509.load_pem_x509_certificates(answer.json()["chain"].encode()))
-    root = x509.load_pem_x509_certificate(_waited(directory / "root.pem"))
-    return Identity.save(out, key=key, chain=chain, root=root)
+    waited(directory / ROOT_FILE)
+    roots = load_certificates(directory / ROOT_FILE)
+    return Identity.save(out, key=key, chain=chain, roots=roots)
 
 
 def enrol_fleet(
@@ -102,7 +97,7 @@ def enrol_fleet(
     Raises:
         IdentityError: The service refuses, or was away for too long.
     """
-    with contextlib.closing(_Connection(directory)) as connection:
+    with contextlib.closing(Connection(directory)) as connection:
         for name in numbered(stem, count):
             own = out / name
             if (own / CHAIN_FILE).exists():
@@ -114,22 +109,6 @@ def enrol_fleet(
                     ),
                     patience,
                 )
-
-
-def patiently(ask: Callable[[], T], patience: float) -> T:
-    """Ask again each second while the service is away or not ready.
-
-    Raises:
-        IdentityError: It was for as many seconds as patience lasts.
-    """
-    deadline = time.monotonic() + patience
-    while True:
-        try:
-            return ask()
-        except NotReadyError as error:
-            if time.monotonic() > deadline:
-                raise IdentityError(f"gave up after {patience:g} s: {error}") from error
-            time.sleep(1.0)
 
 
 def renew(url: str, directory: Path) -> Identity:
@@ -147,9 +126,9 @@ def renew(url: str, directory: Path) -> Identity:
     request = make_request(next_key(directory), own.name)
     signed = sign(request.public_bytes(serialization.Encoding.DER), own=own, topic=RENEWAL)
     body = {"signed": base64.b64encode(signed).decode()}
-    answer = _ask("POST", url, directory, "/renew", body)
+    answer = ask("POST", url, directory, "/renew", body)
     chain = tuple(x509.load_pem_x509_certificates(answer.json()["chain"].encode()))
-    Trust(own.root).verify([der(certificate) for certificate in chain], own.kind)
+    Trust(*own.roots).verify([der(certificate) for certificate in chain], own.kind)
     return install(directory, chain)
 
 
@@ -166,16 +145,44 @@ def fetch_site(url: str, directory: Path, name: str, out: Path) -> bool:
         NotReadyError: The service is away.
         IdentityError: What it gives is no certificate of a site.
     """
-    content = _ask("GET", url, directory, f"/certificates/{name}", None).content
+    content = ask("GET", url, directory, f"/certificates/{name}", None).content
     if out.exists() and out.read_bytes() == content:
         return False
-    root = load_certificates(directory / ROOT_FILE)[0]
+    roots = load_certificates(directory / ROOT_FILE)
     chain = x509.load_pem_x509_certificates(content)
-    leaf = Trust(root).verify([der(certificate) for certificate in chain], IdentityKind.SITE)
+    leaf = Trust(*roots).verify([der(certificate) for certificate in chain], IdentityKind.SITE)
     if common_name(leaf) != name:
         raise IdentityError(f"{url} gave {common_name(leaf)!r} for {name!r}")
     write_whole(out, content)
     return True
+
+
+def fetch_roots(url: str, *directories: Path) -> list[Path]:
+    """Fetch the roots that stand, for identities that trust others.
+
+    A new one is taken only where one that is trusted vouches for it.
+
+    Args:
+        url: The CA service.
+        directories: Folders of identities; with the first one's roots the service is asked.
+
+    Returns:
+        Those whose roots were replaced.
+
+    Raises:
+        NotReadyError: The service is away.
+        IdentityError: For one of them nobody vouches.
+    """
+    content = ask("GET", url, directories[0], "/roots", None).content
+    offered = x509.load_pem_x509_certificates(content)
+    replaced = []
+    for directory in directories:
+        trusted = load_certificates(directory / ROOT_FILE)
+        roots = accept_roots(trusted, offered, datetime.now(UTC))
+        if roots != trusted:
+            write_whole(directory / ROOT_FILE, pem(roots))
+            replaced.append(directory)
+    return replaced
 
 
 def fetch_revocations(url: str, directory: Path, kind: IdentityKind, out: Path) -> bool:
@@ -184,7 +191,7 @@ def fetch_revocations(url: str, directory: Path, kind: IdentityKind, out: Path) 
     Raises:
         NotReadyError: The service is away.
     """
-    content = _ask("GET", url, directory, f"/revocations/{kind}", None).content
+    content = ask("GET", url, directory, f"/revocations/{kind}", None).content
     if out.exists() and out.read_bytes() == content:
         return False
     write_whole(out, content)
@@ -197,7 +204,7 @@ def fetch_revoked(url: str, directory: Path, kind: IdentityKind) -> set[tuple[st
     Raises:
         NotReadyError: The service is away.
     """
-    items = _ask("GET", url, directory, f"/revoked/{kind}", None).json()["items"]
+    items = ask("GET", url, directory, f"/revoked/{kind}", None).json()["items"]
     return {(item["name"], item["serial"]) for item in items}
 
 
@@ -207,7 +214,7 @@ def fetch(url: str, directory: Path, name: str, out: Path) -> None:
     Raises:
         NotReadyError: It was not issued yet, or the service is away.
     """
-    answer = _ask("GET", url, directory, f"/certificates/{name}", None)
+    answer = ask("GET", url, directory, f"/certificates/{name}", None)
     write_whole(out, answer.content)
 
 
@@ -217,66 +224,9 @@ def fetch_anchor(url: str, directory: Path, kind: IdentityKind, out: Path) -> No
     Raises:
         NotReadyError: The service is away.
     """
-    content = _ask("GET", url, directory, f"/anchors/{kind}", None).content
+    content = ask("GET", url, directory, f"/anchors/{kind}", None).content
     if not out.exists() or out.read_bytes() != content:
         write_whole(out, content)
-
-
-class _Connection:
-    """A connection to the service that is made when it is first needed, and stays."""
-
-    def __init__(self, directory: Path) -> None:
-        self._directory = directory
-        self._client: httpx.Client | None = None
-
-    def client(self) -> httpx.Client:
-        """The connection.
-
-        Raises:
-            NotReadyError: The root's certificate is not there yet.
-        """
-        if self._client is None:
-            self._client = _client(self._directory)
-        return self._client
-
-    def close(self) -> None:
-        """Close it."""
-        if self._client is not None:
-            self._client.close()
-
-
-def _client(directory: Path) -> httpx.Client:
-    root = directory / "root.pem"
-    _waited(root)
-    return httpx.Client(verify=client_context(root), timeout=_TIMEOUT_S)
-
-
-def _ask(
-    method: str,
-    url: str,
-    directory: Path,
-    path: str,
-    body: dict[str, str] | None,
-    client: httpx.Client | None = None,
-) -> httpx.Response:
-    own = client or _client(directory)
-    try:
-        with contextlib.nullcontext(own) if client else own:
-            answer = own.request(method, url.rstrip("/") + path, json=body)
-    except httpx.TransportError as error:
-        raise NotReadyError(f"{url} cannot be reached: {error}") from error
-    if answer.status_code == httpx.codes.NOT_FOUND or answer.is_server_error:
-        raise NotReadyError(f"{url}{path} answered {answer.status_code}: {answer.text[:200]}")
-    if answer.is_error:
-        raise IdentityError(f"{url}{path} refused: {answer.text[:300]}")
-    return answer
-
-
-def _waited(path: Path) -> bytes:
-    try:
-        return path.read_bytes()
-    except OSError as error:
-        raise NotReadyError(f"{path} cannot be read: {error.strerror}") from error
 
 
 def _key(out: Path) -> ec.EllipticCurvePrivateKey:

@@ -19,15 +19,12 @@ from typing import TYPE_CHECKING, Final
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
-from authority.enrolment import (
-    NotReadyError,
-    fetch_anchor,
-    fetch_revocations,
-    fetch_revoked,
-)
+from authority.asking import NotReadyError
+from authority.enrolment import fetch_anchor, fetch_revocations, fetch_revoked
 from eskin.errors import IdentityError
-from eskin.identity import IdentityKind, Trust, load_certificates
+from eskin.identity import IdentityKind, Trust
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE, write_whole
+from eskin.identity.revocations import revoked_serials
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -77,7 +74,7 @@ class Guard:
         self._identity = identity
         self._url = url
         self._folder = folder
-        self._trust = Trust(load_certificates(identity / ROOT_FILE)[0])
+        self._trust = Trust.following(identity / ROOT_FILE)
         self._revoked: set[tuple[str, str]] = set()
         self._fault: str | None = None
         self._stopping = Event()
@@ -139,7 +136,11 @@ class Guard:
             self._trust.revocations(kind, file.read_bytes())
 
     def _listed(self) -> set[tuple[str, str]]:
-        return {one for kind in KINDS for one in fetch_revoked(self._url, self._identity, kind)}
+        """Whom the broker refuses by the lists that it has: others could come back at once."""
+        files = [self._folder / f"{kind}.crl.pem" for kind in KINDS]
+        refused = {serial for file in files for serial in revoked_serials(file.read_bytes())}
+        told = {one for kind in KINDS for one in fetch_revoked(self._url, self._identity, kind)}
+        return {(name, serial) for name, serial in told if serial in refused}
 
     def _end_revoked(self) -> None:
         """End connections of whoever was revoked since the last time."""

@@ -9,13 +9,14 @@ from functools import partial
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final, Self
 
-from authority.enrolment import fetch_revocations, fetch_site, renew
+from authority.enrolment import fetch_revocations, fetch_roots, fetch_site, renew
 from eskin.errors import IdentityError, LockedError
 from eskin.identity import (
     Identity,
     common_name,
     forget_past,
     is_due,
+    is_superseded,
     load_certificates,
     settle,
 )
@@ -41,7 +42,8 @@ class Keeper:
 
     Args:
         settings: The CA service.
-        identities: Folders to renew; the first one's root is believed.
+        identities: Folders to renew, each with the roots that it trusts; of the rest the first
+            one's are believed.
         site: File of the site's certificate, for a node.
         lists: Files of revocation lists; ``None`` where a process has none.
     """
@@ -75,6 +77,7 @@ class Keeper:
 
     def look(self) -> None:
         """Do what is due, once; what fails is said once, and tried again at the next look."""
+        self._attempt("roots", self._follow_roots)
         for directory in self._identities:
             self._attempt(f"renew {directory.name}", partial(self._renew, directory))
         root = self._identities[0]
@@ -107,9 +110,14 @@ class Keeper:
             settle(directory)
             now = datetime.now(UTC)
             forget_past(directory, now)
-            if is_due(Identity.load(directory).certificate, now):
+            standing = Identity.load(directory)
+            if is_due(standing.certificate, now) or is_superseded(standing):
                 own = renew(self._url, directory)
                 log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
+
+    def _follow_roots(self) -> None:
+        for directory in fetch_roots(self._url, *self._identities):
+            log.info("roots replaced: of=%s", directory.name)
 
     def _follow_site(self, directory: Path, site: Path) -> None:
         name = common_name(load_certificates(site)[0])

@@ -55,22 +55,24 @@ class Renewals:
             The certificate, then the issuing CA's.
 
         Raises:
-            IdentityError: The old certificate is revoked, too old or not ours, or does not speak
-                for this request.
+            IdentityError: The old certificate is revoked, too old or not ours, or its CA retired,
+                or it does not speak for this request.
         """
-        old = self._holder(signed)
+        old, issuer = self._holder(signed)
         kind, name = issuer_kind(old), common_name(old)
         key = requested_key(self._opened(signed, old, kind, name))
+        if not self._authority.stands(issuer, kind):
+            raise IdentityError(f"the CA that issued {name} is retired; enrol it again")
         latest = self._authority.latest(name)
         if latest is not None and latest[0].public_key() == key:
             return latest
         return self._authority.issue(kind, name, key, hosts=_hosts(old), lifetime=self._lifetime)
 
-    def _holder(self, signed: bytes) -> x509.Certificate:
-        """The certificate that speaks, not verified yet, but neither revoked nor too old."""
+    def _holder(self, signed: bytes) -> tuple[x509.Certificate, x509.Certificate]:
+        """Who speaks and who issued it; not verified yet, but neither revoked nor too old."""
         try:
-            old = read_certificate(signer_chain(signed)[0])
-        except (EnvelopeError, IndexError) as error:
+            old, issuer = (read_certificate(one) for one in signer_chain(signed))
+        except (EnvelopeError, ValueError) as error:
             raise IdentityError(f"no request to renew: {error}") from error
         if self._authority.is_revoked(old):
             raise IdentityError(f"{common_name(old)} was revoked; enrol it again")
@@ -79,12 +81,12 @@ class Renewals:
                 f"certificate of {common_name(old)} ended on {old.not_valid_after_utc}, too long "
                 "ago to be renewed; enrol again"
             )
-        return old
+        return old, issuer
 
     def _opened(self, signed: bytes, old: x509.Certificate, kind: IdentityKind, name: str) -> bytes:
         # Judged at the end of its validity, where that has passed.
         trust = Trust(
-            self._authority.root, clock=lambda: min(self._clock(), old.not_valid_after_utc)
+            *self._authority.roots, clock=lambda: min(self._clock(), old.not_valid_after_utc)
         )
         try:
             return Verifier(trust, kind=kind, name=name).verify(signed, topic=RENEWAL)

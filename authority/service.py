@@ -10,12 +10,18 @@ from typing import TYPE_CHECKING, Final
 import uvicorn
 
 from authority.application import create_application
+from authority.limits import LimitsMiddleware
 from authority.tokens import TOKENS_FILE, Tokens
+from eskin.errors import IdentityError
 from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
-from eskin.identity.identity import CHAIN_FILE, KEY_FILE, write_whole
+from eskin.identity.authority import CA_SERVICE
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
 from eskin.listening import Bounds, guarded
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+    from pathlib import Path
+
     from fastapi import FastAPI
 
     from authority.settings import AuthoritySection, AuthoritySettings, Expected
@@ -46,8 +52,14 @@ def run(settings: AuthoritySettings) -> None:
     app = create_application(
         authority, tokens, lifetime=lifetime, grace=timedelta(days=own.grace_days)
     )
+    app.add_middleware(
+        LimitsMiddleware,
+        requests_per_s=own.requests_per_s,
+        refusals_per_min=own.refusals_per_min,
+    )
     log.info("ready: https://%s:%d", own.host, own.port)
-    Server(app, own, authority).run()
+    enrolling = {expected.directory for expected in settings.identity}
+    Server(app, own, authority, enrolling=enrolling).run()
 
 
 class Server(uvicorn.Server):
@@ -57,11 +69,20 @@ class Server(uvicorn.Server):
         app: What is served.
         settings: Where, and under which names.
         authority: Issues; only on the event loop, like all that it does.
+        enrolling: Folders of those who may enrol, which hold the roots to believe.
     """
 
-    def __init__(self, app: FastAPI, settings: AuthoritySection, authority: Authority) -> None:
+    def __init__(
+        self,
+        app: FastAPI,
+        settings: AuthoritySection,
+        authority: Authority,
+        *,
+        enrolling: Iterable[Path] = (),
+    ) -> None:
         self._settings = settings
         self._authority = authority
+        self._enrolling = enrolling
         self._identity = _server_identity(settings, authority)
         config = uvicorn.Config(
             app,
@@ -80,10 +101,21 @@ class Server(uvicorn.Server):
         super().__init__(config)
 
     async def on_tick(self, counter: int) -> bool:
-        """Look after the certificate once a second; uvicorn calls ten times as often."""
-        if counter % 10 == 0 and is_due(self._identity.certificate, datetime.now(UTC)):
-            self._renew()
+        """Look after certificate and roots once a second; uvicorn calls ten times as often."""
+        if counter % 10 == 0:
+            try:
+                self._look()
+            except (IdentityError, OSError) as error:
+                log.warning("the CA cannot be looked after, trying again: %s", error)
         return await super().on_tick(counter)
+
+    def _look(self) -> None:
+        issuer = self._authority.issuer(IdentityKind.SERVER, CA_SERVICE).certificate
+        due = is_due(self._identity.certificate, datetime.now(UTC))
+        if due or self._identity.chain[1] != issuer:
+            self._renew()
+        for folder in self._enrolling:
+            _spread_roots(self._authority, folder)
 
     def _renew(self) -> None:
         self._identity = own = _server_identity(self._settings, self._authority)
@@ -96,7 +128,7 @@ def _hand_out(
     expected: Expected, authority: Authority, tokens: Tokens, lifetime: timedelta
 ) -> None:
     """Put token and root into the folder of who was never issued a certificate, or not whole."""
-    write_whole(expected.directory / "root.pem", authority.root_file.read_bytes())
+    _spread_roots(authority, expected.directory)
     names = numbered(expected.name, expected.count) if expected.count else [expected.name]
     issued = {entry.name for entry in authority.issued()}
     if issued.issuperset(names):
@@ -109,14 +141,21 @@ def _hand_out(
     log.info("token ready: kind=%s name=%s", expected.kind, expected.name)
 
 
+def _spread_roots(authority: Authority, folder: Path) -> None:
+    """Let whoever enrols believe the roots that stand."""
+    file, roots = folder / ROOT_FILE, authority.root_file.read_bytes()
+    if not file.exists() or file.read_bytes() != roots:
+        write_whole(file, roots)
+
+
 def _server_identity(settings: AuthoritySection, authority: Authority) -> Identity:
     """A fresh certificate for the service itself."""
     key = new_key()
     chain = authority.issue(
         IdentityKind.SERVER,
-        "server.authority",
+        CA_SERVICE,
         key.public_key(),
         hosts=settings.names,
         lifetime=timedelta(days=settings.certificate_days),
     )
-    return Identity.save(settings.directory / "server", key=key, chain=chain, root=authority.root)
+    return Identity.save(settings.directory / "server", key=key, chain=chain, roots=authority.roots)

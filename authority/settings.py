@@ -34,6 +34,20 @@ class AuthoritySection(Section):
         le=398,
         description="days after its end in which a certificate may still be renewed",
     )
+    requests_per_s: int = Field(
+        default=500,
+        ge=1,
+        le=1_000_000,
+        description="requests a second from one address (IPv4, or an IPv6 network of 64 bit), over "
+        "ten seconds; more are answered with 429",
+    )
+    refusals_per_min: int = Field(
+        default=600,
+        ge=1,
+        le=1_000_000,
+        description="requests a minute from one address that are refused; more are answered with "
+        "429",
+    )
 
 
 class LogSection(Section):

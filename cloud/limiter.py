@@ -1,19 +1,16 @@
-"""How often one address may ask; in memory, by sliding windows."""
+"""How often one address may ask."""
 
 from __future__ import annotations
 
-from ipaddress import IPv6Address, ip_address
 from typing import TYPE_CHECKING, Final
 
-from limits import RateLimitItemPerMinute, RateLimitItemPerSecond
-from limits.aio.storage import MemoryStorage
-from limits.aio.strategies import SlidingWindowCounterRateLimiter
+from eskin.limiting import Rate
 
 if TYPE_CHECKING:
     from cloud.settings import LimitsSection
 
 _SPAN_S: Final = 10
-_NETWORK_BITS: Final = 64
+_MINUTE_S: Final = 60
 
 
 class Limiter:
@@ -24,32 +21,18 @@ class Limiter:
     """
 
     def __init__(self, settings: LimitsSection) -> None:
-        self._requests = RateLimitItemPerSecond(settings.requests_per_s * _SPAN_S, _SPAN_S)
-        self._failures = RateLimitItemPerMinute(settings.failures_per_min)
-        self._refusals = RateLimitItemPerMinute(settings.refusals_per_min)
-        self._windows = SlidingWindowCounterRateLimiter(MemoryStorage())
+        self._requests = Rate(settings.requests_per_s * _SPAN_S, _SPAN_S)
+        self._failures = Rate(settings.failures_per_min, _MINUTE_S)
+        self._refusals = Rate(settings.refusals_per_min, _MINUTE_S)
 
     async def take_request(self, address: str) -> bool:
         """Count a request; gives whether it is allowed."""
-        return await self._windows.hit(self._requests, "request", source_of(address))
+        return await self._requests.take(address)
 
     async def take_failure(self, address: str) -> bool:
         """Count a request without good credentials; gives whether it is one of the allowed."""
-        return await self._windows.hit(self._failures, "failure", source_of(address))
+        return await self._failures.take(address)
 
     async def take_refusal(self, address: str) -> bool:
         """Count a refused sign-in; gives whether it is one of those that are kept."""
-        return await self._windows.hit(self._refusals, "refusal", source_of(address))
-
-
-def source_of(address: str) -> str:
-    """Whom to count: an IPv4 address, or the network of 64 bit that one IPv6 user has at least."""
-    try:
-        found = ip_address(address.partition("%")[0])
-    except ValueError:
-        return address
-    if not isinstance(found, IPv6Address):
-        return str(found)
-    if found.ipv4_mapped is not None:
-        return str(found.ipv4_mapped)
-    return str(IPv6Address(int(found) >> _NETWORK_BITS << _NETWORK_BITS))
+        return await self._refusals.take(address)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 import orjson
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
 from cloud.commands.errors import BacklogError
@@ -105,12 +106,20 @@ def answer_problems(app: FastAPI) -> None:
     app.add_exception_handler(EskinError, _on_eskin)
     app.add_exception_handler(RequestValidationError, _on_validation)
     app.add_exception_handler(HTTPException, _on_http)
+    app.add_exception_handler(ClientDisconnect, _on_disconnect)
     app.add_exception_handler(Exception, _on_fault)
 
 
 def _on_problem(request: Request, error: Exception) -> Response:
     assert isinstance(error, ProblemError)  # noqa: S101 - what it is registered for
     return problem(request, error.status, str(error), headers=error.headers)
+
+
+def _on_disconnect(request: Request, error: Exception) -> Response:
+    """Whoever sent half a body is gone, and nobody hears the answer."""
+    del error
+    log.info("client left in the middle of its body: path=%s", _path(request))
+    return problem(request, 400, "the body ended too early")
 
 
 def _on_eskin(request: Request, error: Exception) -> Response:

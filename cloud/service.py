@@ -27,7 +27,8 @@ from cloud.state import Cloud
 from cloud.store import Store
 from cloud.watch import watch
 from eskin.errors import LockedError, StoreError
-from eskin.identity import Identity, Trust
+from eskin.identity import Trust
+from eskin.identity.identity import ROOT_FILE
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
 from eskin.privacy import open_vault
@@ -77,7 +78,7 @@ def make_cloud(
     """
     own = settings.gateways
     feed, board = _make_feed(settings, store), Board()
-    trust = Trust(Identity.load(own.identity).root)
+    trust = Trust.following(own.identity / ROOT_FILE)
     verifier = Verifier(
         Gatekeeper(trust, revocations=own.revocations).verify,
         audience=own.audience,

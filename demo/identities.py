@@ -12,10 +12,12 @@ from eskin.identity import (
     forget_past,
     install,
     is_due,
+    is_superseded,
     new_key,
     next_key,
     settle,
 )
+from eskin.identity.identity import ROOT_FILE, write_whole
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -89,15 +91,17 @@ def _prepare(
     if not (directory / "chain.pem").exists():
         key = new_key()
         chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
-        Identity.save(directory, key=key, chain=chain, root=authority.root)
+        Identity.save(directory, key=key, chain=chain, roots=authority.roots)
         return True
     now = datetime.now(UTC)
     settle(directory)
-    standing = Identity.load(directory).certificate
-    if authority.is_revoked(standing):
+    if (directory / ROOT_FILE).read_bytes() != authority.root_file.read_bytes():
+        write_whole(directory / ROOT_FILE, authority.root_file.read_bytes())
+    standing = Identity.load(directory)
+    if authority.is_revoked(standing.certificate):
         return False
     forget_past(directory, now)
-    if is_due(standing, now):
+    if is_due(standing.certificate, now) or is_superseded(standing):
         key = next_key(directory)
         chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
         install(directory, chain)

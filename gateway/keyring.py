@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.envelope import Opener
 from eskin.errors import IdentityError, SettingsError
-from eskin.identity import Identity, IdentityKind, client_context, past_identities, show
+from eskin.identity import Identity, IdentityKind, client_context, past_identities
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 from gateway.warrants import Warrants
 
@@ -82,7 +82,6 @@ class Keyring:
         if state == self._seen:
             return
         self.gateway = Identity.load(self._settings.directory)
-        show(self.context, self.gateway)
         self.warrants.take(self.gateway)
         self._site = Identity.load(self._settings.site)
         self._sites = self._load_sites()

@@ -113,7 +113,8 @@ class Gateway:
         self.vault = open_vault(settings.keys, settings.vault)
         self.assignments = Assignments(self.vault)
         self.veiling = Veiling(self.assignments)
-        self._revocations = Revocations(Trust(identity.root), settings.identity.revocations)
+        root = identity.directory / ROOT_FILE
+        self._revocations = Revocations(Trust.following(root), settings.identity.revocations)
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
         self.commands = Commands(settings.commands.resend_s)
@@ -121,7 +122,7 @@ class Gateway:
         self.worker = self._make_worker()
         reach: _Reach = {
             "warrants": self.keyring.warrants,
-            "context": client_context(identity.directory / ROOT_FILE),
+            "context": client_context(root),
             "timeout_s": settings.cloud.timeout_s,
         }
         self.cloud = HttpsCloud(settings.cloud.url, **reach)

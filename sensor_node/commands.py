@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 from eskin.envelope import Verifier
 from eskin.errors import CommandError, EnvelopeError, EskinError, FlashError, IdentityError
 from eskin.identity import IdentityKind, Trust
+from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Outcome
 from eskin.messages.vocabulary import CommandName, check_arguments
 from eskin.moment import LATEST, SECOND
@@ -78,7 +79,7 @@ class Commander:
         self._topic = node_topic(own.name, Stream.COMMANDS)
         self._enclosure = enclosure
         self._firmware = commander.Commander(own.name, outbox, _Checked(controls))
-        trust = Trust(own.root, clock=self._now)
+        trust = Trust.following(own.directory / ROOT_FILE, clock=self._now)
         self._verifier = Verifier(trust, kind=IdentityKind.SERVER, name=cloud)
 
     def start(self) -> None:

@@ -12,7 +12,6 @@ from eskin.identity import (
     client_context,
     load_certificates,
     past_identities,
-    show,
     thumbprint,
 )
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
@@ -70,7 +69,6 @@ class NodeKeys:
             if state == self._seen:
                 return False
             own = Identity.load(self._settings.directory)
-            show(self.context, own)
             self.opener.take([own, *past_identities(own.directory)])
             self.own = own
             self.sealer = self._make_sealer()

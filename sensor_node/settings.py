@@ -84,7 +84,7 @@ class BrokerSection(Section):
         default=200, ge=1, le=10_000, description="messages in flight without acknowledgement"
     )
     resend_s: float = Field(
-        default=5.0, gt=0, description="seconds from leaving the radio until it is sent again"
+        default=2.0, gt=0, description="seconds from leaving the radio until it is sent again"
     )
     status_s: float = Field(default=5.0, gt=0, description="seconds between two status messages")
     silence_s: float = Field(

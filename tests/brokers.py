@@ -102,4 +102,5 @@ class Mosquitto(Running):
         """Start, and wait until it listens."""
         self.start()
         ports = self.node_port, self.gateway_port, self.client_port
-        self.wait_for(lambda: all(accepts(port) for port in ports), "mosquitto listens")
+        listens = "mosquitto listens"
+        self.wait_for(lambda: all(accepts(port) for port in ports), listens, seconds=60)

@@ -40,4 +40,5 @@ class Identities:
         key = new_key()
         extra = {} if lifetime is None else {"lifetime": lifetime}
         chain = self.authority.issue(kind, name, key.public_key(), hosts=hosts, now=now, **extra)
-        return Identity.save(self._directory / name, key=key, chain=chain, root=self.authority.root)
+        roots = self.authority.roots
+        return Identity.save(self._directory / name, key=key, chain=chain, roots=roots)

@@ -16,7 +16,7 @@ from eskin.identity import Identity
 async def serve(directory: Path, authority: Path, port: int) -> None:
     """Serve until SIGTERM or SIGINT."""
     identity = Identity.load(directory)
-    broker = LoopbackBroker(identity, doorkeeper=Doorkeeper(identity.root, authority), port=port)
+    broker = LoopbackBroker(identity, doorkeeper=Doorkeeper(authority), port=port)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):

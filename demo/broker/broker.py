@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import ssl
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
@@ -26,10 +25,12 @@ from amqtt.utils import gen_client_id
 
 from demo.broker.access import Party, may_publish, may_subscribe
 from eskin.errors import IdentityError
-from eskin.identity import show
+from eskin.identity import server_context
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
 
 if TYPE_CHECKING:
+    import ssl
+
     from amqtt.adapters import ReaderAdapter, WriterAdapter
     from amqtt.session import Session
 
@@ -70,12 +71,8 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         super().__init__(BrokerConfig(listeners={"default": listener}, plugins={}))
 
     def _create_ssl_context(self, listener: ListenerConfig) -> ssl.SSLContext:
-        context = self._context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.minimum_version = ssl.TLSVersion.TLSv1_2
-        context.load_cert_chain(listener.certfile, listener.keyfile)
-        context.load_verify_locations(cafile=listener.cafile)
-        context.verify_mode = ssl.CERT_REQUIRED
-        return context
+        del listener
+        return server_context(self._identity, client_certificates=True)
 
     async def _initialize_client_session(
         self, reader: ReaderAdapter, writer: WriterAdapter, remote_address: str, remote_port: int
@@ -102,13 +99,9 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         return handler, session
 
     async def keep_out_the_revoked(self) -> None:
-        """Each second, show a renewed certificate, and end what changed revocation lists forbid."""
+        """Each second, end what changed revocation lists forbid."""
         while True:
             await asyncio.sleep(_LOOK_S)
-            try:
-                show(self._context, self._identity)
-            except IdentityError as error:
-                log.warning("certificate not read again: error=%s", error)
             if self._doorkeeper.refresh():
                 for session, _ in list(self.sessions.values()):
                     await self._check_again(session)

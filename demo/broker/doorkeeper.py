@@ -10,6 +10,7 @@ from cryptography import x509
 from demo.broker.access import Party
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import IdentityKind, Trust, der
+from eskin.identity.identity import ROOT_FILE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,15 +22,14 @@ class Doorkeeper:
     """Checks certificates against the CA folder's revocation lists, which may change meanwhile.
 
     Args:
-        root: The root that all chains lead to.
-        authority: The CA's folder: ``KIND.crl.pem`` is read, no key.
+        authority: The CA's folder: ``root.pem`` and ``KIND.crl.pem`` are read, no key.
 
     Raises:
         IdentityError: A certificate or list is missing or cannot be used.
     """
 
-    def __init__(self, root: x509.Certificate, authority: Path) -> None:
-        self._trust = Trust(root)
+    def __init__(self, authority: Path) -> None:
+        self._trust = Trust.following(authority / ROOT_FILE)
         self._lists = {kind: authority / f"{kind}.crl.pem" for kind in IdentityKind}
         self._seen: dict[IdentityKind, bytes] = {}
         for kind in IdentityKind:

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from eskin.command.logs import start_logs
+from eskin.command.rotation import retire, rotate, switch
 from eskin.command.tables import show
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
@@ -21,7 +22,6 @@ EnrolDirectory = Annotated[
     Path, typer.Option(help="Folder with root.pem and NAME.token, as the CA service left them.")
 ]
 Name = Annotated[str, typer.Option(help="Common name, such as fingertip or gateway.g1.")]
-Kind = Annotated[IdentityKind, typer.Option(help="Kind of identities.")]
 Patience = Annotated[float, typer.Option(help="Seconds to keep trying.")]
 
 
@@ -72,7 +72,7 @@ def issue(
         chain = authority.issue(
             kind, each, key.public_key(), hosts=host or (), lifetime=timedelta(days=days)
         )
-        Identity.save(folder, key=key, chain=chain, root=authority.root)
+        Identity.save(folder, key=key, chain=chain, roots=authority.roots)
     until = chain[0].not_valid_after_utc.isoformat()
     told = f"{names[0]} to {names[-1]}" if count else name
     typer.echo(f"{told} in {out}, valid until {until}")
@@ -115,29 +115,9 @@ def revoke(directory: Directory, name: Name) -> None:
         typer.echo(f"revoked {entry.name}, serial {entry.serial}")
 
 
-@pki.command()
-def rotate(directory: Directory, kind: Kind) -> None:
-    """Make a new issuing CA of a kind; certificates of the old one pass until it is retired."""
-    Authority(directory).rotate(kind)
-    typer.echo(f"a new {kind} CA issues from now on; `eskin pki retire` ends the old one")
-
-
-@pki.command()
-def retire(
-    directory: Directory,
-    kind: Kind,
-    force: Annotated[bool, typer.Option(help="Also while somebody still needs it.")] = False,
-) -> None:
-    """End the issuing CA that was replaced, once all its certificates are renewed."""
-    authority = Authority(directory)
-    names = authority.dependants(kind)
-    if names and not force:
-        raise IdentityError(
-            f"still of the old {kind} CA: {', '.join(names[:10])}; wait until they are renewed, or "
-            "add --force to lock them out"
-        )
-    authority.retire(kind)
-    typer.echo(f"the old {kind} CA is retired")
+pki.command()(rotate)
+pki.command()(switch)
+pki.command()(retire)
 
 
 @pki.command()
@@ -155,9 +135,11 @@ def renew(
     patience: Patience = 60.0,
 ) -> None:
     """Renew an identity now, with a fresh key; processes that use it take it without a restart."""
-    from authority.enrolment import patiently
+    from authority.asking import patiently
+    from authority.enrolment import fetch_roots
     from authority.enrolment import renew as ask
 
+    patiently(lambda: fetch_roots(url, identity), patience)
     own = patiently(lambda: ask(url, identity), patience)
     typer.echo(f"{own.name} until {own.certificate.not_valid_after_utc.isoformat()}")
 
@@ -221,8 +203,8 @@ def enrol(
     ] = 0,
 ) -> None:
     """Make a key here and have it certified by the CA service; the key never leaves."""
+    from authority.asking import patiently
     from authority.enrolment import enrol as ask
-    from authority.enrolment import patiently
 
     kind.require_name(name)
     if count:
@@ -255,8 +237,8 @@ def fetch(
     patience: Patience = 60.0,
 ) -> None:
     """Fetch somebody's certificate, such as the site's for its nodes; wait until it is issued."""
+    from authority.asking import patiently
     from authority.enrolment import fetch as ask
-    from authority.enrolment import patiently
 
     patiently(lambda: ask(url, enrol_dir, name, out), patience)
     typer.echo(f"{name} in {out}")
@@ -271,8 +253,8 @@ def anchor(
     patience: Patience = 60.0,
 ) -> None:
     """Fetch the CA certificate with which a TLS server accepts one kind alone, as a broker does."""
+    from authority.asking import patiently
     from authority.enrolment import fetch_anchor as ask
-    from authority.enrolment import patiently
 
     patiently(lambda: ask(url, enrol_dir, kind, out), patience)
     typer.echo(f"anchor of {kind} in {out}")

@@ -12,11 +12,13 @@ from eskin.identity.renewal import (
     forget_past,
     install,
     is_due,
+    is_superseded,
     next_key,
     past_identities,
     settle,
 )
-from eskin.identity.tls import client_context, server_context, show
+from eskin.identity.rotation import RootRotation
+from eskin.identity.tls import client_context, server_context
 from eskin.identity.trust import Trust
 
 __all__ = [
@@ -24,6 +26,7 @@ __all__ = [
     "Identity",
     "IdentityKind",
     "Issued",
+    "RootRotation",
     "Trust",
     "client_context",
     "common_name",
@@ -32,6 +35,7 @@ __all__ = [
     "install",
     "is_due",
     "is_numbered",
+    "is_superseded",
     "issuer_kind",
     "load_certificates",
     "new_key",
@@ -40,6 +44,5 @@ __all__ = [
     "past_identities",
     "server_context",
     "settle",
-    "show",
     "thumbprint",
 ]

@@ -1,10 +1,10 @@
 """The certificate authority: a root, and one issuing CA for each kind of identity.
 
-Its folder holds ``root.pem``, ``root.key``, the issuing CAs (see `eskin.identity.issuer`), for each
-kind ``KIND.crl.pem``, what was issued last in ``issued/NAME.pem``, and a ``ledger.jsonl`` of
-everything issued and revoked. An *anchor* is an issuing CA's certificate signed by its own key: a
-TLS server that trusts only this one accepts that kind and no other, which the root as anchor could
-not say.
+Its folder holds the root (see `eskin.identity.roots`), the issuing CAs (see
+`eskin.identity.issuer`), for each kind ``KIND.crl.pem``, what was issued last in
+``issued/NAME.pem``, and a ``ledger.jsonl`` of everything issued and revoked. An *anchor* is an
+issuing CA's certificate signed by its own key: a TLS server that trusts only this one accepts that
+kind and no other, which the root as anchor could not say.
 """
 
 from __future__ import annotations
@@ -16,17 +16,18 @@ from typing import TYPE_CHECKING, Final, Self
 from cryptography import x509
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import ca_certificate, leaf_certificate, new_key, pem
-from eskin.identity.identity import load_certificates, load_key, save_key, write_whole
+from eskin.identity.certificates import leaf_certificate, new_key, pem
+from eskin.identity.identity import ROOT_FILE, load_certificates, save_key, write_whole
 from eskin.identity.issuer import (
     LIST_LIFETIME,
-    ROOT_NAME,
     found_issuer,
+    known_issuer,
     load_issuers,
     retire_issuers,
 )
 from eskin.identity.kinds import IdentityKind
 from eskin.identity.ledger import Issued, Ledger
+from eskin.identity.roots import is_replaced, root_certificate, root_key
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,8 +35,11 @@ if TYPE_CHECKING:
 
     from cryptography.hazmat.primitives.asymmetric import ec
 
-ROOT_LIFETIME: Final = timedelta(days=3650)
+    from eskin.identity.issuer import Issuer
+
 LEAF_LIFETIME: Final = timedelta(days=90)
+CA_SERVICE: Final = "server.authority"
+"""Common name of the CA service, which is known to whoever knows the oldest standing root."""
 _LEDGER: Final = "ledger.jsonl"
 
 
@@ -48,13 +52,12 @@ class Authority:
         Raises:
             IdentityError: There is no CA, or a key or certificate cannot be read.
         """
-        if not (directory / "root.pem").is_file():
+        if not (directory / ROOT_FILE).is_file():
             raise IdentityError(
                 f"{directory}: there is no CA; `eskin pki init --dir {directory}` makes one"
             )
-        self._directory = directory
+        self.directory = directory
         self._ledger = Ledger(directory / _LEDGER)
-        self.root = load_certificates(directory / "root.pem")[0]
         for kind in IdentityKind:
             load_issuers(directory, kind)
 
@@ -65,7 +68,7 @@ class Authority:
         Raises:
             IdentityError: It cannot be read or written.
         """
-        if not (directory / "root.pem").exists():
+        if not (directory / ROOT_FILE).exists():
             try:
                 _create(directory)
             except OSError as error:
@@ -85,7 +88,7 @@ class Authority:
         Raises:
             IdentityError: There is one, or the folder cannot be written.
         """
-        if (directory / "root.pem").exists():
+        if (directory / ROOT_FILE).exists():
             raise IdentityError(
                 f"{directory}: there is a CA already, which stays as it is; "
                 "choose another folder for a new one"
@@ -119,8 +122,7 @@ class Authority:
             IdentityError: The name is none of that kind.
         """
         kind.require_name(name)
-        # Read each time: another process may have made a new issuing CA.
-        issuer = load_issuers(self._directory, kind)[0]
+        issuer = self.issuer(kind, name)
         certificate = leaf_certificate(
             kind,
             name,
@@ -131,7 +133,7 @@ class Authority:
             lifetime=lifetime,
         )
         chain = certificate, issuer.certificate
-        issued = self._directory / "issued"
+        issued = self.directory / "issued"
         issued.mkdir(exist_ok=True)
         write_whole(issued / f"{name}.pem", pem(chain))
         serial, expires = f"{certificate.serial_number:x}", certificate.not_valid_after_utc
@@ -139,11 +141,20 @@ class Authority:
         self._ledger.add(entry)
         return chain
 
+    def issuer(self, kind: IdentityKind, name: str) -> Issuer:
+        """Who issues to a name now; read each time, as another process may have made a new one."""
+        standing = load_issuers(self.directory, kind)
+        return known_issuer(self.directory, standing) if name == CA_SERVICE else standing[0]
+
+    def stands(self, issuer: x509.Certificate, kind: IdentityKind) -> bool:
+        """Whether an issuing CA is one of a kind's, and not retired."""
+        return any(issuer == each.certificate for each in load_issuers(self.directory, kind))
+
     def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
         """The chain last issued to a name; ``None`` if there is none."""
         if all(entry.name != name for entry in self.issued()):
             return None
-        return load_certificates(self._directory / "issued" / f"{name}.pem")
+        return load_certificates(self.directory / "issued" / f"{name}.pem")
 
     def issued(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""
@@ -184,7 +195,7 @@ class Authority:
         The file holds the certificate of each issuing CA, then the list that this one signed.
         """
         revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
-        issuers = load_issuers(self._directory, kind)
+        issuers = load_issuers(self.directory, kind)
         path = self.revocations_file(kind)
         lists = [issuer.revocation_list(revoked) for issuer in issuers]
         write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
@@ -204,22 +215,23 @@ class Authority:
         Raises:
             IdentityError: One is being replaced already, or the root's key is not here.
         """
-        if len(load_issuers(self._directory, kind)) > 1:
+        if len(load_issuers(self.directory, kind)) > 1:
             raise IdentityError(
                 f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
             )
-        found_issuer(self._directory, kind, load_key(self._directory / "root.key"))
+        found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
         self.write_revocations(kind)
 
     def dependants(self, kind: IdentityKind) -> list[str]:
         """Names whose newest standing certificate is from an issuing CA that is being replaced."""
-        current = load_issuers(self._directory, kind)[0].serial
+        current = load_issuers(self.directory, kind)[0].serial
         now = datetime.now(UTC)
         newest = {entry.name: entry for entry in self.issued() if entry.kind == kind}
         return sorted(
             entry.name
             for entry in newest.values()
             if entry.issuer != current
+            and entry.name != CA_SERVICE  # it looks after itself
             and entry.revoked is None
             and datetime.fromisoformat(entry.expires) > now
         )
@@ -228,26 +240,33 @@ class Authority:
         """End the issuing CA that was replaced, and all certificates of it.
 
         Raises:
-            IdentityError: None is being replaced.
+            IdentityError: None is being replaced, or the root is, which ends them all.
         """
-        issuers = load_issuers(self._directory, kind)
+        if is_replaced(self.directory):
+            raise IdentityError("the root is being replaced; see `eskin pki retire --root`")
+        issuers = load_issuers(self.directory, kind)
         if len(issuers) == 1:
             raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
-        retire_issuers(self._directory, kind, issuers)
+        retire_issuers(self.directory, kind, issuers)
         self.write_revocations(kind)
 
     def anchor_file(self, kind: IdentityKind) -> Path:
         """The file with the kind's anchors, for a TLS server that takes only this kind."""
-        return self._directory / f"{kind}.anchor.pem"
+        return self.directory / f"{kind}.anchor.pem"
 
     def revocations_file(self, kind: IdentityKind) -> Path:
         """The file with the kind's revocation list."""
-        return self._directory / f"{kind}.crl.pem"
+        return self.directory / f"{kind}.crl.pem"
 
     @property
     def root_file(self) -> Path:
-        """The file with the root's certificate."""
-        return self._directory / "root.pem"
+        """The file with the standing roots' certificates."""
+        return self.directory / ROOT_FILE
+
+    @property
+    def roots(self) -> tuple[x509.Certificate, ...]:
+        """The standing roots, the one that issues first; read each time."""
+        return load_certificates(self.root_file)
 
 
 def _create(directory: Path) -> None:
@@ -258,19 +277,10 @@ def _create(directory: Path) -> None:
             "new CA would disown all that was issued"
         )
     directory.mkdir(parents=True, exist_ok=True, mode=0o700)
-    root_key = new_key()
+    key = new_key()
     for kind in IdentityKind:
         # What an interrupted attempt left is not kept beside it.
         (directory / f"{kind}.pem").unlink(missing_ok=True)
-        found_issuer(directory, kind, root_key)
-    root = ca_certificate(
-        ROOT_NAME,
-        root_key.public_key(),
-        issuer=ROOT_NAME,
-        signer=root_key,
-        path_length=1,
-        not_before=datetime.now(UTC),
-        lifetime=ROOT_LIFETIME,
-    )
-    save_key(directory / "root.key", root_key)
-    write_whole(directory / "root.pem", pem([root]))
+        found_issuer(directory, kind, key)
+    save_key(directory / "root.key", key)
+    write_whole(directory / ROOT_FILE, pem([root_certificate(key)]))

@@ -1,4 +1,4 @@
-"""One party's identity: its private key, its certificate chain, and the root that it trusts.
+"""One party's identity: its private key, its certificate chain, and the roots that it trusts.
 
 Its folder holds ``key.pem`` (0600), ``chain.pem`` (its certificate, then the issuing CA's) and
 ``root.pem``.
@@ -37,14 +37,14 @@ class Identity:
         directory: Where it lives.
         key: The private key, EC P-256.
         chain: The certificate, then the issuing CA's.
-        root: The root CA's certificate, the only anchor of trust.
+        roots: The root CAs' certificates, the only anchors of trust; the one that issues is first.
         thumbprint: SHA-256 of its certificate.
     """
 
     directory: Path
     key: ec.EllipticCurvePrivateKey
     chain: tuple[x509.Certificate, ...]
-    root: x509.Certificate
+    roots: tuple[x509.Certificate, ...]
     thumbprint: bytes = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -67,7 +67,7 @@ class Identity:
                 continue
             chain = load_certificates(directory / chain_file)
             if chain[0].public_key() == key.public_key():
-                return cls(directory, key, chain, load_certificates(directory / ROOT_FILE)[0])
+                return cls(directory, key, chain, load_certificates(directory / ROOT_FILE))
         raise IdentityError(f"{directory}: {KEY_FILE} does not belong to {CHAIN_FILE}")
 
     @classmethod
@@ -77,7 +77,7 @@ class Identity:
         *,
         key: ec.EllipticCurvePrivateKey,
         chain: tuple[x509.Certificate, ...],
-        root: x509.Certificate,
+        roots: tuple[x509.Certificate, ...],
     ) -> Self:
         """Write an identity to its folder; the chain last, so that its presence means all is there.
 
@@ -87,11 +87,11 @@ class Identity:
         try:
             directory.mkdir(parents=True, exist_ok=True, mode=0o700)
             save_key(directory / KEY_FILE, key)
-            write_whole(directory / ROOT_FILE, pem([root]))
+            write_whole(directory / ROOT_FILE, pem(roots))
             write_whole(directory / CHAIN_FILE, pem(chain))
         except OSError as error:
             raise IdentityError(f"{directory}: identity cannot be written: {error}") from error
-        return cls(directory, key, chain, root)
+        return cls(directory, key, chain, roots)
 
     @property
     def certificate(self) -> x509.Certificate:

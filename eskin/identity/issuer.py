@@ -17,6 +17,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from eskin.errors import IdentityError
 from eskin.identity.certificates import ca_certificate, new_key, pem
 from eskin.identity.identity import load_certificates, load_key, save_key, write_whole
+from eskin.identity.roots import ROOT_NAME, is_issued_by, is_replaced, newer_root
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from eskin.identity.kinds import IdentityKind
     from eskin.identity.ledger import Issued
 
-ROOT_NAME: Final = "eskin root CA"
 ISSUER_LIFETIME: Final = timedelta(days=1825)
 LIST_LIFETIME: Final = timedelta(days=7)
 
@@ -80,10 +80,31 @@ def load_issuers(directory: Path, kind: IdentityKind) -> tuple[Issuer, ...]:
     return tuple(issuers)
 
 
-def found_issuer(directory: Path, kind: IdentityKind, root_key: ec.EllipticCurvePrivateKey) -> None:
+def known_issuer(directory: Path, standing: Sequence[Issuer]) -> Issuer:
+    """Of a kind's issuing CAs the one below the older root, which everybody knows."""
+    if not is_replaced(directory):
+        return standing[0]
+    new = newer_root(directory)
+    old = [each for each in standing if not is_issued_by(each.certificate, new)]
+    return (old or standing)[0]
+
+
+def found_issuer(
+    directory: Path,
+    kind: IdentityKind,
+    root_key: ec.EllipticCurvePrivateKey,
+    *,
+    standby: bool = False,
+) -> None:
     """Make an issuing CA, which issues from now on; the one before stays beside it.
 
     Who trusts a kind's anchors must trust the new one before it issues: so ``KIND.pem`` is last.
+
+    Args:
+        directory: The CA's folder.
+        kind: Of what it issues.
+        root_key: Signs it.
+        standby: Let the one before go on issuing.
     """
     file, anchors = directory / f"{kind}.pem", directory / f"{kind}.anchor.pem"
     before = load_certificates(file) if file.exists() else ()
@@ -94,7 +115,13 @@ def found_issuer(directory: Path, kind: IdentityKind, root_key: ec.EllipticCurve
     save_key(directory / name, key)
     trusted = load_certificates(anchors) if before else ()
     write_whole(anchors, pem([anchor, *trusted]))
-    write_whole(file, pem([certificate, *before]))
+    write_whole(file, pem([*before, certificate] if standby else [certificate, *before]))
+
+
+def promote_issuer(directory: Path, kind: IdentityKind) -> None:
+    """Let the issuing CA that stands by issue, and the other one stand beside it."""
+    file = directory / f"{kind}.pem"
+    write_whole(file, pem(load_certificates(file)[::-1]))
 
 
 def retire_issuers(directory: Path, kind: IdentityKind, standing: Sequence[Issuer]) -> None:

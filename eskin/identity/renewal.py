@@ -22,6 +22,7 @@ from eskin.identity.identity import (
     save_key,
     write_whole,
 )
+from eskin.identity.roots import is_issued_by
 
 if TYPE_CHECKING:
     from datetime import datetime, timedelta
@@ -38,6 +39,11 @@ _LEFT: Final = 1 / 3
 def is_due(certificate: x509.Certificate, now: datetime) -> bool:
     """Whether a certificate should be renewed: a third of its life is left, or less."""
     return certificate.not_valid_after_utc - now <= _LEFT * _life(certificate)
+
+
+def is_superseded(own: Identity) -> bool:
+    """Whether another root issues now than the one to which an identity's certificate leads."""
+    return not is_issued_by(own.chain[-1], own.roots[0])
 
 
 def next_key(directory: Path) -> ec.EllipticCurvePrivateKey:
@@ -67,7 +73,7 @@ def install(directory: Path, chain: tuple[x509.Certificate, ...]) -> Identity:
     own = Identity.load(directory)
     try:
         Identity.save(
-            directory / PAST / own.thumbprint.hex(), key=own.key, chain=own.chain, root=own.root
+            directory / PAST / own.thumbprint.hex(), key=own.key, chain=own.chain, roots=own.roots
         )
         write_whole(directory / NEXT / CHAIN_FILE, pem(chain))
         settle(directory)

@@ -77,6 +77,12 @@ def read_lists(
     return lists
 
 
+def revoked_serials(data: bytes) -> set[str]:
+    """Serial numbers, hexadecimal, of all that lists (PEM) revoke, which were checked before."""
+    lists = [x509.load_pem_x509_crl(part) for part in _LIST.findall(data)]
+    return {f"{entry.serial_number:x}" for one in lists for entry in one}
+
+
 def _signed_by(issuer: x509.Certificate, found: list[x509.CertificateRevocationList]) -> Listed:
     for listed in found:
         expires = listed.next_update_utc

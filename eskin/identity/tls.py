@@ -1,38 +1,108 @@
-"""TLS contexts: version 1.2 at least, both sides always checked, no way to turn it off."""
+"""TLS contexts: version 1.2 at least, both sides always checked, no way to turn it off.
+
+A context follows its files: a renewed identity, or other roots, count from the next handshake on.
+"""
 
 from __future__ import annotations
 
+import logging
 import ssl
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 from eskin.errors import IdentityError
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
+from eskin.identity.version import Version, version
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from eskin.identity.identity import Identity
 
+log = logging.getLogger(__name__)
+
+
+class FollowingContext(ssl.SSLContext):
+    """Makes connections by a context that is made anew when one of its files was replaced.
+
+    OpenSSL can add a root to a context, and take none away. Where a file cannot be used, as in the
+    middle of a renewal, the context before goes on.
+    """
+
+    _files: Sequence[Path]
+    _make: Callable[[], ssl.SSLContext]
+    _newest: ssl.SSLContext
+    _seen: tuple[Version, ...] | None
+    _protocols: Sequence[str] = ()
+
+    @classmethod
+    def over(cls, files: Sequence[Path], make: Callable[[], ssl.SSLContext]) -> Self:
+        """Follow files.
+
+        Args:
+            files: Which.
+            make: Makes a context of them, or raises `IdentityError`.
+
+        Raises:
+            IdentityError: They cannot be used now.
+        """
+        seen = _versions(files)
+        newest = make()
+        own = cls(newest.protocol)
+        own._files, own._make, own._newest, own._seen = files, make, newest, seen
+        # Whoever looks at it sees what holds.
+        own.minimum_version = newest.minimum_version
+        own.check_hostname, own.verify_mode = newest.check_hostname, newest.verify_mode
+        return own
+
+    def wrap_socket(self, *given: Any, **named: Any) -> ssl.SSLSocket:
+        """See `ssl.SSLContext`."""
+        return self._follow().wrap_socket(*given, **named)
+
+    def wrap_bio(self, *given: Any, **named: Any) -> ssl.SSLObject:
+        """See `ssl.SSLContext`."""
+        return self._follow().wrap_bio(*given, **named)
+
+    def set_alpn_protocols(self, alpn_protocols: Any) -> None:
+        """See `ssl.SSLContext`."""
+        self._protocols = alpn_protocols
+
+    def _follow(self) -> ssl.SSLContext:
+        try:
+            seen = _versions(self._files)
+            if seen is None or seen != self._seen:
+                self._newest = self._make()
+                self._seen = seen
+        except IdentityError as error:
+            log.warning("a TLS identity cannot be read, the one before goes on: %s", error)
+        newest = self._newest
+        newest.sslsocket_class = self.sslsocket_class
+        if self._protocols:
+            newest.set_alpn_protocols(self._protocols)
+        return newest
+
 
 def client_context(root_file: Path, identity: Identity | None = None) -> ssl.SSLContext:
-    """A client's side: the server must lead to the root and have the host's name.
+    """A client's side: the server must lead to a root and have the host's name.
 
     Args:
-        root_file: PEM of the root CA.
+        root_file: PEM of the root CAs.
         identity: Shown to a server that asks; must be on disk.
 
     Raises:
         IdentityError: A file cannot be read.
     """
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    try:
-        context.load_verify_locations(cafile=root_file)
-    except (OSError, ssl.SSLError) as error:
-        raise IdentityError(f"{root_file}: no root certificate can be read: {error}") from error
-    if identity is not None:
-        show(context, identity)
-    return context
+    folder = None if identity is None else identity.directory
+
+    def make() -> ssl.SSLContext:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        _trust(context, root_file)
+        if folder is not None:
+            _show(context, folder)
+        return context
+
+    return FollowingContext.over([root_file, *_files(folder)], make)
 
 
 def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLContext:
@@ -40,27 +110,45 @@ def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLC
 
     Args:
         identity: Of kind server, on disk.
-        client_certificates: Whether clients must show one that leads to the root.
+        client_certificates: Whether clients must show one that leads to a root.
 
     Raises:
         IdentityError: A file cannot be read.
     """
-    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-    context.minimum_version = ssl.TLSVersion.TLSv1_2
-    show(context, identity)
-    if client_certificates:
-        context.load_verify_locations(cafile=identity.directory / ROOT_FILE)
-        context.verify_mode = ssl.CERT_REQUIRED
-    return context
+    folder = identity.directory
+
+    def make() -> ssl.SSLContext:
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        _show(context, folder)
+        if client_certificates:
+            _trust(context, folder / ROOT_FILE)
+            context.verify_mode = ssl.CERT_REQUIRED
+        return context
+
+    return FollowingContext.over([*_files(folder), folder / ROOT_FILE], make)
 
 
-def show(context: ssl.SSLContext, identity: Identity) -> None:
-    """Show an identity in all handshakes from now on; a renewed one replaces the one before.
+def _versions(files: Sequence[Path]) -> tuple[Version, ...] | None:
+    """Of files as they are now; ``None`` where one is missing."""
+    try:
+        return tuple(version(file) for file in files)
+    except OSError:
+        return None
 
-    Raises:
-        IdentityError: Its files cannot be used.
-    """
-    directory = identity.directory
+
+def _files(folder: Path | None) -> list[Path]:
+    return [] if folder is None else [folder / CHAIN_FILE, folder / KEY_FILE]
+
+
+def _trust(context: ssl.SSLContext, root_file: Path) -> None:
+    try:
+        context.load_verify_locations(cafile=root_file)
+    except (OSError, ssl.SSLError) as error:
+        raise IdentityError(f"{root_file}: no root certificate can be read: {error}") from error
+
+
+def _show(context: ssl.SSLContext, directory: Path) -> None:
     try:
         context.load_cert_chain(directory / CHAIN_FILE, directory / KEY_FILE)
     except (OSError, ssl.SSLError) as error:

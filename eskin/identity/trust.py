@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
@@ -16,32 +17,57 @@ from eskin.identity.certificates import (
     read_certificate,
     thumbprint,
 )
+from eskin.identity.identity import load_certificates
 from eskin.identity.revocations import read_lists
+from eskin.identity.roots import is_issued_by
+from eskin.identity.version import version
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from eskin.identity.kinds import IdentityKind
     from eskin.identity.revocations import Lists
+    from eskin.identity.version import Version
+
+log = logging.getLogger(__name__)
 
 
 class Trust:
-    """Verifies chains against one root, and against revocation lists.
+    """Verifies chains against roots, and against revocation lists.
 
     Args:
-        root: The root CA's certificate.
+        roots: The root CAs' certificates.
         clock: Gives the present; passed in so that tests can turn it.
     """
 
     def __init__(
         self,
-        root: x509.Certificate,
-        *,
+        *roots: x509.Certificate,
         clock: Callable[[], datetime] = lambda: datetime.now(UTC),
     ) -> None:
-        self._root = root
+        self._roots: Sequence[x509.Certificate] = roots
         self._clock = clock
         self._lists: dict[IdentityKind, Lists] = {}
+        self._file: Path | None = None
+        self._seen: Version | None = None
+        # Of issuing CAs, by thumbprint: what verified once needs no second look at its signature.
+        self._led: dict[bytes, x509.Certificate] = {}
+
+    @classmethod
+    def following(
+        cls, file: Path, *, clock: Callable[[], datetime] = lambda: datetime.now(UTC)
+    ) -> Self:
+        """Trust in the roots of a file (PEM), which may be replaced at any time.
+
+        Where it cannot be read, those that were read last stay.
+
+        Raises:
+            IdentityError: It cannot be read now.
+        """
+        trust = cls(*load_certificates(file), clock=clock)
+        trust._file = file
+        return trust
 
     def revocations(self, kind: IdentityKind, data: bytes) -> None:
         """Take over a kind's revocation list; from then on, nobody of it is trusted without one.
@@ -54,6 +80,7 @@ class Trust:
             UntrustedCertificateError: It is no list, not signed by an issuing CA of that kind, or
                 older than the one that stands.
         """
+        self._follow()
         self._lists[kind] = read_lists(
             data, self._lists.get(kind, {}), lambda issuer: self._require_issuing(issuer, kind)
         )
@@ -65,11 +92,8 @@ class Trust:
             UntrustedCertificateError: It is none of theirs.
         """
         for listed in self._lists.get(kind, {}).values():
-            try:
-                leaf.verify_directly_issued_by(listed.issuer)
-            except (InvalidSignature, ValueError, TypeError):
-                continue
-            return listed.issuer
+            if is_issued_by(leaf, listed.issuer):
+                return listed.issuer
         raise UntrustedCertificateError(
             f"{leaf.subject.rfc4514_string()} was issued by no {kind} CA that stands"
         )
@@ -84,8 +108,9 @@ class Trust:
             UntrustedCertificateError: It does not lead to the root over the kind's issuing CA,
                 is outside of its validity, is revoked, or has a name that is none of that kind.
         """
+        self._follow()
         leaf, issuer = _pair(chain)
-        self._require_issued(issuer, self._root)
+        self._require_led(issuer)
         self._require_issued(leaf, issuer)
         _require_kind(leaf, kind)
         self._require_not_revoked(leaf, issuer, kind)
@@ -97,11 +122,50 @@ class Trust:
         """Judge a pair that `verify` found good again, without the signatures: they stay valid.
 
         Raises:
-            UntrustedCertificateError: It is outside of its validity now, or revoked.
+            UntrustedCertificateError: It is outside of its validity now, or revoked, or its root
+                does not stand any more.
         """
-        for part in (self._root, issuer, leaf):
-            self._require_valid(part)
+        self._follow()
+        self._require_led(issuer)
+        self._require_valid(leaf)
         self._require_not_revoked(leaf, issuer, kind)
+
+    def _follow(self) -> None:
+        """Take over the roots of the file, if it was replaced."""
+        if self._file is None:
+            return
+        try:
+            seen = version(self._file)
+            if seen == self._seen:
+                return
+            roots = load_certificates(self._file)
+        except (OSError, IdentityError) as error:
+            log.warning("the roots that stand stay: %s: %s", self._file, error)
+            return
+        self._roots = roots
+        self._led = {}
+        self._seen = seen
+
+    def _require_led(self, issuer: x509.Certificate) -> None:
+        """Require that an issuing CA leads to a root, and that both are valid now."""
+        for part in (self._root_of(issuer), issuer):
+            self._require_valid(part)
+
+    def _root_of(self, issuer: x509.Certificate) -> x509.Certificate:
+        """The root that has certified an issuing CA.
+
+        Raises:
+            UntrustedCertificateError: None of those that are trusted has.
+        """
+        led, named = self._led, thumbprint(issuer)
+        if named in led:
+            return led[named]
+        for root in self._roots:
+            if is_issued_by(issuer, root):
+                led[named] = root
+                return root
+        name = issuer.subject.rfc4514_string()
+        raise UntrustedCertificateError(f"{name} was not issued by our CA, a root that we trust")
 
     def _require_issued(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
         name = certificate.subject.rfc4514_string()
@@ -126,7 +190,7 @@ class Trust:
             )
 
     def _require_issuing(self, issuer: x509.Certificate, kind: IdentityKind) -> None:
-        self._require_issued(issuer, self._root)
+        self._require_led(issuer)
         if common_name(issuer) != kind.issuer:
             raise UntrustedCertificateError(f"{common_name(issuer)!r} is no {kind} CA")
 

@@ -93,6 +93,14 @@ def test_node_that_slept_through_its_end_is_renewed_within_grace_only(rig: Rig) 
     assert rig.renewals.renew(asked)[0].public_key() != rig.node.certificate.public_key()
 
 
+def test_certificate_of_a_retired_ca_is_not_renewed(rig: Rig) -> None:
+    rig.own.authority.rotate(IdentityKind.NODE)
+    rig.renewals.renew(rig.asked(rig.node))
+    rig.own.authority.retire(IdentityKind.NODE)
+    with pytest.raises(IdentityError, match="is retired; enrol it again"):
+        rig.renewals.renew(rig.asked(rig.node))
+
+
 def test_revoked_certificate_is_not_renewed(rig: Rig) -> None:
     rig.own.authority.revoke("palm")
     with pytest.raises(IdentityError, match="palm was revoked"):
@@ -105,7 +113,7 @@ def test_request_of_somebody_else_is_refused(rig: Rig, tmp_path: Path) -> None:
         rig.renewals.renew(rig.asked(strange))
     with pytest.raises(IdentityError, match="is wrong"):
         rig.renewals.renew(rig.asked(rig.node, topic="eskin/v1/nodes/palm/commands"))
-    thief = Identity(rig.node.directory, new_key(), rig.node.chain, rig.node.root)
+    thief = Identity(rig.node.directory, new_key(), rig.node.chain, rig.node.roots)
     with pytest.raises(IdentityError, match="is wrong"):
         rig.renewals.renew(rig.asked(thief))
     for nonsense in (b"", b"x", sign(b"no request", own=rig.node, topic=RENEWAL)):
@@ -123,7 +131,7 @@ def test_power_cut_between_key_and_chain_leaves_an_identity(rig: Rig, steps: int
     after = (folder / CHAIN_FILE).read_bytes()
     # As it was left after so many of the steps: the chain in ``next``, the key, the chain.
     (folder / "next" / CHAIN_FILE).write_bytes(after)
-    Identity.save(folder / "next", key=new, chain=chain, root=rig.node.root)
+    Identity.save(folder / "next", key=new, chain=chain, roots=rig.node.roots)
     if steps == 0:
         past = past_identities(folder)[0].directory
         shutil.copy(past / "key.pem", folder / "key.pem")

@@ -13,7 +13,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from authority.enrolment import NotReadyError, enrol, enrol_fleet, fetch, fetch_anchor
+from authority.asking import NotReadyError
+from authority.enrolment import enrol, enrol_fleet, fetch, fetch_anchor
 from authority.tokens import Tokens
 from eskin.command.pki import pki
 from eskin.errors import IdentityError
@@ -67,7 +68,7 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
 
 def test_enrolled_identity_is_trusted_and_its_key_private(service: Service, tmp_path: Path) -> None:
     identity = enrol(service.url, service.tokens, "fingertip", tmp_path)
-    trust = Trust(load_certificates(service.tokens / "root.pem")[0])
+    trust = Trust(*load_certificates(service.tokens / "root.pem"))
     chain = [der(certificate) for certificate in identity.chain]
     assert trust.verify(chain, IdentityKind.NODE) == identity.certificate
     assert (tmp_path / "key.pem").stat().st_mode & 0o777 == 0o600
@@ -169,7 +170,7 @@ def test_fleet_enrols_with_one_token_and_goes_on_where_it_was_cut_off(
     found = enrol_skins(service, tmp_path, 12)
     assert [own.name for own in found] == numbered("skin", 12)
     assert found[0].certificate == first.certificate
-    trust = Trust(load_certificates(service.tokens / "root.pem")[0])
+    trust = Trust(*load_certificates(service.tokens / "root.pem"))
     for own in found:
         trust.verify([der(certificate) for certificate in own.chain], IdentityKind.NODE)
     listed = CliRunner().invoke(pki, ["tokens", "--dir", str(service.authority)])

@@ -69,6 +69,6 @@ async def fetch(
 def opened(identities: Identities, signed: bytes, node: str = NODE) -> Command:
     """A command, as the node checks it."""
     verifier = Verifier(
-        Trust(identities.authority.root), kind=IdentityKind.SERVER, name="server.cloud"
+        Trust(*identities.authority.roots), kind=IdentityKind.SERVER, name="server.cloud"
     )
     return Command.decode(verifier.verify(signed, topic=node_topic(node, Stream.COMMANDS)))

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cloud import limits
-from cloud.limiter import source_of
 from cloud.settings import LimitsSection
 from cloud.store.audit_log import read_deeds
+from eskin.limiting import source_of
 from tests.cloud.clouds import batch, count_blocks, problem, standing
 from tests.cloud.messages import block
 

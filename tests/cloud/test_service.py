@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import socket
 import ssl
 import sys
 import threading
@@ -80,7 +81,7 @@ def test_acknowledged_batch_survives_a_power_cut(service: Service) -> None:
 def test_gateways_listener_speaks_tls_only(service: Service) -> None:
     with pytest.raises(httpx.TransportError):
         httpx.get(f"http://127.0.0.1:{service.ingest_port}/healthz", timeout=20)
-    old = client_context(service.server.directory / "root.pem")
+    old = ssl.create_default_context(cafile=service.server.directory / "root.pem")
     old.set_ciphers("DEFAULT@SECLEVEL=0")
     with pytest.warns(DeprecationWarning, match="TLSv1"):
         old.minimum_version = ssl.TLSVersion.TLSv1
@@ -88,6 +89,29 @@ def test_gateways_listener_speaks_tls_only(service: Service) -> None:
         old.maximum_version = ssl.TLSVersion.TLSv1_1
     with pytest.raises(httpx.ConnectError):
         httpx.get(f"https://localhost:{service.ingest_port}/healthz", verify=old, timeout=20)
+
+
+def test_client_that_leaves_in_mid_body_is_one_quiet_line(service: Service) -> None:
+    body = batch(block(0))
+    head = (
+        "POST /api/v1/ingest HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/cbor\r\n"
+        f"Authorization: Bearer {service.authorize(body)}\r\nContent-Length: {len(body)}\r\n\r\n"
+    )
+    context = client_context(service.server.directory / "root.pem")
+    address = "localhost", service.ingest_port
+    before = len(service.output().splitlines())
+    with (
+        socket.create_connection(address) as plain,
+        context.wrap_socket(plain, server_hostname="localhost") as connection,
+    ):
+        connection.sendall(head.encode() + body[:-1])
+    left = "client left in the middle of its body: path=/api/v1/ingest"
+    service.wait_for(lambda: left in service.output(), "it is told")
+    # A request that comes after it is answered, so all that was to be said of it was said.
+    assert service.ingest(batch(block(1))).status_code == 200
+    said = service.output().splitlines()[before:]
+    assert [line for line in said if "ERROR" in line or "Traceback" in line] == []
+    assert len([line for line in said if left in line]) == 1
 
 
 def test_people_cannot_ingest_and_gateways_cannot_ask(service: Service) -> None:

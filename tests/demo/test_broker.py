@@ -216,7 +216,7 @@ def test_certificate_of_another_ca_is_refused(
 ) -> None:
     stranger, key = Authority.open(tmp_path / "ca"), new_key()
     chain = stranger.issue(IdentityKind.NODE, "fingertip", key.public_key())
-    forged = Identity.save(tmp_path / "id", key=key, chain=chain, root=stranger.root)
+    forged = Identity.save(tmp_path / "id", key=key, chain=chain, roots=stranger.roots)
     assert is_refused(port, forged, identities.node.directory / "root.pem")
 
 

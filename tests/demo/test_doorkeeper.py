@@ -24,7 +24,7 @@ def der(identity: Identity) -> bytes:
 
 def test_revoked_certificate_is_refused_and_a_broken_list_changes_nothing(tmp_path: Path) -> None:
     own = Identities(tmp_path)
-    doorkeeper = Doorkeeper(own.authority.root, own.ca)
+    doorkeeper = Doorkeeper(own.ca)
     assert doorkeeper.admit(der(own.node)).name == "fingertip"
     assert not doorkeeper.refresh()
     own.authority.revoke("fingertip")
@@ -45,7 +45,7 @@ def test_revoked_certificate_is_refused_and_a_broken_list_changes_nothing(tmp_pa
 
 def test_certificate_of_another_ca_or_none_is_refused(tmp_path: Path) -> None:
     own, foreign = Identities(tmp_path), Identities(tmp_path / "foreign")
-    doorkeeper = Doorkeeper(own.authority.root, own.ca)
+    doorkeeper = Doorkeeper(own.ca)
     for shown in (None, b"", der(foreign.node)):
         with pytest.raises(IdentityError):
             doorkeeper.admit(shown)
@@ -55,4 +55,4 @@ def test_missing_list_lets_nobody_start(tmp_path: Path) -> None:
     own = Identities(tmp_path)
     own.authority.revocations_file(IdentityKind.CLIENT).unlink()
     with pytest.raises(UntrustedCertificateError, match=r"client\.crl\.pem"):
-        Doorkeeper(own.authority.root, own.ca)
+        Doorkeeper(own.ca)

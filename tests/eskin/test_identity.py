@@ -37,7 +37,7 @@ def test_certificate_is_trusted_as_its_own_kind_only(
 ) -> None:
     name = "solo" if kind is IdentityKind.NODE else f"{kind}.solo"
     identity = identities.make(kind, name)
-    trust = Trust(identities.authority.root)
+    trust = Trust(*identities.authority.roots)
     assert trust.verify(chain_of(identity), kind) == identity.certificate
     for other in set(IdentityKind) - {kind}:
         with pytest.raises(UntrustedCertificateError, match=f"is a {kind}, not a {other}"):
@@ -47,7 +47,7 @@ def test_certificate_is_trusted_as_its_own_kind_only(
 def test_chain_of_another_ca_is_refused(identities: Identities, tmp_path: Path) -> None:
     stranger = Authority.open(tmp_path)
     with pytest.raises(UntrustedCertificateError, match="was not issued by our CA"):
-        Trust(stranger.root).verify(chain_of(identities.node), IdentityKind.NODE)
+        Trust(*stranger.roots).verify(chain_of(identities.node), IdentityKind.NODE)
 
 
 def test_leaf_cannot_issue(identities: Identities) -> None:
@@ -57,7 +57,7 @@ def test_leaf_cannot_issue(identities: Identities) -> None:
         not_before=datetime.now(UTC), lifetime=timedelta(days=1),
     )  # fmt: skip
     with pytest.raises(UntrustedCertificateError):
-        Trust(identities.authority.root).verify(
+        Trust(*identities.authority.roots).verify(
             [der(forged), der(gateway.certificate)], IdentityKind.NODE
         )
 
@@ -65,14 +65,14 @@ def test_leaf_cannot_issue(identities: Identities) -> None:
 @pytest.mark.parametrize("days", [-200, 200])
 def test_certificate_outside_its_validity_is_refused(identities: Identities, days: int) -> None:
     moment = datetime.now(UTC) + timedelta(days=days)
-    trust = Trust(identities.authority.root, clock=lambda: moment)
+    trust = Trust(*identities.authority.roots, clock=lambda: moment)
     with pytest.raises(UntrustedCertificateError, match="is valid from"):
         trust.verify(chain_of(identities.node), IdentityKind.NODE)
 
 
 def test_revoked_certificate_is_refused(identities: Identities) -> None:
     lost = identities.make(IdentityKind.NODE, "lost")
-    authority, trust = identities.authority, Trust(identities.authority.root)
+    authority, trust = identities.authority, Trust(*identities.authority.roots)
     trust.verify(chain_of(lost), IdentityKind.NODE)
     authority.revoke("lost")
     crl = authority.write_revocations(IdentityKind.NODE)
@@ -89,7 +89,7 @@ def test_revocation_list_of_another_signer_is_refused(
     identities: Identities, tmp_path: Path
 ) -> None:
     crl = Authority.open(tmp_path).write_revocations(IdentityKind.NODE).read_bytes()
-    trust = Trust(identities.authority.root)
+    trust = Trust(*identities.authority.roots)
     with pytest.raises(UntrustedCertificateError, match="not issued by our CA"):
         trust.revocations(IdentityKind.NODE, crl)
 
@@ -97,7 +97,7 @@ def test_revocation_list_of_another_signer_is_refused(
 @pytest.mark.parametrize("chain", [[], [b""], [b"x", b"y"], [b"x"] * 3])
 def test_what_is_no_chain_is_refused(identities: Identities, chain: list[bytes]) -> None:
     with pytest.raises(UntrustedCertificateError):
-        Trust(identities.authority.root).verify(chain, IdentityKind.NODE)
+        Trust(*identities.authority.roots).verify(chain, IdentityKind.NODE)
 
 
 @pytest.mark.parametrize(
@@ -153,7 +153,7 @@ def test_tls_contexts_always_check_and_never_speak_below_1_2(identities: Identit
 def test_older_or_overdue_revocation_list_is_refused(identities: Identities) -> None:
     present = datetime.now(UTC)
     moment = [present]
-    trust = Trust(identities.authority.root, clock=lambda: moment[0])
+    trust = Trust(*identities.authority.roots, clock=lambda: moment[0])
     file = identities.authority.revocations_file(IdentityKind.NODE)
     older = file.read_bytes()
     identities.make(IdentityKind.NODE, "elder")

@@ -24,7 +24,7 @@ def chain_of(identity: Identity) -> list[bytes]:
 
 def test_both_cas_pass_until_the_old_one_is_retired(tmp_path: Path) -> None:
     own = Identities(tmp_path)
-    authority, trust = own.authority, Trust(own.authority.root)
+    authority, trust = own.authority, Trust(*own.authority.roots)
     authority.rotate(NODE)
     new = own.make(NODE, "palm")
     trust.revocations(NODE, authority.revocations_file(NODE).read_bytes())
@@ -45,7 +45,7 @@ def test_both_cas_pass_until_the_old_one_is_retired(tmp_path: Path) -> None:
 
 def test_each_ca_revokes_what_it_issued(tmp_path: Path) -> None:
     own = Identities(tmp_path)
-    authority, trust = own.authority, Trust(own.authority.root)
+    authority, trust = own.authority, Trust(*own.authority.roots)
     authority.rotate(NODE)
     new = own.make(NODE, "palm")
     for name in ("fingertip", "palm"):

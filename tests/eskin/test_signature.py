@@ -36,7 +36,7 @@ def server(identities: Identities) -> Identity:
 
 @pytest.fixture(scope="module")
 def verifier(identities: Identities) -> Verifier:
-    trust = Trust(identities.authority.root)
+    trust = Trust(*identities.authority.roots)
     return Verifier(trust, kind=IdentityKind.SERVER, name="server.cloud")
 
 
@@ -83,7 +83,8 @@ def test_nobody_else_may_sign(
 
 
 def test_expired_signer_is_refused(identities: Identities, server: Identity) -> None:
-    late = Trust(identities.authority.root, clock=lambda: datetime.now(UTC) + timedelta(days=4000))
+    moment = datetime.now(UTC) + timedelta(days=4000)
+    late = Trust(*identities.authority.roots, clock=lambda: moment)
     verifier = Verifier(late, kind=IdentityKind.SERVER, name="server.cloud")
     with pytest.raises(UntrustedCertificateError, match="valid from"):
         verifier.verify(sign(b"do", own=server, topic=TOPIC), topic=TOPIC)

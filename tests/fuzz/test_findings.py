@@ -43,7 +43,7 @@ def test_name_that_is_no_text_is_an_untrusted_certificate(
     leaf, issuer = (der(certificate) for certificate in identities.node.chain)
     name = {"subject": b"fingertip", "issuer": b"eskin node CA"}[field]
     with pytest.raises(UntrustedCertificateError, match="no certificate that can be read"):
-        Trust(identities.authority.root).verify(
+        Trust(*identities.authority.roots).verify(
             [leaf.replace(name, b"\xff" * len(name)), issuer], IdentityKind.NODE
         )
 
@@ -52,7 +52,7 @@ def test_revocation_list_with_such_a_certificate_is_refused(identities: Identiti
     damaged = der(identities.node.chain[1]).replace(b"eskin node CA", b"\xff" * 13)
     pem = b"-----BEGIN CERTIFICATE-----\n" + base64.encodebytes(damaged)
     with pytest.raises(UntrustedCertificateError, match="no revocation list"):
-        Trust(identities.authority.root).revocations(
+        Trust(*identities.authority.roots).revocations(
             IdentityKind.NODE, pem + b"-----END CERTIFICATE-----\n"
         )
 

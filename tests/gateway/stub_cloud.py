@@ -129,7 +129,7 @@ class StubCloud:
         """Whatever is not as agreed is a fault, which the fixture finds in the end."""
         token = headers["authorization"].removeprefix("Bearer ")
         chain = [b64decode(part) for part in jwt.get_unverified_header(token)["x5c"]]
-        leaf = Trust(self._identity.root).verify(chain, IdentityKind.GATEWAY)
+        leaf = Trust(*self._identity.roots).verify(chain, IdentityKind.GATEWAY)
         claims = jwt.decode(
             token,
             leaf.public_key(),  # type: ignore[arg-type]  # P-256, as Trust made sure

@@ -96,7 +96,7 @@ class Inside:
         self.counters = Counters()
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
         self._make_keys(folder / "keys")
-        self.trust = Trust(identities.gateway.root, clock=self.clock.now)
+        self.trust = Trust(*identities.gateway.roots, clock=self.clock.now)
         self.revocations = Revocations(self.trust, revocations)
         self.senders = Senders(self.spool, self.revocations, clock=self.clock)
         self.records = Records(self.spool)

@@ -95,7 +95,7 @@ class Hostile:
         self.port = free_port()
         self.malice = Malice()
         self._server = server
-        self._doorkeeper = Doorkeeper(server.root, identities.ca)
+        self._doorkeeper = Doorkeeper(identities.ca)
         self._ready = Event()
         self._thread = Thread(target=lambda: asyncio.run(self._serve()), daemon=True)
 

@@ -51,7 +51,7 @@ def guarded(tmp_path: Path) -> Iterator[Guarded]:
         *("--identity", str(tmp_path / "pki" / "server.broker"), "--folder", str(folder), "--"),
     ]
     with service:
-        service.wait_for(lambda: accepts(port), "the CA service listens")
+        service.wait_for(lambda: accepts(port), "the CA service listens", seconds=60)
         with Mosquitto(folder, own, guard=guard) as broker:
             yield Guarded(own, broker)
 

@@ -26,13 +26,15 @@ NAMES = {
 }
 
 
-def authority(folder: Path, own: Identities) -> tuple[Running, int]:
+def authority(
+    folder: Path, own: Identities, *, lifetime: timedelta = LIFETIME
+) -> tuple[Running, int]:
     """The CA service over the test's CA, with short-lived certificates."""
     port = free_port()
     config = folder / "authority.toml"
     config.write_text(
         f'[authority]\ndirectory = "{own.ca}"\nport = {port}\n'
-        f"certificate_days = {LIFETIME.total_seconds() / 86_400}\n"
+        f"certificate_days = {lifetime.total_seconds() / 86_400}\n"
     )
     running = Running([ESKIN, "pki", "serve", "--config", str(config)], log=folder / "ca.log")
     return running, port
@@ -50,12 +52,14 @@ def gateway(folder: Path, own: Identities, broker: Mosquitto, cloud: str, url: s
     return Running([ESKIN, "gateway", "--config", str(config)], log=folder / "gateway.log")
 
 
-def sensor_node(folder: Path, own: Identities, broker: Mosquitto, url: str) -> Running:
+def sensor_node(
+    folder: Path, own: Identities, broker: Mosquitto, url: str, *, speed: float = 1.0
+) -> Running:
     config = folder / "node.toml"
     site = folder / "site.pem"
     site.write_bytes((own.site.directory / CHAIN_FILE).read_bytes())
     config.write_text(
-        '[node]\nname = "fingertip"\nprofile = "fingertip"\n'
+        f'[node]\nname = "fingertip"\nprofile = "fingertip"\nspeed = {speed}\n'
         f"[broker]\nport = {broker.node_port}\nresend_s = 1.0\ndrain_s = 12\n"
         f'[identity]\ndirectory = "{own.node.directory}"\nsite = "{site}"\n'
         f'[flash]\npath = "{folder / "flash.sqlite"}"\n'

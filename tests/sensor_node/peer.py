@@ -46,7 +46,7 @@ class Peer:
         self.retained: Counter[str] = Counter()
         self.strangers = 0
         self._identities = identities
-        self._trust = Trust(identities.authority.root)
+        self._trust = Trust(*identities.authority.roots)
         self._known: dict[bytes, x509.Certificate] = {}
         self._opener = Opener([identities.site], sender=self._known.get)
         self._sealers: dict[str, Sealer] = {}

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.identity import Authority, IdentityKind, client_context, new_key
-from eskin.identity.identity import ROOT_FILE, Identity
+from eskin.identity import Authority, IdentityKind, new_key
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, Identity
 from tests.brokers import Mosquitto
 from tests.processes import wait_until
 from tests.services.party import Party
@@ -99,7 +99,7 @@ def test_certificate_of_another_ca_is_refused(
     other = Authority.open(tmp_path / "ca")
     key = new_key()
     chain = other.issue(IdentityKind.NODE, "fingertip", key.public_key())
-    stranger = Identity.save(tmp_path / "fingertip", key=key, chain=chain, root=other.root)
+    stranger = Identity.save(tmp_path / "fingertip", key=key, chain=chain, roots=other.roots)
     with Party(stranger, broker.node_port, root=root) as party:
         assert party.refused
 
@@ -107,7 +107,9 @@ def test_certificate_of_another_ca_is_refused(
 def test_tls_older_than_1_2_is_refused(
     broker: Mosquitto, identities: Identities, root: Path
 ) -> None:
-    context = client_context(root, identities.node)
+    context = ssl.create_default_context(cafile=root)
+    own = identities.node.directory
+    context.load_cert_chain(own / CHAIN_FILE, own / KEY_FILE)
     context.minimum_version = ssl.TLSVersion.MINIMUM_SUPPORTED
     with pytest.warns(DeprecationWarning, match="TLSv1_1"):
         context.maximum_version = ssl.TLSVersion.TLSv1_1

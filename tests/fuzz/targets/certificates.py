@@ -37,14 +37,14 @@ def make(folder: Path) -> Target:
     authority, node = identities.authority, identities.node
     days = timedelta(days=30)
     renewals = Renewals(authority, lifetime=days, grace=days)
-    trust = Trust(authority.root)
+    trust = Trust(*authority.roots)
     crl = authority.write_revocations(IdentityKind.NODE).read_bytes()
 
     def verify(content: Any) -> object:
         return trust.verify([part for part in content if isinstance(part, bytes)], node.kind)
 
     def revocations(content: Any) -> None:
-        Trust(authority.root).revocations(IdentityKind.NODE, bytes(content))
+        Trust(*authority.roots).revocations(IdentityKind.NODE, bytes(content))
 
     ways: dict[str, tuple[type, Callable[[Any], object]]] = {
         "request": (bytes, requested_key),
@@ -69,7 +69,7 @@ def make(folder: Path) -> Target:
         ["pem", asked.public_bytes(serialization.Encoding.PEM).decode()],
         ["chain", [der(certificate) for certificate in node.chain]],
         ["chain", [der(certificate) for certificate in identities.gateway.chain]],
-        ["chain", [der(authority.root), der(authority.root)]],
+        ["chain", [der(authority.roots[0]), der(authority.roots[0])]],
         ["list", crl],
         ["renewal", sign(_requests()[0], own=node, topic=RENEWAL)],
     ]

@@ -21,7 +21,7 @@ def make(folder: Path) -> Target:
     """Only the documented errors; what passes is what was signed."""
     identities = Identities(folder / "identities")
     server = identities.make(IdentityKind.SERVER, "server.cloud")
-    trust = Trust(identities.authority.root)
+    trust = Trust(*identities.authority.roots)
     verifier = Verifier(trust, kind=IdentityKind.SERVER, name="server.cloud")
     said = [b"command", b""]
 

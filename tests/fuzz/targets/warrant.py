@@ -28,7 +28,7 @@ def make(folder: Path) -> Target:
     """Only `UnauthenticatedError`; what passes names this gateway."""
     identities = Identities(folder / "identities")
     own = identities.gateway
-    trust = Trust(identities.authority.root)
+    trust = Trust(*identities.authority.roots)
     now = own.certificate.not_valid_before_utc
     moment = int(now.timestamp() + 600) * SECOND
     verifier = Verifier(

@@ -1,0 +1,68 @@
+"""The CA service answers so much of one address, and tells it when to come again."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import httpx
+import pytest
+
+from authority.application import create_application
+from authority.asking import NotReadyError
+from authority.enrolment import enrol
+from authority.limits import LimitsMiddleware
+from authority.tokens import TOKENS_FILE, Tokens
+from tests.identities import Identities
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from starlette.types import ASGIApp
+
+DAY = timedelta(days=1)
+
+
+def limited(folder: Path, *, requests_per_s: int, refusals_per_min: int) -> ASGIApp:
+    own = Identities(folder)
+    app = create_application(own.authority, Tokens(folder / TOKENS_FILE), lifetime=DAY, grace=DAY)
+    return LimitsMiddleware(app, requests_per_s=requests_per_s, refusals_per_min=refusals_per_min)
+
+
+def client(app: ASGIApp, address: str) -> httpx.AsyncClient:
+    transport = httpx.ASGITransport(app, client=(address, 1))
+    return httpx.AsyncClient(transport=transport, base_url="https://authority")
+
+
+@pytest.mark.anyio
+async def test_flood_from_one_address_is_told_to_wait(tmp_path: Path) -> None:
+    app = limited(tmp_path, requests_per_s=1, refusals_per_min=600)
+    async with client(app, "192.0.2.1") as flood:
+        for _ in range(10):
+            assert (await flood.get("/roots")).status_code == 200
+        answer = await flood.get("/roots")
+        assert answer.status_code == 429
+        assert int(answer.headers["retry-after"]) > 0
+        assert answer.json()["status"] == 429
+    async with client(app, "192.0.2.2") as other:
+        assert (await other.get("/roots")).status_code == 200
+
+
+@pytest.mark.anyio
+async def test_guesses_are_limited_and_good_requests_are_not(tmp_path: Path) -> None:
+    app = limited(tmp_path, requests_per_s=100, refusals_per_min=2)
+    guess = {"token": "guess", "request": "no request"}
+    async with client(app, "2001:db8::1") as guesser:
+        statuses = [(await guesser.post("/enrol", json=guess)).status_code for _ in range(3)]
+        assert statuses == [403, 403, 429]
+        assert (await guesser.post("/renew", json={"signed": "AA=="})).status_code == 429
+        assert (await guesser.get("/revocations/node")).status_code == 200
+
+
+def test_party_that_is_told_to_wait_comes_again(tmp_path: Path) -> None:
+    own = Identities(tmp_path)
+    (tmp_path / "root.pem").write_bytes(own.authority.root_file.read_bytes())
+    (tmp_path / "palm.token").write_text("token")
+    busy = httpx.MockTransport(lambda _: httpx.Response(429, headers={"Retry-After": "10"}))
+    with httpx.Client(transport=busy) as asked, pytest.raises(NotReadyError, match="429"):
+        enrol("https://authority", tmp_path, "palm", tmp_path / "palm", client=asked)

@@ -1,0 +1,143 @@
+"""Two gateways share a site; one is killed, and the other takes over."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import pytest
+
+from eskin.identity.identity import CHAIN_FILE
+from eskin.messages import decode_message
+from eskin.moment import SECOND
+from tests.files import ask, write_settings
+from tests.processes import ESKIN, Running, wait_until
+from tests.stacks import RealStack
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+log = logging.getLogger(__name__)
+
+LIMIT_S = 5.0
+_KEEPALIVE_S = 60
+"""A takeover that needed its end would fail by far."""
+
+
+@pytest.fixture
+def stack(tmp_path: Path) -> Iterator[RealStack]:
+    with RealStack(tmp_path, gateways=2, keepalive_s=_KEEPALIVE_S) as running:
+        yield running
+
+
+def sensor_node(stack: RealStack) -> Running:
+    """A node as it comes, but for its short blocks: it sends some 80 a second."""
+    config = write_settings(stack.folder / "node.toml", {
+        "node": {"name": "fingertip", "profile": "fingertip"},
+        "sampling": {"block_samples": 50},
+        "broker": {"host": "127.0.0.1", "port": stack.broker.node_port, "drain_s": 30.0},
+        "identity": {"directory": stack.identities.node.directory,
+                     "site": stack.identities.site.directory / CHAIN_FILE},
+        "flash": {"path": stack.folder / "flash.sqlite"},
+        "truth": {"path": stack.folder / "truth.sqlite"},
+    })  # fmt: skip
+    return Running([ESKIN, "node", "--config", str(config)], log=stack.folder / "node.log")
+
+
+def spools(stack: RealStack) -> list[Path]:
+    return [stack.spool, stack.folder / "spool-2.sqlite"]
+
+
+def forwarded(spool: Path) -> int:
+    """How many messages a gateway has ever taken and brought to the cloud."""
+    rows = ask(spool, "SELECT seq FROM sqlite_sequence WHERE name = 'messages'")
+    return (int(rows[0][0]) if rows else 0) - len(held(spool))
+
+
+def both_share(stack: RealStack) -> None:
+    enough = [forwarded(spool) + 20 for spool in spools(stack)]
+    wait_until(
+        lambda: all(
+            forwarded(spool) > least for spool, least in zip(spools(stack), enough, strict=True)
+        ),
+        "both share the load",
+        seconds=120,
+    )
+
+
+def missing(stack: RealStack) -> set[int]:
+    """Numbers that the cloud has not stored, though it has later ones."""
+    rows = sorted(ask(stack.store, "SELECT first, last FROM sequences"))
+    pairs = pairwise([(0, -1), *rows])
+    return {number for (_, last), (first, _) in pairs for number in range(last + 1, first)}
+
+
+def held(spool: Path) -> set[int]:
+    """Numbers that a gateway has taken and not forwarded."""
+    bodies = ask(spool, "SELECT body FROM messages")
+    return {decode_message(body).position.sequence for (body,) in bodies}
+
+
+@dataclass(frozen=True)
+class Death:
+    """A gateway's.
+
+    Attributes:
+        begun: When it was frozen, UTC ns.
+        ended: When it was killed, UTC ns.
+        stuck: Numbers of what was in it, unacknowledged.
+        kept: Numbers of what is durable in its spool, and comes when it does.
+    """
+
+    begun: int
+    ended: int
+    stuck: set[int]
+    kept: set[int]
+
+    def delay_s(self, stack: RealStack) -> float:
+        """The longest time, by the store's own, from a stuck block's last sample until it came."""
+        query = "SELECT sequence, received - t_end FROM blocks WHERE t_end BETWEEN {} AND {}"
+        rows = ask(stack.store, query.format(self.begun - SECOND, self.ended))
+        late: int = max(late for number, late in rows if number in self.stuck)
+        return late / SECOND
+
+
+def kill(stack: RealStack, gateway: Running, spool: Path) -> Death:
+    """Kill a gateway at a bad moment, and wait until the other one has taken over."""
+    begun = time.time_ns()
+    gateway.signal(signal.SIGSTOP)  # and the broker goes on giving it its share
+    wait_until(lambda: len(missing(stack) - held(spool)) > 10, "some is stuck in it", seconds=60)
+    gateway.kill()
+    ended = time.time_ns()
+    kept = held(spool)
+    stuck = missing(stack) - kept
+    wait_until(lambda: missing(stack) <= kept, "the other gateway takes over", seconds=60)
+    return Death(begun, ended, stuck, kept)
+
+
+@pytest.mark.timeout(300)
+def test_other_gateway_takes_over_with_nothing_lost_or_doubled(stack: RealStack) -> None:
+    with sensor_node(stack) as node:
+        both_share(stack)
+        death = kill(stack, stack.gateway, stack.spool)
+        assert node.stop(seconds=60) == 0
+        assert "waiting=0" in node.output(), node.output()
+        stack.gateway.start()
+        wait_until(lambda: not held(stack.spool), "what the victim held is stored", seconds=60)
+    delay = death.delay_s(stack)
+    log.info("longest delay: %.2f s", delay)
+    assert delay < LIMIT_S
+    require_each_once(stack.store)
+
+
+def require_each_once(store: Path) -> None:
+    """No number is missing, and no block is there twice."""
+    query = "SELECT min(first), count(*) FROM sequences GROUP BY node, boot"
+    assert ask(store, query) == [(0, 1)]
+    ((blocks, different),) = ask(store, "SELECT count(*), count(DISTINCT sequence) FROM blocks")
+    assert blocks == different > 0
