@@ -2,7 +2,7 @@
 
 ``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz in blocks of 500 and asks
 for windows of every length at any place. Blocks repeat after a while; each is stored and indexed as
-if it were new. The disk must hold 2.5 bytes a sample.
+if it were new. The disk must hold 10 bytes a sample.
 """
 
 from __future__ import annotations
