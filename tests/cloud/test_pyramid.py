@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from fractions import Fraction
 from itertools import product
 from typing import TYPE_CHECKING
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from sqlalchemy import select
 
 from cloud.pyramid.building import build
+from cloud.pyramid.keeping import keep_built
 from cloud.query.occupancy import measure_occupancy, sum_up
 from cloud.query.places import find_channel
 from cloud.query.question import Answer, Question
@@ -20,6 +23,7 @@ from cloud.query.series import Series, read_series, union_coverage
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window
 from cloud.store.removal import Reason, Sweep, remove
+from cloud.store.tiles import tiles
 from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 from tests.cloud.test_queries import spy_on_decoding
@@ -29,6 +33,7 @@ if TYPE_CHECKING:
 
     from cloud.store import Store
     from eskin.messages import Block
+    from tests.cloud.clouds import Stand
 
 SPAN = 2_000_000
 """Of all blocks, in ns: 120 chunks of tiles at a sampling period of 1 ns."""
@@ -228,6 +233,24 @@ def test_states_decode_only_blocks_that_straddle(
     with store.read() as connection:
         measure_occupancy(connection, row, window, Question(20.0, None, strict=True))
     assert decoded == []
+
+
+@pytest.mark.anyio
+async def test_background_builds_what_came_and_ends_when_told(stand: Stand) -> None:
+    moments = [START + n * 20_000 for n in range(5)]
+    put(stand.cloud.store, *(block(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
+    stopping = asyncio.Event()
+    building = asyncio.create_task(keep_built(stand.cloud, stopping))
+    while not _levels(stand.cloud.store):  # noqa: ASYNC110 - made by the code under test
+        await asyncio.sleep(0.01)
+    stopping.set()
+    await building
+    assert min(_levels(stand.cloud.store)) == 6
+
+
+def _levels(store: Store) -> set[int]:
+    with store.read() as connection:
+        return set(connection.execute(select(tiles.c.level)).scalars())
 
 
 def _remove(store: Store, before: int) -> None:
