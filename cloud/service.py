@@ -22,6 +22,7 @@ from cloud.live import Feed
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
 from cloud.privacy.keyholder import Keyholder
+from cloud.pyramid.keeping import keep_built
 from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
@@ -143,6 +144,7 @@ async def _serve(cloud: Cloud) -> None:
             listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
         group.create_task(retain(cloud, stopping), name="retention")
+        group.create_task(keep_built(cloud, stopping), name="pyramid")
         for listener in listeners:
             await listener.ready.wait()
         log.info(

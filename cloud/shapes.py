@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 from collections import defaultdict
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import orjson
@@ -20,8 +22,10 @@ if TYPE_CHECKING:
 
     from sqlalchemy import RowMapping
 
+    from cloud.query.occupancy import Occupancy
+    from cloud.query.runs import Run
     from cloud.query.series import Series
-    from cloud.query.threshold import Segment
+    from cloud.query.window import Window
     from eskin.messages import Block
 
 Json: TypeAlias = dict[str, Any]
@@ -50,6 +54,7 @@ def series_shape(series: Series) -> Json:
         "t": series.t,
         "lo": series.lo,
         "hi": series.hi,
+        "mean": None if series.mean is None else {"lo": series.mean[0], "hi": series.mean[1]},
         "dt": series.dt,
         "time_error": series.time_error,
     }
@@ -93,7 +98,7 @@ def event_shape(row: Row) -> Json:
     }
 
 
-def segment_shape(segment: Segment, channel: Row) -> Json:
+def segment_shape(segment: Run, channel: Row) -> Json:
     """A segment of a threshold's answer.
 
     Its coverage is the union bound over as many samples as it can hold, at the least coverage that
@@ -108,6 +113,29 @@ def segment_shape(segment: Segment, channel: Row) -> Json:
         "verdict": verdict,
         "coverage": union_coverage(channel["coverage"], most),
     }
+
+
+def occupancy_shape(found: Occupancy, window: Window, channel: Row) -> Json:
+    """For how long and how often a channel is in a state; seconds are rounded outward."""
+    least, most = found.time
+    return {
+        "start": format_moment(window.start),
+        "end": format_moment(window.end),
+        "unit": channel["unit"],
+        "time_s": {"lo": _seconds(least, -math.inf), "hi": _seconds(most, math.inf)},
+        "unknown_s": _seconds(found.unknown, math.inf),
+        "samples": {"lo": found.samples[0], "hi": found.samples[1]},
+        "entries": {"lo": found.entries[0], "hi": found.entries[1]},
+        "coverage": union_coverage(channel["coverage"], found.n),
+    }
+
+
+def _seconds(nanoseconds: int, side: float) -> float:
+    """As a float on its side of the exact value."""
+    exact = Fraction(nanoseconds, 10**9)
+    nearest = float(exact)
+    wrong = Fraction(nearest) > exact if side < 0 else Fraction(nearest) < exact
+    return math.nextafter(nearest, side) if wrong else nearest
 
 
 def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:

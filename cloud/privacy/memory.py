@@ -17,6 +17,7 @@ from cloud.store.intake import Item, take_in
 from cloud.store.ledger import Ledger
 from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, sequences
 from cloud.store.sealed import veiled
+from cloud.store.tiles import stale, tiles
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Block
 from eskin.privacy import Unveiler, Veiled
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
 
 MOST: Final = 20_000
 """Most sealed blocks that are opened for one question."""
-_TABLES: Final = [nodes, channels, blocks, events, sequences, feed]
+_TABLES: Final = [nodes, channels, blocks, events, sequences, feed, tiles, stale]
 
 
 @contextmanager
@@ -103,7 +104,8 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> Non
     memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None
     unit = first.tube.unit if isinstance(first, Block) else channel["unit"]
-    empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "t_first": None, "t_last": None}
+    empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0}
+    empty |= dict.fromkeys(("t_first", "t_last", "grain", "built"))
     memory.execute(insert(channels), dict(channel) | empty)
     outcome = take_in(memory, Ledger(), items, gateway="", now=0, dead_letters=0)
     refused = [receipt.reason for receipt in outcome.results if receipt.reason is not None]

@@ -5,31 +5,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from sqlalchemy import func, select
 
-from cloud.query.span import (
-    Samples,
-    Summary,
-    gather,
-    inside,
-    read_blocks,
-    summarise,
-    touching,
-)
-from cloud.query.window import Window
-from cloud.store.schema import blocks
+from cloud.pyramid.blocks import read_samples
+from cloud.pyramid.hulls import EXACT, read_hulls
+from cloud.query.span import Samples, exceeds, longest_step
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
     from sqlalchemy import Connection, RowMapping
 
+    from cloud.pyramid.pieces import Pieces
+    from cloud.query.window import Window
     from eskin.interval import Floats
-
-_EXACT: Final = 2**53
-"""JavaScript keeps integers up to here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,6 +39,7 @@ class Series:
         hi: Upper bounds.
         dt: Sampling period, or width of the buckets, in ns.
         time_error: How far a sample's true moment may lie from its time, in ns.
+        mean: Bounds of the mean of each entry's samples; ``None`` for samples, and in live ones.
     """
 
     node: str
@@ -62,6 +53,7 @@ class Series:
     hi: Floats
     dt: int
     time_error: int
+    mean: tuple[Floats, Floats] | None = None
 
 
 def read_series(
@@ -75,98 +67,69 @@ def read_series(
         window: When.
         points: Samples that are answered as they are; beyond, buckets.
     """
-    summary = summarise(connection, channel, window)
-    if summary.samples <= points:
-        found = [b for part in read_blocks(connection, touching(channel, window)) for b in part]
-        samples = gather(found, window)
-        if samples.t.size == 0 or int(samples.t[-1] - samples.t[0]) < _EXACT // 2:
-            return _as_samples(channel, window, samples, summary)
-    return _as_hull(connection, channel, window, points, summary)
+    if not exceeds(connection, channel, window, points):
+        samples = read_samples(connection, channel, window)
+        if len(samples) <= points and _is_exact(samples.first):
+            return _as_samples(channel, window, samples)
+    return _as_hull(connection, channel, window, points)
 
 
-def _as_samples(channel: RowMapping, window: Window, samples: Samples, summary: Summary) -> Series:
-    t0 = int(samples.t[0]) if samples.t.size else window.start
-    at = np.flatnonzero(samples.breaks) if samples.t.size else np.empty(0, np.int64)
+def _is_exact(t: NDArray[np.int64]) -> bool:
+    return t.size == 0 or int(t[-1]) - int(t[0]) < EXACT // 2
+
+
+def _as_samples(channel: RowMapping, window: Window, samples: Pieces) -> Series:
+    t = samples.first
+    t0 = int(t[0]) if t.size else window.start
+    at = np.flatnonzero(np.diff(t) > longest_step(samples.dt[:-1]))
     return Series(
         node=channel["node"],
         channel=channel["channel"],
         unit=channel["unit"],
-        coverage=summary.coverage,
+        coverage=float(samples.coverage.min(initial=1.0)) if t.size else channel["coverage"],
         resolution="sample",
         t0=t0,
-        t=np.insert(samples.t, at + 1, samples.t[at] + samples.dt[at]) - t0,
+        t=np.insert(t, at + 1, t[at] + samples.dt[at]) - t0,
         lo=np.insert(samples.lo, at + 1, -np.inf),
         hi=np.insert(samples.hi, at + 1, np.inf),
-        dt=summary.dt,
-        time_error=summary.error,
+        dt=int(samples.dt.min()) if t.size else channel["dt"],
+        time_error=int(samples.error.max(initial=0)),
     )
 
 
-def _as_hull(
-    connection: Connection, channel: RowMapping, window: Window, points: int, summary: Summary
-) -> Series:
-    width = bucket_width(window.span, points)
-    buckets = _Buckets(window.start, width, -(-window.span // width))
-    # The last bucket may reach beyond the end: it is the hull of all that it claims to span.
-    whole = Window(window.start, min(window.start + width * buckets.count, 2**63 - 1))
-    here = touching(channel, whole)
-    b = blocks.c
-    bucket = (b.t - whole.start) // width
-    alone = inside(whole) & (bucket == (b.t_end - whole.start) // width)
-    bounds = select(bucket, func.min(b.lo), func.max(b.hi), func.sum(b.n))
-    for index, lo, hi, n in connection.execute(bounds.where(here, alone).group_by(bucket)):
-        buckets.add_bounds(index, lo, hi, int(n))
-    for part in read_blocks(connection, here & ~alone):
-        buckets.add_samples(gather(part, whole))
-    if whole.end > window.end:
-        summary = summarise(connection, channel, whole)
-    empty = buckets.n == 0
+def _as_hull(connection: Connection, channel: RowMapping, window: Window, points: int) -> Series:
+    pieces, buckets = read_hulls(connection, channel, window, points)
+    t = buckets.width * np.arange(buckets.count, dtype=np.int64)
+    lo, hi, mean = np.full(t.size, -np.inf), np.full(t.size, np.inf), np.full((2, t.size), np.inf)
+    mean[0] = -np.inf
+    if len(pieces):
+        number = buckets.of(pieces.first)
+        pieces = pieces.grouped(number)
+        at = np.unique(number)
+        lo[at], hi[at] = pieces.lo, pieces.hi
+        mean[:, at] = _means(pieces)
+    least = float(pieces.coverage.min()) if len(pieces) else channel["coverage"]
     return Series(
         node=channel["node"],
         channel=channel["channel"],
         unit=channel["unit"],
-        coverage=union_coverage(summary.coverage, int(buckets.n.max(initial=0))),
+        coverage=union_coverage(least, int(pieces.n.max(initial=0))),
         resolution="hull",
-        t0=window.start,
-        t=np.arange(buckets.count, dtype=np.int64) * width,
-        lo=np.where(empty, -np.inf, buckets.lo),
-        hi=np.where(empty, np.inf, buckets.hi),
-        dt=width,
-        time_error=summary.error,
+        t0=buckets.start,
+        t=t,
+        lo=lo,
+        hi=hi,
+        mean=(mean[0], mean[1]),
+        dt=buckets.width,
+        time_error=int(pieces.error.max(initial=0)),
     )
 
 
-class _Buckets:
-    """Hulls that grow; an empty one is reversed."""
-
-    def __init__(self, start: int, width: int, count: int) -> None:
-        self.start, self.width, self.count = start, width, count
-        self.lo = np.full(count, np.inf)
-        self.hi = np.full(count, -np.inf)
-        self.n = np.zeros(count, np.int64)
-
-    def add_bounds(self, index: int, lo: float, hi: float, n: int) -> None:
-        self.lo[index] = min(self.lo[index], lo)
-        self.hi[index] = max(self.hi[index], hi)
-        self.n[index] += n
-
-    def add_samples(self, samples: Samples) -> None:
-        index = (samples.t - self.start) // self.width
-        np.minimum.at(self.lo, index, samples.lo)
-        np.maximum.at(self.hi, index, samples.hi)
-        np.add.at(self.n, index, 1)
-
-
-def bucket_width(span: int, points: int) -> int:
-    """The least width for which ``points`` buckets span the window, in ns.
-
-    Every bucket's start is then an integer that a float64 keeps exact.
-    """
-    width = max(1, -(-span // points))
-    grain = 1
-    while width * points >= _EXACT * grain:
-        grain *= 2
-    return -(-width // grain) * grain
+def _means(pieces: Pieces) -> Floats:
+    """An enclosure of the mean of each piece's samples."""
+    lo = np.nextafter(pieces.sum_lo / pieces.n, -np.inf)
+    hi = np.nextafter(pieces.sum_hi / pieces.n, np.inf)
+    return np.stack([np.maximum(lo, pieces.lo), np.minimum(hi, pieces.hi)])
 
 
 def union_coverage(coverage: float, n: int) -> float:

@@ -128,11 +128,19 @@ class ChannelDocument(BaseModel):
     removed: RemovedDocument | None
 
 
+class BoundsDocument(BaseModel):
+    """Lower and upper bounds, one of each for each entry of a series."""
+
+    lo: list[float | None]
+    hi: list[float | None]
+
+
 class SeriesDocument(BaseModel):
     """A series.
 
     Where one of lo and hi is null, that side is unbounded; where both are, nothing is known. A
-    sample holds at its instant, a hull over ``[t, t + dt)``.
+    sample holds at its instant, a hull over ``[t, t + dt)``; ``mean`` encloses the mean of each
+    hull's samples, and is null where entries are samples.
     """
 
     node: str
@@ -144,6 +152,7 @@ class SeriesDocument(BaseModel):
     t: list[int]
     lo: list[float | None]
     hi: list[float | None]
+    mean: BoundsDocument | None
     dt: int
     time_error: int
 
@@ -158,6 +167,31 @@ class SegmentDocument(BaseModel):
     start: Moment
     end: Moment
     verdict: Literal["certain", "possible"]
+    coverage: float
+
+
+class CountDocument(BaseModel):
+    """How many, at least and at most."""
+
+    lo: int
+    hi: int
+
+
+class OccupancyDocument(BaseModel):
+    """For how long and how often a channel is in a state, over a window.
+
+    A sample holds until the next, for its period at most; for ``unknown_s`` nothing is known.
+    ``samples`` and ``entries`` count what is known: samples in the state, and how often it began.
+    ``coverage`` is the probability of the whole statement.
+    """
+
+    start: Moment
+    end: Moment
+    unit: str
+    time_s: IntervalDocument
+    unknown_s: float
+    samples: CountDocument
+    entries: CountDocument
     coverage: float
 
 

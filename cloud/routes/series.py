@@ -15,18 +15,22 @@ from cloud.negotiation import choose
 from cloud.privacy.memory import unveiled
 from cloud.problems import ProblemError, documented
 from cloud.query.cursors import read_numbers, write_cursor
+from cloud.query.occupancy import measure_occupancy
 from cloud.query.places import find_channel
+from cloud.query.question import Question
+from cloud.query.runs import Run
 from cloud.query.series import read_series
-from cloud.query.threshold import Segment, Threshold, find_segments
+from cloud.query.threshold import find_segments
 from cloud.query.window import Window, make_window, read_window
 from cloud.routes.answers import as_json
 from cloud.routes.documents import (
     REFUSALS_OF_PLACE,
+    OccupancyDocument,
     PageDocument,
     SegmentDocument,
     SeriesDocument,
 )
-from cloud.shapes import page, segment_shape
+from cloud.shapes import occupancy_shape, page, segment_shape
 from cloud.state import Cloud
 from cloud.tables import WRITERS
 from eskin.errors import QueryError
@@ -57,26 +61,43 @@ class SeriesQuery(WindowQuery):
     )
 
 
-class ThresholdQuery(WindowQuery):
-    """Parameters of a threshold."""
+class StateQuery(WindowQuery):
+    """Which state is asked for: above or below a value, or in a band, its ends included."""
 
     above: float | None = Field(default=None, allow_inf_nan=False, description="in the unit")
     below: float | None = Field(default=None, allow_inf_nan=False, description="in the unit")
-    limit: int = Field(default=1000, ge=1, le=10_000, description="segments at once")
-    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    at_least: float | None = Field(default=None, allow_inf_nan=False, description="of a band")
+    at_most: float | None = Field(default=None, allow_inf_nan=False, description="of a band")
+    outside: bool = Field(default=False, description="asks for outside of the band instead")
 
     @model_validator(mode="after")
-    def _one_side(self) -> Self:
-        if (self.above is None) == (self.below is None):
-            raise QueryError("above, below", "give either above or below")
+    def _one_state(self) -> Self:
+        band = self.at_least is not None, self.at_most is not None
+        if (self.above is not None) + (self.below is not None) + any(band) != 1:
+            raise QueryError(
+                "above, below", "give either above or below, or at_least and at_most for a band"
+            )
+        if any(band) and not all(band):
+            raise QueryError("at_least, at_most", "give both ends of the band")
+        if self.outside and not all(band):
+            raise QueryError("outside", "needs a band: give at_least and at_most, too")
+        if self.at_least is not None and self.at_most is not None and self.at_least > self.at_most:
+            raise QueryError("at_least", "is greater than at_most; swap them")
         return self
 
     @property
-    def threshold(self) -> Threshold:
+    def question(self) -> Question:
         """The question."""
-        if self.above is not None:
-            return Threshold(self.above, above=True)
-        return Threshold(self.below or 0.0, above=False)
+        if self.at_least is not None:
+            return Question(self.at_least, self.at_most, outside=self.outside)
+        return Question(self.above, self.below, strict=True)
+
+
+class ThresholdQuery(StateQuery):
+    """Parameters of a threshold."""
+
+    limit: int = Field(default=1000, ge=1, le=10_000, description="segments at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
 
 
 @router.get(
@@ -120,7 +141,7 @@ def get_threshold(
     channel: str,
     query: Annotated[ThresholdQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, above or below a value."""
+    """When the channel is certainly, or possibly, above or below a value, or in a band."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         # A cursor holds the window, too: new data must not move a default one.
@@ -128,6 +149,25 @@ def get_threshold(
         with _source(cloud, access, connection, row, window) as (source, known):
             found, following = _segments(source, known, window, query)
     return as_json(page([segment_shape(segment, known) for segment in found], following))
+
+
+@router.get(
+    "/series/{node}/{channel}/time", response_model=OccupancyDocument, responses=REFUSALS_OF_PLACE
+)
+def get_time(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[StateQuery, Query()],
+) -> Response:
+    """For how long and how often the channel is in a state: intervals, and what is unknown."""
+    with cloud.store.read() as connection:
+        row = find_channel(connection, node, channel)
+        window = _window(cloud, row, query)
+        with _source(cloud, access, connection, row, window) as (source, known):
+            found = measure_occupancy(source, known, window, query.question)
+    return as_json(occupancy_shape(found, window, known))
 
 
 @contextmanager
@@ -155,9 +195,9 @@ def _resume(cursor: str) -> Window:
 
 def _segments(
     connection: Connection, row: RowMapping, window: Window, query: ThresholdQuery
-) -> tuple[list[Segment], str | None]:
+) -> tuple[list[Run], str | None]:
     """A page ends only where the next segment begins later than all before it have ended."""
-    segments = find_segments(connection, row, window, query.threshold)
+    segments = find_segments(connection, row, window, query.question)
     found = list(islice(segments, query.limit))
     for segment in segments:
         if segment.start > found[-1].end:

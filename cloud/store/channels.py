@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from cloud.store.grid import grain_of
 from cloud.store.schema import channels
 from eskin.messages import Block, Peak, Status
 from eskin.messages.head import Kind
@@ -69,6 +70,10 @@ def add_block(connection: Connection, ledger: Ledger, node: str, block: Block) -
     if row["blocks"] == 0:
         row |= {"t_first": first, "t_last": first + span, "lo": lo, "hi": hi}
         row |= {"coverage": tube.coverage, "dt": tube.dt}
+    if row["grain"] is None:
+        row["grain"] = grain_of(tube.dt)
+    if row["built"] is not None and first < row["built"]:
+        ledger.outdate(row, first, first + span)
     row["blocks"] += 1
     row["samples"] += len(tube)
     row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], first + span)
@@ -106,4 +111,6 @@ def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
         "longest": 0,
         "lo": None,
         "hi": None,
+        "grain": None,
+        "built": None,
     }

@@ -5,8 +5,9 @@ from __future__ import annotations
 import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
-from sqlalchemy import and_, bindparam, delete, insert, select, tuple_, update
+from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
 
+from cloud.store.grid import CHUNK, chunks_between
 from cloud.store.news import FEED, tell
 from cloud.store.schema import channels, feed, nodes, sequences
 from eskin.errors import StoreError
@@ -22,6 +23,10 @@ Row: TypeAlias = dict[str, Any]
 MOVING: Final = "moving"
 """Who writes while a store is moved to another place."""
 _MOST_RANGES: Final = 10_000
+_OUTDATE: Final = text(
+    "INSERT INTO stale (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
+    "ON CONFLICT (node, channel, chunk) DO UPDATE SET mark = excluded.mark"
+)
 
 
 class Ledger:
@@ -62,6 +67,7 @@ class Ledger:
         self._new: set[tuple[Table, tuple[str, ...]]] = set()
         self._changed: dict[tuple[Table, tuple[str, ...]], None] = {}
         self._added: dict[tuple[str, int], None] = {}
+        self._outdated: dict[tuple[str, str, int], None] = {}
 
     def next_cursor(self, connection: Connection) -> int:
         """The next place in the feed."""
@@ -149,10 +155,25 @@ class Ledger:
         """Have a row written."""
         self._changed[table, key] = None
 
+    def outdate(self, channel: Row, first: int, last: int) -> None:
+        """Have the pyramid of a channel made anew for a stretch of time, up to where there is one.
+
+        Args:
+            channel: The channel's row.
+            first: UTC ns.
+            last: UTC ns, included.
+        """
+        for chunk in chunks_between(channel["grain"], first, last):
+            if chunk << (channel["grain"] + CHUNK) < channel["built"]:
+                self._outdated[channel["node"], channel["channel"], chunk] = None
+
     def save(self, connection: Connection) -> None:
         """Write what changed, within the transaction of what it speaks of."""
         if not (self._changed or self._added or self._moved):
             return
+        if self._outdated:
+            connection.execute(_OUTDATE, [_stale_row(*key) for key in self._outdated])
+            self._outdated.clear()
         values = {"writer": self.name} | ({"cursor": self._cursor} if self._moved else {})
         connection.execute(update(feed).values(values))
         if self._moved:
@@ -199,6 +220,10 @@ class Ledger:
         if len(self._ranges) > _MOST_RANGES:
             self._ranges.clear()
             self._written.clear()
+
+
+def _stale_row(node: str, channel: str, chunk: int) -> Row:
+    return {"node": node, "channel": channel, "chunk": chunk, "mark": secrets.randbits(62)}
 
 
 def _is_at(table: Table) -> ColumnElement[bool]:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import Connection, func, insert, inspect, select, text
+from sqlalchemy import Connection, func, insert, inspect, select, text, update
 
 from cloud.store.events import ENERGY
+from cloud.store.grid import grain_of
 from cloud.store.schema import (
     audit_log,
+    channels,
     commands,
     feed,
     metadata,
@@ -22,6 +24,7 @@ from cloud.store.schema import (
     warrants,
 )
 from cloud.store.sealed import erased_subjects, removals, veiled, wearers
+from cloud.store.tiles import stale, tiles
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -31,10 +34,11 @@ if TYPE_CHECKING:
 
 
 SEALED: Final = [veiled, erased_subjects, wearers, removals]
+PYRAMID: Final = [tiles, stale]
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log, warrants, *SEALED}
+    later = {commands, states, audit_log, warrants, *SEALED, *PYRAMID}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -76,8 +80,17 @@ def _eighth(connection: Connection) -> None:
     metadata.create_all(connection, SEALED)
 
 
+def _ninth(connection: Connection) -> None:
+    metadata.create_all(connection, PYRAMID)
+    _add_columns(connection, channels, ("grain", "built"))
+    c = channels.c
+    for (dt,) in connection.execute(select(c.dt).distinct().where(c.blocks > 0)).all():
+        where = (c.dt == dt) & (c.blocks > 0)
+        connection.execute(update(channels).where(where).values(grain=grain_of(dt)))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
-    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth),
+    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth),
 )
 CURRENT: Final = len(MIGRATIONS)
 

@@ -109,7 +109,7 @@ def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
 def _counted(table: Table) -> list[Column[Any]]:
     """What of a removed row counts in its channel's sums."""
     if table is blocks:
-        return [table.c.n]
+        return [table.c.n, table.c.t, table.c.t_end]
     return [table.c.kind] if table is veiled else []
 
 
@@ -123,6 +123,9 @@ def _count(
     if table is blocks:
         row["blocks"] -= len(rows)
         row["samples"] -= sum(removed.n for removed in rows)
+        if row["built"] is not None:
+            for removed in rows:
+                ledger.outdate(row, *removed[-2:])
         first = select(func.min(blocks.c.t)).where(here)
     else:
         row["blocks"] -= sum(removed.kind == "block" for removed in rows)

@@ -95,8 +95,13 @@ channels = Table(
     Column("longest", BigInteger, nullable=False),
     Column("lo", Double),
     Column("hi", Double),
+    Column("grain", Integer),
+    Column("built", BigInteger),
 )
-"""Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a block."""
+"""Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a block.
+
+``grain`` is the lowest level of its pyramid, and ``built`` up to when there is one, UTC ns.
+"""
 
 blocks = Table(
     "blocks",

@@ -187,5 +187,10 @@ def _typed(array: NDArray[np.generic], encoding: Encoding) -> cbor2.CBORTag:
     return cbor2.CBORTag(tag, array.astype(dtype).tobytes())
 
 
+def typed_floats(data: bytes, encoding: Encoding) -> Floats:
+    """The numbers of a typed array of floats."""
+    return np.frombuffer(data, dtype=_TYPES[encoding][0]).astype(np.float64)
+
+
 def _untyped(value: object, encoding: Encoding, n: int, what: str) -> NDArray[Any]:
     return np.frombuffer(require_typed(value, encoding, n, what), dtype=_TYPES[encoding][0])

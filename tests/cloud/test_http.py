@@ -48,6 +48,7 @@ async def test_series_gives_exact_samples(stand: Stand) -> None:
         "t": [0, DT, 2 * DT, 3 * DT],
         "lo": [0.1, 1e-300, None, None],
         "hi": [0.30000000000000004, 1.7e308, 5.0, None],
+        "mean": None,
         "dt": DT,
         "time_error": 5,
     }

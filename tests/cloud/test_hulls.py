@@ -10,8 +10,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cloud.pyramid.hulls import bucket_width
 from cloud.query.places import find_channel
-from cloud.query.series import bucket_width, read_series, union_coverage
+from cloud.query.series import read_series, union_coverage
 from cloud.query.window import Window
 from cloud.store import Store
 from tests.cloud.clouds import put

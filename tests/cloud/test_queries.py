@@ -14,18 +14,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cloud.query.places import find_channel
+from cloud.query.question import Answer, Question
 from cloud.query.series import Series, read_series, union_coverage
-from cloud.query.threshold import Answer, Threshold, find_segments
+from cloud.query.threshold import find_segments
 from cloud.query.window import Window
 from cloud.store import Store
 from eskin.messages import Block, Encoding
+from eskin.messages.stored import read_bounds
 from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    import numpy as np
+    from numpy.typing import NDArray
 
+ABOVE_10 = Question(10.0, None, strict=True)
 _BOUNDS = st.sampled_from([-math.inf, -2.0, -0.1, 0.0, 0.1, 0.3, 1.0, 1.5, 3.0, math.inf])
 
 
@@ -145,41 +150,56 @@ def test_series_equals_brute_force(said: list[Block], window: Window, points: in
     assert series.time_error >= max((b.tube.time_error for b in used), default=0)
 
 
+def brute_answer(sample: Sample, question: Question) -> Answer:
+    """Whether all, some or none of a sample's signals are in the state."""
+    low = -math.inf if question.low is None else question.low
+    high = math.inf if question.high is None else question.high
+    if question.strict:
+        # In the limit of finite numbers: what is unbounded is above and below every one.
+        low, high = math.nextafter(low, math.inf), math.nextafter(high, -math.inf)
+    inside = (question.low is None or sample.lo >= low) and (
+        question.high is None or sample.hi <= high
+    )
+    touched = sample.hi >= low and sample.lo <= high
+    if question.outside:
+        inside, touched = not touched, not inside
+    return Answer(int(inside) + int(touched))
+
+
 def brute_segments(
-    said: list[Block], window: Window, question: Threshold
+    said: list[Block], window: Window, question: Question
 ) -> Iterator[tuple[int, int, Answer]]:
     """Run by run over all samples."""
 
-    def answer(sample: Sample) -> Answer:
-        x = question.value
-        certain = sample.lo > x if question.above else sample.hi < x
-        possible = sample.hi > x if question.above else sample.lo < x
-        return Answer.CERTAIN if certain else Answer.POSSIBLE if possible else Answer.IMPOSSIBLE
-
     run: list[Sample] = []
     for sample in within(said, window):
-        if run and (answer(sample) != answer(run[-1]) or is_gap(run[-1], sample)):
-            yield run[0].t, run[-1].t, answer(run[0])
+        if run and (
+            brute_answer(sample, question) != brute_answer(run[-1], question)
+            or is_gap(run[-1], sample)
+        ):
+            yield run[0].t, run[-1].t, brute_answer(run[0], question)
             run = []
         run.append(sample)
     if run:
-        yield run[0].t, run[-1].t, answer(run[0])
+        yield run[0].t, run[-1].t, brute_answer(run[0], question)
+
+
+_VALUES = [-0.1, 0.0, 0.05, 0.1, 0.3, 1.0, 2.0]
+questions = st.one_of(
+    st.builds(lambda x: Question(x, None, strict=True), st.sampled_from(_VALUES)),
+    st.builds(lambda x: Question(None, x, strict=True), st.sampled_from(_VALUES)),
+    st.builds(
+        lambda a, b, outside: Question(min(a, b), max(a, b), outside=outside),
+        st.sampled_from(_VALUES),
+        st.sampled_from(_VALUES),
+        st.booleans(),
+    ),
+)
 
 
 @settings(max_examples=100, deadline=None)
-@given(
-    blocks(),
-    windows,
-    st.sampled_from([-0.1, 0.0, 0.05, 0.1, 0.3, 1.0, 2.0]),
-    st.booleans(),
-)
-def test_threshold_equals_brute_force(
-    said: list[Block],
-    window: Window,
-    value: float,
-    above: bool,  # noqa: FBT001 - drawn by hypothesis
-) -> None:
-    question = Threshold(value, above=above)
+@given(blocks(), windows, questions)
+def test_states_equal_brute_force(said: list[Block], window: Window, question: Question) -> None:
     with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
         put(store, *said)
         with store.read() as connection:
@@ -197,15 +217,14 @@ def test_threshold_equals_brute_force(
 
 
 def spy_on_decoding(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
-    """Blocks that are decoded from now on."""
+    """Blocks whose samples are decoded from now on."""
     decoded: list[Block] = []
-    original = Block.decode
 
-    def decode(data: bytes) -> Block:
-        decoded.append(original(data))
-        return decoded[-1]
+    def read(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        decoded.append(Block.decode(data))
+        return read_bounds(data)
 
-    monkeypatch.setattr(Block, "decode", decode)
+    monkeypatch.setattr("cloud.pyramid.blocks.read_bounds", read)
     return decoded
 
 
@@ -223,7 +242,7 @@ def test_threshold_decodes_only_straddling_blocks(
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         window = Window(START + 5, START + 10**6)
-        segments = list(find_segments(connection, row, window, Threshold(10.0, above=True)))
+        segments = list(find_segments(connection, row, window, ABOVE_10))
     assert [b.position.sequence for b in decoded] == [2]
     assert [(s.start - START, s.end - START, s.answer) for s in segments] == [
         (80, 110, Answer.POSSIBLE),
@@ -231,7 +250,10 @@ def test_threshold_decodes_only_straddling_blocks(
     ]
 
 
-def test_hull_decodes_only_straddling_blocks(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hull_of_many_blocks_decodes_only_straddling_ones(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cloud.pyramid.blocks._FEW", 9)
     put(
         store,
         *(block(n, [n] * 5, [n + 1] * 5, time=(START + 50 * n,) * 2, dt=10) for n in range(10)),
@@ -240,7 +262,9 @@ def test_hull_decodes_only_straddling_blocks(store: Store, monkeypatch: pytest.M
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
         series = read_series(connection, row, Window(START, START + 500), points=5)
-    assert decoded == []
+        assert decoded == []
+        read_series(connection, row, Window(START + 20, START + 520), points=5)
+        assert {b.position.sequence for b in decoded} == {0, 2, 4, 6, 8}
     assert series.lo.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
     assert series.hi.tolist() == [2.0, 4.0, 6.0, 8.0, 10.0]
 
@@ -261,6 +285,6 @@ def test_sample_more_than_half_a_period_late_begins_after_a_gap(
         row = find_channel(connection, NODE, CHANNEL)
         window = Window(START, START + 100)
         series = read_series(connection, row, window, points=10)
-        segments = list(find_segments(connection, row, window, Threshold(0.0, above=True)))
+        segments = list(find_segments(connection, row, window, Question(0.0, None, strict=True)))
     assert series.t.tolist() == [0, 10, *([20] if gap else []), 10 + late]
     assert len(segments) == (2 if gap else 1)

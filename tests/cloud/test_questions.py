@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,7 @@ import pytest
 from cloud.access import create_token
 from cloud.negotiation import choose
 from tests.cloud.clouds import problem, put
-from tests.cloud.messages import CHANNEL, NODE, block
+from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 
 if TYPE_CHECKING:
     from tests.cloud.clouds import Stand
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.anyio
 
 SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
 THRESHOLD = f"{SERIES}/threshold"
+TIME = f"{SERIES}/time"
 
 BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     (SERIES, {"start": "2027-01-02T00:00:00Z", "end": "2027-01-01T00:00:00Z"}, 422, "swap"),
@@ -49,6 +51,14 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     (THRESHOLD, {"below": "inf"}, 422, "below"),
     (THRESHOLD, {"below": "x"}, 422, "below"),
     (THRESHOLD, {"above": 1, "limit": 0}, 422, "limit"),
+    (THRESHOLD, {"at_least": 1}, 422, "give both ends"),
+    (THRESHOLD, {"at_least": 2, "at_most": 1}, 422, "swap"),
+    (THRESHOLD, {"at_least": 1, "at_most": 2, "above": 3}, 422, "either above or below"),
+    (THRESHOLD, {"above": 1, "outside": True}, 422, "give at_least and at_most"),
+    (TIME, {}, 422, "either above or below"),
+    (TIME, {"above": "nan"}, 422, "above"),
+    (TIME, {"above": 1, "start": 5, "end": 4}, 422, "swap"),
+    (TIME, {"above": 1, "cursor": "x"}, 422, "spelling"),
     (THRESHOLD, {"above": 1, "cursor": "?"}, 422, "cursor"),
     (THRESHOLD, {"above": 1, "cursor": "MQ"}, 422, "cursor"),
     (THRESHOLD, {"above": 1, "start": 5, "end": 4}, 422, "swap"),
@@ -124,6 +134,26 @@ async def test_segment_carries_the_union_bound_of_its_samples(stand: Stand) -> N
     (segment,) = (await stand.get(THRESHOLD, above=1.5)).json()["items"]
     assert segment["verdict"] == "certain"
     assert 0.8999 < segment["coverage"] <= 0.9
+
+
+async def test_time_in_a_band_is_told_as_an_interval_and_gaps_as_unknown(stand: Stand) -> None:
+    later = START + 7 * DT
+    put(
+        stand.cloud.store,
+        block(0, [1.0, 1.0, 2.5, 9.0], [2.0, 2.0, 3.5, 9.5]),
+        block(1, [1.0], [2.0], time=(later, later)),
+    )
+    band = {"at_least": 1, "at_most": 3, "start": START, "end": START + 10 * DT}
+    found = (await stand.get(TIME, **band)).json()
+    assert found["time_s"]["lo"] == pytest.approx(0.003)
+    assert Fraction(found["time_s"]["lo"]) <= Fraction(3, 1000)
+    assert found["time_s"]["hi"] == pytest.approx(0.004)
+    assert Fraction(found["time_s"]["hi"]) >= Fraction(4, 1000)
+    assert found["unknown_s"] == pytest.approx(0.005)
+    assert found["samples"] == {"lo": 3, "hi": 4}
+    assert found["entries"] == {"lo": 2, "hi": 2}
+    listed = (await stand.get(THRESHOLD, **band, outside=True)).json()["items"]
+    assert [item["verdict"] for item in listed] == ["possible", "certain"]
 
 
 @pytest.mark.parametrize(

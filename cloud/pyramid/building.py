@@ -1,0 +1,167 @@
+"""Building the pyramid behind ingest: what is new is claimed, made, then written in one step.
+
+First a channel's chunks are claimed: marked as stale, and the channel as built beyond them. From
+then on a block that comes late for them marks them anew, in its own transaction. A chunk is made
+from one state of the store, without the write lock; it is written, with all levels above it, if its
+mark still stands, else made again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from sqlalchemy import delete, select, tuple_
+
+from cloud.pyramid.blocks import read_samples
+from cloud.pyramid.levels import write_levels
+from cloud.query.window import Window
+from cloud.store.grid import CHUNK
+from cloud.store.schema import blocks, channels
+from cloud.store.tiles import stale
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection
+
+    from cloud.pyramid.pieces import Pieces
+    from cloud.store import Store
+    from cloud.store.ledger import Ledger
+
+Place: TypeAlias = tuple[str, str]
+Key: TypeAlias = tuple[str, str, int]
+
+_PAGE: Final = 4096
+_AT_ONCE: Final = 16
+_FOREVER: Final = 2**63 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class Made:
+    """A chunk of a channel's lowest level, and the mark that it had when it was made."""
+
+    node: str
+    channel: str
+    grain: int
+    chunk: int
+    mark: int
+    pieces: Pieces
+
+
+def build(store: Store) -> None:
+    """Bring the pyramid up to date at once.
+
+    Raises:
+        StoreError: The store cannot be read or written.
+    """
+    for place in find_growing(store):
+        while claim(store, place):
+            pass
+    after: Key | None = None
+    while (after := repair(store, after)) is not None:
+        pass
+
+
+def find_growing(store: Store) -> list[Place]:
+    """Channels with blocks of whole chunks that nobody claimed.
+
+    Raises:
+        StoreError: The store cannot be read.
+    """
+    c = channels.c
+    query = select(c.node, c.channel, c.grain, c.built, c.t_first, c.t_last)
+    query = query.where(c.blocks > 0, c.grain.is_not(None))
+    with store.read() as connection:
+        rows = connection.execute(query).all()
+    return [
+        (row.node, row.channel)
+        for row in rows
+        if (row.t_first if row.built is None else row.built)
+        < row.t_last >> (row.grain + CHUNK) << (row.grain + CHUNK)
+    ]
+
+
+def claim(store: Store, place: Place) -> bool:
+    """Claim some of a channel's chunks; gives whether there are more.
+
+    Raises:
+        StoreError: The store cannot be written.
+    """
+    return store.write(lambda connection: _claim(connection, store.ledger, place)).result()
+
+
+def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
+    row = ledger.row(connection, channels, *place)
+    if row is None or row["t_last"] is None:
+        return False
+    bits, b = row["grain"] + CHUNK, blocks.c
+    query = select(b.t, b.t_end).where(b.node == place[0], b.channel == place[1])
+    if row["built"] is not None:
+        query = query.where(b.t >= row["built"] - row["longest"], b.t_end >= row["built"])
+    found = [(t, end) for t, end in connection.execute(query.order_by(b.t).limit(_PAGE))]
+    begun = (found[0][0] >> bits << bits) if found else row["t_last"]
+    begun = begun if row["built"] is None else max(begun, row["built"])
+    horizon = row["t_last"] >> bits << bits
+    if len(found) == _PAGE:  # what follows begins after the last; one chunk is always whole
+        horizon = max(found[-1][0] >> bits << bits, begun + (1 << bits))
+    if found and horizon <= begun:
+        return False
+    row["built"] = horizon
+    for t, t_end in found:
+        if t_end >= begun:
+            ledger.outdate(row, max(t, begun), t_end)
+    ledger.change(channels, *place)
+    ledger.save(connection)
+    return len(found) == _PAGE
+
+
+def repair(store: Store, after: Key | None) -> Key | None:
+    """Make some stale chunks anew.
+
+    Args:
+        store: The store.
+        after: Go on behind this one.
+
+    Returns:
+        The last one looked at; ``None`` if there was none.
+
+    Raises:
+        StoreError: The store cannot be read or written.
+    """
+    with store.read() as connection:
+        made = _make(connection, after)
+    if not made:
+        return None
+    store.write(lambda connection: _keep(connection, made)).result()
+    return made[-1].node, made[-1].channel, made[-1].chunk
+
+
+def _make(connection: Connection, after: Key | None) -> list[Made]:
+    s = stale.c
+    query = select(stale).order_by(s.node, s.channel, s.chunk).limit(_AT_ONCE)
+    if after is not None:
+        query = query.where(tuple_(s.node, s.channel, s.chunk) > tuple_(*after))
+    made = []
+    for row in connection.execute(query).all():
+        here = (channels.c.node == row.node) & (channels.c.channel == row.channel)
+        channel = connection.execute(select(channels).where(here)).mappings().one()
+        grain = channel["grain"]
+        first, end = row.chunk << (grain + CHUNK), (row.chunk + 1) << (grain + CHUNK)
+        samples = read_samples(connection, channel, Window(first, min(end, _FOREVER)))
+        pieces = samples.grouped(samples.first >> grain)
+        made.append(Made(row.node, row.channel, grain, row.chunk, row.mark, pieces))
+    return made
+
+
+def _keep(connection: Connection, made: Sequence[Made]) -> None:
+    """Write what was made where nothing changed meanwhile."""
+    s = stale.c
+    good: dict[tuple[str, str, int], dict[int, Pieces]] = {}
+    for each in made:
+        here = (s.node == each.node) & (s.channel == each.channel) & (s.chunk == each.chunk)
+        if connection.execute(delete(stale).where(here, s.mark == each.mark)).rowcount:
+            place = each.node, each.channel, each.grain
+            good.setdefault(place, {})[each.chunk] = each.pieces
+    for (node, channel, grain), chunks in good.items():
+        write_levels(connection, (node, channel), grain, chunks)

@@ -1,0 +1,56 @@
+"""Which buckets a window is answered in, and their pieces: of tiles if it is long, else blocks."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from cloud.pyramid.blocks import Buckets, read_buckets
+from cloud.pyramid.reading import Stretch, read_stretch
+from cloud.store.grid import STEP, TOP
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection, RowMapping
+
+    from cloud.pyramid.pieces import Pieces
+    from cloud.query.window import Window
+
+EXACT: Final = 2**53
+"""JavaScript keeps integers up to here."""
+_TILES: Final = 1024
+"""A window is as many tiles long at least, where there are any: its ends move by less than that."""
+
+
+def read_hulls(
+    connection: Connection, channel: RowMapping, window: Window, points: int
+) -> tuple[Pieces, Buckets]:
+    """Pieces of all samples in at most ``points`` buckets that span a window.
+
+    A long window's buckets are whole tiles, so that the first may begin before the window does; the
+    last may end behind it. Each piece lies in one bucket as a whole.
+    """
+    grain = channel["grain"]
+    if grain is None or window.span >> grain < max(points, _TILES):
+        width = bucket_width(window.span, points)
+        buckets = Buckets(window.start, width, -(-window.span // width))
+        return read_buckets(connection, channel, buckets.window, buckets), buckets
+    level = grain
+    while level + STEP <= TOP and window.span >> (level + STEP) >= max(2 * points, 2 * _TILES):
+        level += STEP
+    first, last = window.start >> level, (window.end - 1) >> level
+    each = -(-(last + 1 - first) // points)
+    count = -(-(last + 1 - first) // each)
+    buckets = Buckets(first << level, each << level, count)
+    stretch = Stretch(level, first, first + each * count)
+    return read_stretch(connection, channel, stretch), buckets
+
+
+def bucket_width(span: int, points: int) -> int:
+    """The least width for which ``points`` buckets span the window, in ns.
+
+    Every bucket's start is then an integer that a float64 keeps exact.
+    """
+    width = max(1, -(-span // points))
+    grain = 1
+    while width * points >= EXACT * grain:
+        grain *= 2
+    return -(-width // grain) * grain

@@ -1,0 +1,48 @@
+"""Keeping the pyramid up to date while the cloud runs, a little at a time, behind ingest."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from typing import TYPE_CHECKING, Final
+
+from cloud.pyramid.building import Key, claim, find_growing, repair
+from eskin.errors import StoreError
+
+if TYPE_CHECKING:
+    from cloud.state import Cloud
+
+log = logging.getLogger(__name__)
+
+_EVERY_S: Final = 2.0
+_RESTS: Final = 3.0
+"""While others write, it rests so many times as long as it worked: it takes a quarter at most."""
+
+
+async def keep_built(cloud: Cloud, stopping: asyncio.Event) -> None:
+    """Build what is new or changed, until told to stop."""
+    while not stopping.is_set():
+        try:
+            await _catch_up(cloud, stopping)
+        except StoreError as error:
+            log.warning("no hulls built, trying again: reason=%s", error)
+        try:
+            await asyncio.wait_for(stopping.wait(), _EVERY_S)
+        except TimeoutError:
+            continue
+
+
+async def _catch_up(cloud: Cloud, stopping: asyncio.Event) -> None:
+    store = cloud.store
+    for place in await asyncio.to_thread(find_growing, store):
+        while not stopping.is_set() and await asyncio.to_thread(claim, store, place):
+            pass
+    after: Key | None = None
+    while not stopping.is_set():
+        begun = time.monotonic()
+        after = await asyncio.to_thread(repair, store, after)
+        if after is None:
+            return
+        if store.writer.waiting:
+            await asyncio.sleep(_RESTS * (time.monotonic() - begun))

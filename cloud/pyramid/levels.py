@@ -1,0 +1,68 @@
+"""Writing chunks of the lowest level, and what stands on them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from sqlalchemy import delete, insert, select
+
+from cloud.pyramid.pieces import Pieces, concatenated
+from cloud.store.grid import CHUNK, STEP, TOP
+from cloud.store.tiles import tiles
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from sqlalchemy import ColumnElement, Connection
+
+
+def write_levels(
+    connection: Connection, place: tuple[str, str], grain: int, chunks: Mapping[int, Pieces]
+) -> None:
+    """Put chunks of a channel's lowest level in the place of those before, and so on each above.
+
+    Args:
+        connection: The writing thread's, in a transaction.
+        place: Node and channel.
+        grain: The lowest level.
+        chunks: By number.
+    """
+    _replace(connection, place, grain, chunks)
+    for level in range(grain + STEP, TOP + 1, STEP):
+        chunks = _above(connection, place, level, chunks)
+        _replace(connection, place, level, chunks)
+
+
+def _above(
+    connection: Connection, place: tuple[str, str], level: int, below: Mapping[int, Pieces]
+) -> dict[int, Pieces]:
+    """The chunks of a level over some of the level below."""
+    numbers = sorted({chunk >> STEP for chunk in below})
+    query = select(tiles.c.chunk, tiles.c.data).where(_at(place, level, numbers))
+    standing = connection.execute(query).all()
+    changed = np.array(sorted(below), np.int64)
+    parts: dict[int, list[Pieces]] = {number: [] for number in numbers}
+    for number, data in standing:
+        old = Pieces.unpack([data])
+        beneath = old.first >> (level - STEP + CHUNK)
+        parts[number].append(old[~np.isin(beneath, changed)])
+    for chunk, pieces in below.items():
+        parts[chunk >> STEP].append(pieces.grouped(pieces.first >> level))
+    return {number: concatenated(each) for number, each in parts.items()}
+
+
+def _replace(
+    connection: Connection, place: tuple[str, str], level: int, chunks: Mapping[int, Pieces]
+) -> None:
+    connection.execute(delete(tiles).where(_at(place, level, chunks)))
+    key = {"node": place[0], "channel": place[1], "level": level}
+    rows = [key | {"chunk": n, "data": each.pack()} for n, each in chunks.items() if len(each)]
+    if rows:
+        connection.execute(insert(tiles), rows)
+
+
+def _at(place: tuple[str, str], level: int, chunks: Iterable[int]) -> ColumnElement[bool]:
+    t = tiles.c
+    here = (t.node == place[0]) & (t.channel == place[1]) & (t.level == level)
+    return here & t.chunk.in_(list(chunks))

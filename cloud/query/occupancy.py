@@ -1,0 +1,116 @@
+"""For how long and how often a channel is in a state: each told as an interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING, Final
+
+from cloud.query.question import Answer
+from cloud.query.runs import find_runs
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from sqlalchemy import Connection, RowMapping
+
+    from cloud.query.question import Question
+    from cloud.query.runs import Run
+    from cloud.query.window import Window
+
+_NEVER: Final = 2**62
+_OUTSIDE_FEW: Final = (0, _NEVER)
+_OUTSIDE_MANY: Final = (0, -_NEVER)
+"""No signal has entered yet."""
+
+
+@dataclass(slots=True)
+class Occupancy:
+    """What is known of a state over a window.
+
+    A sample holds until the next, for its period at most and not beyond the window; the rest of the
+    window is unknown.
+
+    Attributes:
+        time: ns in the state, at least and at most, while something is known.
+        unknown: ns of which nothing is known.
+        samples: How many samples are in the state.
+        entries: How often the state began, among signals within the samples' intervals; what goes
+            on behind a gap begins anew.
+        n: Samples in the window.
+    """
+
+    time: tuple[int, int]
+    unknown: int
+    samples: tuple[int, int]
+    entries: tuple[int, int]
+    n: int
+
+
+def measure_occupancy(
+    connection: Connection, channel: RowMapping, window: Window, question: Question
+) -> Occupancy:
+    """Sum up a window; tiles and blocks that leave nothing open are not looked into."""
+    runs = find_runs(connection, channel, window, question, over_gaps=False)
+    return sum_up(runs, window)
+
+
+def sum_up(runs: Iterable[Run], window: Window) -> Occupancy:
+    """Sum up runs in order of time."""
+    held, samples, entries = [0, 0, 0], [0, 0, 0], Entries()
+    last: Run | None = None
+    for run in chain(runs, [None]):
+        if last is not None:
+            end = window.end if run is None else run.start
+            held[last.answer] += last.held + max(0, min(end - last.end, last.dt))
+            samples[last.answer] += last.n
+            entries.add(last)
+            if run is not None and not last.reaches(run):
+                entries.part()
+        last = run
+    entries.part()
+    sure, likely = Answer.CERTAIN, Answer.POSSIBLE
+    return Occupancy(
+        time=(held[sure], held[sure] + held[likely]),
+        unknown=max(0, window.span - sum(held)),
+        samples=(samples[sure], samples[sure] + samples[likely]),
+        entries=(entries.least, entries.most),
+        n=sum(samples),
+    )
+
+
+class Entries:
+    """The least and the greatest number of entries into a state, run by run.
+
+    For each of the two it keeps the best that ends outside of the state, and inside.
+
+    Attributes:
+        least: Over all parts that are closed.
+        most: Likewise.
+    """
+
+    def __init__(self) -> None:
+        self.least = self.most = 0
+        self._few: tuple[int, int] = _OUTSIDE_FEW
+        self._many: tuple[int, int] = _OUTSIDE_MANY
+
+    def add(self, run: Run) -> None:
+        """Go on by a run."""
+        (few_out, few_in), (many_out, many_in), n = self._few, self._many, run.n
+        if run.answer is Answer.CERTAIN:
+            self._few = _NEVER, min(few_in, few_out + 1)
+            self._many = -_NEVER, max(many_in, many_out + 1)
+        elif run.answer is Answer.IMPOSSIBLE:
+            self._few = min(few_out, few_in), _NEVER
+            self._many = max(many_out, many_in), -_NEVER
+        else:
+            self._few = min(few_out, few_in), min(few_in, few_out + 1)
+            outside = max(many_out + n // 2, many_in + (n - 1) // 2)
+            inside = max(many_out + (n + 1) // 2, many_in + n // 2)
+            self._many = outside, inside
+
+    def part(self) -> None:
+        """Close a part: behind a gap nothing goes on."""
+        self.least += min(self._few)
+        self.most += max(self._many)
+        self._few, self._many = _OUTSIDE_FEW, _OUTSIDE_MANY

@@ -1,0 +1,173 @@
+"""Runs of samples with the same answer: from tiles, else from blocks' bounds, else from samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from sqlalchemy import case, select, tuple_
+
+from cloud.pyramid.blocks import DECODED, decode
+from cloud.query.descent import Descent
+from cloud.query.question import Answer
+from cloud.query.span import clip, longest_step, touching
+from cloud.store.schema import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from sqlalchemy import Connection, RowMapping
+
+    from cloud.pyramid.pieces import Pieces
+    from cloud.query.question import Question
+    from cloud.query.window import Window
+
+_AT_ONCE: Final = 1000
+_COLUMNS: Final = tuple(
+    blocks.c[name]
+    for name in (
+        *("node", "boot", "sequence", "t", "t_end", "n", "dt"),
+        *("error", "coverage", "lo", "hi"),
+    )
+)
+
+
+@dataclass(slots=True)
+class Run:
+    """A run of samples with the same answer.
+
+    Attributes:
+        start: The first sample's moment, UTC ns.
+        end: The last sample's moment.
+        answer: Their answer.
+        dt: The last sample's period, ns.
+        n: How many samples.
+        held: For how long all but the last hold, ns: each until the next, a period at most.
+    """
+
+    start: int
+    end: int
+    answer: Answer
+    dt: int
+    n: int
+    held: int
+
+    def reaches(self, following: Run) -> bool:
+        """Whether no gap lies between this run and the next."""
+        return following.start - self.end <= self.dt + self.dt // 2
+
+    def grow(self, following: Run) -> None:
+        """Take in the next run."""
+        self.held += min(max(following.start - self.end, 0), self.dt) + following.held
+        self.n += following.n
+        self.end, self.dt = following.end, following.dt
+
+
+def find_runs(
+    connection: Connection,
+    channel: RowMapping,
+    window: Window,
+    question: Question,
+    *,
+    over_gaps: bool,
+) -> Iterator[Run]:
+    """All runs in a window, in order of time; neighbours may have the same answer.
+
+    Args:
+        connection: Reads one state of the store.
+        channel: The channel's row.
+        window: When.
+        question: What is asked of each sample.
+        over_gaps: Whether a run may hold a gap, too: then fewer tiles are looked into.
+    """
+    descent = Descent(connection, channel, window, question, over_gaps=over_gaps)
+    for part in descent.parts():
+        if isinstance(part, tuple):
+            pieces, answer = part
+            yield from _as_runs(pieces, [answer])
+        else:
+            yield from _of_blocks(connection, channel, part, question)
+
+
+def merge(runs: Iterable[Run]) -> Iterator[Run]:
+    """Runs with those made one that have the same answer and no gap between them."""
+    current: Run | None = None
+    for run in runs:
+        if current is None:
+            current = run
+        elif run.answer is current.answer and current.reaches(run):
+            current.grow(run)
+        else:
+            yield current
+            current = run
+    if current is not None:
+        yield current
+
+
+def _of_blocks(
+    connection: Connection, channel: RowMapping, window: Window, question: Question
+) -> Iterator[Run]:
+    for cluster in _clusters(connection, channel, window, question):
+        row = cluster[0]
+        answer = question.answer(row["lo"], row["hi"]) if len(cluster) == 1 else None
+        if answer is None:
+            yield from _of_samples(_samples(connection, cluster, window), question)
+            continue
+        t, dt = row["t"], row["dt"]
+        first, last = clip(t, dt, row["n"], window)
+        if first <= last:
+            span = (last - first) * dt
+            yield Run(t + first * dt, t + last * dt, answer, dt, last - first + 1, span)
+
+
+def _clusters(
+    connection: Connection, channel: RowMapping, window: Window, question: Question
+) -> Iterator[list[RowMapping]]:
+    """Blocks in order of time; those that overlap each other come together.
+
+    Bytes come along only with blocks whose bounds leave the answer open.
+    """
+    b = blocks.c
+    straddled = question.possible(b.lo, b.hi) & ~question.certain(b.lo, b.hi)
+    data = case((straddled, b.data), else_=None).label("data")
+    query = select(*_COLUMNS, data)
+    query = query.where(touching(channel, window)).order_by(b.t, b.boot, b.sequence)
+    cluster: list[RowMapping] = []
+    end = 0
+    for row in connection.execute(query).mappings().yield_per(_AT_ONCE):
+        if cluster and row["t"] > end:
+            yield cluster
+            cluster = []
+        end = max(end, row["t_end"]) if cluster else row["t_end"]
+        cluster.append(row)
+    if cluster:
+        yield cluster
+
+
+def _samples(connection: Connection, cluster: list[RowMapping], window: Window) -> Pieces:
+    """The samples of a cluster, also of blocks that straddle nothing."""
+    b = blocks.c
+    if all(row["data"] is not None for row in cluster):
+        return decode([[row[c.name] for c in DECODED] for row in cluster], window)
+    keys = [(row["node"], row["boot"], row["sequence"]) for row in cluster]
+    query = select(*DECODED).where(tuple_(b.node, b.boot, b.sequence).in_(keys))
+    rows = connection.execute(query.order_by(b.t, b.boot, b.sequence))
+    return decode(rows.all(), window)
+
+
+def _of_samples(samples: Pieces, question: Question) -> Iterator[Run]:
+    if len(samples) == 0:
+        return
+    answers = question.answers(samples.lo, samples.hi)
+    broken = np.diff(samples.first) > longest_step(samples.dt[:-1])
+    cut = np.concatenate([[False], (np.diff(answers) != 0) | broken])
+    grouped = samples.grouped(np.cumsum(cut, dtype=np.int64))
+    yield from _as_runs(grouped, answers[np.flatnonzero(np.diff(np.cumsum(cut), prepend=-1))])
+
+
+def _as_runs(pieces: Pieces, answers: Iterable[int]) -> Iterator[Run]:
+    columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    for (first, last, dt, n, held), answer in zip(rows, answers, strict=True):
+        yield Run(first, last, Answer(int(answer)), dt, n, held)

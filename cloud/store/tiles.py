@@ -1,0 +1,36 @@
+"""The store's tables of the pyramid: hulls of ever longer stretches of each channel's samples.
+
+What they hold is made from `blocks` in the background, see `cloud.pyramid`; nothing that tells of a
+person is in them.
+"""
+
+from __future__ import annotations
+
+from sqlalchemy import BigInteger, Column, Integer, LargeBinary, Table
+
+from cloud.store.schema import CHANNEL_LENGTH, NODE_LENGTH, metadata
+from cloud.store.words import Words
+
+tiles = Table(
+    "tiles",
+    metadata,
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("channel", Words(CHANNEL_LENGTH), primary_key=True),
+    Column("level", Integer, primary_key=True, autoincrement=False),
+    Column("chunk", BigInteger, primary_key=True, autoincrement=False),
+    Column("data", LargeBinary, nullable=False),
+)
+"""Chunks of tiles, packed; the tiles of a level are ``2^level`` ns wide."""
+
+stale = Table(
+    "stale",
+    metadata,
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("channel", Words(CHANNEL_LENGTH), primary_key=True),
+    Column("chunk", BigInteger, primary_key=True, autoincrement=False),
+    Column("mark", BigInteger, nullable=False),
+)
+"""Chunks of a channel's lowest level whose blocks changed since they were made, or that never were.
+
+Until they are made anew, blocks are read in their place. ``mark`` is drawn anew by each change.
+"""

@@ -1,0 +1,28 @@
+"""Samples of blocks that were checked when they were stored: their bounds alone, and fast."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cbor2
+import numpy as np
+
+from eskin.messages.encoding import ENCODINGS, Encoding, Scale, typed_floats
+
+if TYPE_CHECKING:
+    from eskin.interval import Floats
+
+
+def read_bounds(data: bytes) -> tuple[Floats, Floats]:
+    """The lower and the upper bounds of a stored block's samples.
+
+    Args:
+        data: A block's bytes, as `Block.decode` took them before.
+    """
+    fields = cbor2.loads(data)
+    encoding, lo, hi = ENCODINGS[fields[11]], fields[12].value, fields[13].value
+    if encoding is Encoding.Q16:
+        scale = Scale(fields[15], fields[16])
+        codes = np.frombuffer(lo, "<u2"), np.frombuffer(hi, "<u2")
+        return scale.values(codes[0], -np.inf), scale.values(codes[1], np.inf)
+    return typed_floats(lo, encoding), typed_floats(hi, encoding)
