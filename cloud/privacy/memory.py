@@ -18,7 +18,7 @@ from cloud.store.ledger import Ledger
 from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, sequences
 from cloud.store.sealed import veiled
 from eskin.errors import NoKeyError, QueryError
-from eskin.messages import Block
+from eskin.messages import Block, BlockSummary
 from eskin.privacy import Unveiler, Veiled
 
 if TYPE_CHECKING:
@@ -85,7 +85,8 @@ def _open(reader: Unveiler, node: str, sealed: Sequence[bytes]) -> list[Item]:
         except NoKeyError as error:
             lost = error
             continue
-        items.append(Item(node, plaintext, message))
+        said = message.summary if isinstance(message, Block) else message
+        items.append(Item(node, plaintext, said))
     if lost is not None and not items:
         raise ErasedError(lost)
     return items
@@ -102,7 +103,7 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> Non
     metadata.create_all(memory, _TABLES)
     memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None
-    unit = first.tube.unit if isinstance(first, Block) else channel["unit"]
+    unit = first.unit if isinstance(first, BlockSummary) else channel["unit"]
     empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "t_first": None, "t_last": None}
     memory.execute(insert(channels), dict(channel) | empty)
     outcome = take_in(memory, Ledger(), items, gateway="", now=0, dead_letters=0)
