@@ -13,6 +13,7 @@ from sqlalchemy import Connection, func, insert, inspect, select, text
 from cloud.store.events import ENERGY
 from cloud.store.schema import (
     audit_log,
+    blocks,
     commands,
     feed,
     metadata,
@@ -76,8 +77,16 @@ def _eighth(connection: Connection) -> None:
     metadata.create_all(connection, SEALED)
 
 
+def _tenth(connection: Connection) -> None:
+    """Keep a block in its row, as it is: PostgreSQL would cut and try to compress it elsewhere."""
+    if connection.dialect.name == "postgresql":
+        for name in (blocks.name, veiled.name):
+            connection.execute(text(f"ALTER TABLE {name} ALTER COLUMN data SET STORAGE EXTERNAL"))
+            connection.execute(text(f"ALTER TABLE {name} SET (toast_tuple_target = 8160)"))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
-    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth),
+    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _tenth),
 )
 CURRENT: Final = len(MIGRATIONS)
 

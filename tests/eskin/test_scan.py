@@ -109,10 +109,6 @@ def test_sample_outside_of_the_bounds_is_refused(
         highs[at] = np.nextafter(highs.max(), highs.dtype.type(np.inf))
     refuse(changed(said, {LOW: typed(said, lows)}))
     refuse(changed(said, {HIGH: typed(said, highs)}))
-    for one in (-math.inf, math.inf):
-        if encoding is not Encoding.Q16:
-            lows[at] = highs[at] = one
-            refuse(changed(said, {LOW: typed(said, lows), HIGH: typed(said, highs)}))
 
 
 @pytest.mark.parametrize("encoding", Encoding)
@@ -139,6 +135,16 @@ def test_nan_and_reversed_samples_are_refused(encoding: Encoding) -> None:
         array = samples(said, key)
         array[2] = wrong
         refuse(changed(said, {key: typed(said, array)}))
+
+
+@pytest.mark.parametrize("encoding", [Encoding.F64, Encoding.F32])
+@pytest.mark.parametrize("one", [-math.inf, math.inf])
+def test_infinity_is_no_sample(encoding: Encoding, one: float) -> None:
+    said = block([(1.0, 2.0), (1.5, 3.0), (1.25, 2.5)], encoding)
+    lows, highs = samples(said, LOW), samples(said, HIGH)
+    lows[1] = highs[1] = one
+    arrays = {LOW: typed(said, lows), HIGH: typed(said, highs)}
+    refuse(changed(said, {**arrays, BOUNDS: [min(1.0, one), max(2.5, one)]}))
 
 
 def test_reversed_codes_are_refused() -> None:
@@ -173,6 +179,7 @@ def test_damaged_bytes_are_found_to_say_what_reading_says(
         (5, "a unit that is too long"),
         (5, "\n"),
         (7, [6, 5]),
+        (7, [-(2**63), 5]),
         (8, 0),
         (8, 10**12 + 1),
         (9, 1),
@@ -190,6 +197,36 @@ def test_damaged_bytes_are_found_to_say_what_reading_says(
 )
 def test_fields_out_of_their_range_are_refused(key: int, value: object) -> None:
     refuse(changed(block([(1.0, 2.0), (1.5, 3.0)], Encoding.Q16), {key: value}))
+
+
+@pytest.mark.parametrize("encoding", Encoding)
+def test_samples_of_another_type_or_number_are_refused(encoding: Encoding) -> None:
+    said = block([(1.0, 2.0), (1.5, 3.0)], encoding)
+    lows = samples(said, LOW)
+    refuse(changed(said, {LOW: typed(said, np.append(lows, lows[-1:]))}))
+    refuse(changed(said, {LOW: typed(said, lows[:1])}))
+    for tag in (69, 85, 86):
+        if tag != typed(said, lows).tag:
+            refuse(changed(said, {LOW: cbor2.CBORTag(tag, lows.tobytes())}))
+    refuse(changed(said, {LOW: lows.tobytes()}))
+
+
+def test_offset_beyond_its_range_is_refused() -> None:
+    said = block([(1.0, 2.0), (1.5, 3.0)], Encoding.Q16)
+    codes = samples(said, LOW).min(), samples(said, HIGH).max()
+    for offset, good in ((2**53, True), (2**53 + 2, False)):
+        bounds = [float(int(code) + offset) * 2.0**-3 for code in codes]
+        data = changed(said, {15: -3, 16: offset, BOUNDS: bounds})
+        if good:
+            assert decode_summary(data) == scan(data)
+        else:
+            refuse(data)
+
+
+def test_bytes_that_follow_or_lack_are_refused() -> None:
+    good = block([(1.0, 2.0)], Encoding.F64).encode()
+    for damaged in (good + b"\0", good[:-1], b""):
+        refuse(damaged)
 
 
 def test_numbers_longer_than_needed_are_refused() -> None:
