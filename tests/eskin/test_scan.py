@@ -229,6 +229,29 @@ def test_bytes_that_follow_or_lack_are_refused() -> None:
         refuse(damaged)
 
 
+@pytest.mark.parametrize("encoding", Encoding)
+def test_map_that_counts_other_pairs_is_refused(encoding: Encoding) -> None:
+    good = block([(1.0, 2.0)], encoding).encode()
+    for head in (b"\xae", b"\xaf", b"\xb0", b"\xb1", b"\x8f"):
+        if head != good[:1]:
+            refuse(head + good[1:])
+
+
+@pytest.mark.parametrize("encoding", Encoding)
+@pytest.mark.parametrize("n", [0, 1001])
+def test_no_samples_and_too_many_are_refused(encoding: Encoding, n: int) -> None:
+    said = block([(1.0, 2.0)], encoding)
+    arrays = {key: typed(said, np.resize(samples(said, key), n)) for key in (LOW, HIGH)}
+    bounds = said.bounds if n else (math.inf, -math.inf)
+    refuse(changed(said, {9: n, BOUNDS: list(bounds), **arrays}))
+
+
+def test_infinite_bound_has_one_form() -> None:
+    good = block([(1.0, math.inf)], Encoding.F64).encode()
+    assert scan(good) is not None
+    refuse(good.replace(b"\xf9\x7c\0", b"\xfb\x7f\xf0" + bytes(6), 1))
+
+
 def test_numbers_longer_than_needed_are_refused() -> None:
     """One message has one form (RFC 8949, section 4.2)."""
     good = block([(1.0, 2.0)], Encoding.F64, place=(5, 6)).encode()
