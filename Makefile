@@ -47,6 +47,7 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 	services/npm.sh $(DASHBOARD) run lint
 
 bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
+	@services/install_test_packages.sh influxdb
 	$(BIN)/python -m benchmarks $(ARGS)
 
 soak: $(VENV)/.development ## Watch the real stack's memory under a steady load (ARGS="--duration 3600 --rate 1000")

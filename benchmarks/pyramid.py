@@ -25,7 +25,7 @@ from cloud.store import Store
 from cloud.store.bulk import insert_many
 from cloud.store.channels import add_block
 from cloud.store.schema import blocks, channels
-from eskin.messages import Encoding
+from eskin.messages import BlockSummary, Encoding, decode_summary
 from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 
@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cloud.store.place import Place
-    from eskin.messages import Block
 
 _SAMPLES: Final = 500
 _DT: Final = 1_000_000
@@ -85,18 +84,21 @@ def _rows(found: dict[int, tuple[float, float]]) -> Iterator[Row]:
         yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
 
 
-def _patterns() -> Iterator[tuple[Block, dict[str, Any]]]:
+def _patterns() -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
     random = np.random.default_rng(1)
     for number in count():
         lo = np.sin(np.arange(_SAMPLES) / 50 + number) + random.normal(0, 0.01, _SAMPLES)
         made = block(number, lo, lo + 0.05, dt=_DT, time=(START, START), encoding=Encoding.Q16)
         row = {"node": NODE, "boot": 1, "channel": CHANNEL, "error": 0, "dt": _DT, "n": _SAMPLES}
         row |= {"lo": made.bounds[0], "hi": made.bounds[1], "coverage": 1.0, "received": START}
-        yield made, row | {"data": made.encode()}
+        data = made.encode()
+        summary = decode_summary(data)
+        assert isinstance(summary, BlockSummary)
+        yield summary, row | {"data": data}
 
 
 def _fill(
-    store: Store, patterns: list[tuple[Block, dict[str, Any]]], standing: int, end: int
+    store: Store, patterns: list[tuple[BlockSummary, dict[str, Any]]], standing: int, end: int
 ) -> None:
     """Write blocks as ingest does, without reading messages again."""
     span = _SAMPLES * _DT

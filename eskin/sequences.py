@@ -22,6 +22,8 @@ class SequenceRanges:
             self.add(first, last)
 
     def __contains__(self, number: int) -> bool:
+        if not self._lasts or number > self._lasts[-1]:
+            return False
         at = bisect_right(self._firsts, number) - 1
         return at >= 0 and number <= self._lasts[at]
 
@@ -41,6 +43,9 @@ class SequenceRanges:
         last = first if last is None else last
         if first > last:
             raise ValueError(f"reversed range: {first} > {last}")
+        if self._lasts and first == self._lasts[-1] + 1:  # most numbers arrive in order
+            self._lasts[-1] = last
+            return
         left = bisect_left(self._lasts, first - 1)
         right = bisect_right(self._firsts, last + 1)
         if left < right:

@@ -19,7 +19,7 @@ from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, 
 from cloud.store.sealed import veiled
 from cloud.store.tiles import stale, tiles
 from eskin.errors import NoKeyError, QueryError
-from eskin.messages import Block
+from eskin.messages import Block, BlockSummary
 from eskin.privacy import Unveiler, Veiled
 
 if TYPE_CHECKING:
@@ -86,7 +86,8 @@ def _open(reader: Unveiler, node: str, sealed: Sequence[bytes]) -> list[Item]:
         except NoKeyError as error:
             lost = error
             continue
-        items.append(Item(node, plaintext, message))
+        said = message.summary if isinstance(message, Block) else message
+        items.append(Item(node, plaintext, said))
     if lost is not None and not items:
         raise ErasedError(lost)
     return items
@@ -103,7 +104,7 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> Non
     metadata.create_all(memory, _TABLES)
     memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None
-    unit = first.tube.unit if isinstance(first, Block) else channel["unit"]
+    unit = first.unit if isinstance(first, BlockSummary) else channel["unit"]
     empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0}
     empty |= dict.fromkeys(("t_first", "t_last", "grain", "built"))
     memory.execute(insert(channels), dict(channel) | empty)

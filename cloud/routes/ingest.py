@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import Counter
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -34,8 +35,9 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
     async with received(cloud, request) as (warrant, body):
         with cloud.metrics.ingest_seconds.time():
             outcome = await _store(cloud, warrant, body)
+    for kind, count in Counter(receipt.result for receipt in outcome.results).items():
+        cloud.metrics.items.labels(kind).inc(count)
     for result in outcome.results:
-        cloud.metrics.items.labels(result.result).inc()
         if result.reason is not None:
             log.warning("message rejected: gateway=%s reason=%s", warrant.gateway, result.reason)
     cloud.metrics.buried.inc(outcome.buried)

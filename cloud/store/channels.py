@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Final
 
 from cloud.store.grid import grain_of
 from cloud.store.schema import channels
-from eskin.messages import Block, Peak, Status
+from eskin.messages import BlockSummary, Peak, Status
 from eskin.messages.head import Kind
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
-    from eskin.messages import Message
+    from eskin.messages import Summary
     from eskin.privacy import Veiled
 
 UNKNOWN: Final = ""
@@ -21,7 +21,7 @@ UNKNOWN: Final = ""
 
 
 def check_units(
-    connection: Connection, ledger: Ledger, node: str, message: Message | Veiled
+    connection: Connection, ledger: Ledger, node: str, message: Summary | Veiled
 ) -> str | None:
     """Why a message cannot be stored beside what is there: its unit is another one."""
     for channel, unit in units(message):
@@ -34,11 +34,9 @@ def check_units(
     return None
 
 
-def units(message: Message | Veiled) -> list[tuple[str, str]]:
+def units(message: Summary | Veiled) -> list[tuple[str, str]]:
     """The channels that a message speaks of, with their units."""
-    if isinstance(message, Block):
-        return [(message.channel, message.tube.unit)]
-    if isinstance(message, Peak):
+    if isinstance(message, BlockSummary | Peak):
         return [(message.channel, message.unit)]
     if isinstance(message, Status):
         return [(info.channel, info.unit) for info in message.channels]
@@ -57,29 +55,28 @@ def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -
             ledger.change(channels, node, info.channel)
 
 
-def add_block(connection: Connection, ledger: Ledger, node: str, block: Block) -> None:
+def add_block(connection: Connection, ledger: Ledger, node: str, block: BlockSummary) -> None:
     """Add a block to its channel's sums; a channel claims the least coverage of its blocks."""
-    tube = block.tube
     key = node, block.channel
     row = ledger.row(connection, channels, *key)
     if row is None:
-        row = _fresh(node, block.channel, tube.unit, tube.coverage, tube.dt)
+        row = _fresh(node, block.channel, block.unit, block.coverage, block.dt)
         ledger.create(channels, key, row)
-    first, span = tube.first_moment, tube.dt * (len(tube) - 1)
+    first, span = block.first_moment, block.span
     lo, hi = block.bounds
     if row["blocks"] == 0:
         row |= {"t_first": first, "t_last": first + span, "lo": lo, "hi": hi}
-        row |= {"coverage": tube.coverage, "dt": tube.dt}
+        row |= {"coverage": block.coverage, "dt": block.dt}
     if row["grain"] is None:
-        row["grain"] = grain_of(tube.dt)
+        row["grain"] = grain_of(block.dt)
     if row["built"] is not None and first < row["built"]:
         ledger.outdate(row, first, first + span)
     row["blocks"] += 1
-    row["samples"] += len(tube)
+    row["samples"] += block.n
     row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], first + span)
     row["longest"] = max(row["longest"], span)
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
-    row["coverage"], row["dt"] = min(row["coverage"], tube.coverage), min(row["dt"], tube.dt)
+    row["coverage"], row["dt"] = min(row["coverage"], block.coverage), min(row["dt"], block.dt)
     ledger.change(channels, *key)
 
 

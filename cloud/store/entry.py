@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """One block or event, at its place in the feed.
+class Entry(NamedTuple):
+    """One block or event, at its place in the feed; a tuple, because there are many.
 
     Attributes:
         cursor: Place in the feed; later messages have a greater one.

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import hashlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sqlalchemy import insert
 
@@ -19,7 +20,7 @@ from cloud.store.schema import NODE_LENGTH, blocks, events
 from cloud.store.sealed import veiled
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
-from eskin.messages import Block, Gap, Message, Peak, Result, decode_message
+from eskin.messages import BlockSummary, Gap, Peak, Result, Summary, decode_summary
 from eskin.messages.head import Kind
 from eskin.privacy import Veiled, is_biometric, is_veiled
 
@@ -41,8 +42,7 @@ IN_THE_CLEAR: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Item:
+class Item(NamedTuple):
     """One message of a batch, already read.
 
     Attributes:
@@ -54,18 +54,18 @@ class Item:
 
     node: str
     data: bytes
-    message: Message | Veiled | None
+    message: Summary | Veiled | None
     reason: str | None = None
 
     @classmethod
     def read(cls, node: str, data: bytes) -> Item:
         """Read a message; a poor one becomes an item with a reason."""
         try:
-            IdentityKind.NODE.require_name(node)
+            _require_node(node)
             if is_veiled(data):
                 return cls(node, data, _require_biometric(Veiled.decode(data)))
-            message = decode_message(data)
-            if isinstance(message, Block | Peak) and is_biometric(message.channel):
+            message = decode_summary(data)
+            if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
                 return cls.refused(node, b"", IN_THE_CLEAR)
             _require_storable(message)
         except (MessageError, IdentityError) as error:
@@ -79,8 +79,7 @@ class Item:
         return cls(shown, data, None, reason)
 
 
-@dataclass(frozen=True, slots=True)
-class Receipt:
+class Receipt(NamedTuple):
     """What became of one item.
 
     Attributes:
@@ -90,6 +89,10 @@ class Receipt:
 
     result: str
     reason: str | None = None
+
+
+_KEPT: Final = Receipt(STORED)
+_AGAIN: Final = Receipt(DUPLICATE)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +165,7 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
     if message is not None:
         place = message.position
         if place.sequence in batch.ledger.ranges(batch.connection, item.node, place.boot):
-            return Receipt(DUPLICATE)
+            return _AGAIN
         reason = check_units(batch.connection, batch.ledger, item.node, message)
     if message is None or reason is not None:
         reason = reason or "no message"
@@ -170,14 +173,14 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
         return Receipt(REJECTED, reason)
     _store(batch, item.node, message, item.data)
     batch.ledger.add(batch.connection, item.node, place.boot, place.sequence)
-    return Receipt(STORED)
+    return _KEPT
 
 
-def _store(batch: _Batch, node: str, message: Message | Veiled, data: bytes) -> None:
+def _store(batch: _Batch, node: str, message: Summary | Veiled, data: bytes) -> None:
     back = see(batch.connection, batch.ledger, node, message.position, now=batch.now)
     if back is not None:
         batch.tell(back)
-    if isinstance(message, Block):
+    if isinstance(message, BlockSummary):
         cursor = batch.ledger.next_cursor(batch.connection)
         batch.blocks.append(_block_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, data, None))
@@ -203,25 +206,25 @@ def _tell_if_any(batch: _Batch, row: Row | None) -> None:
         batch.tell(row)
 
 
-def _block_row(node: str, block: Block, data: bytes, cursor: int, now: int) -> Row:
-    tube = block.tube
-    lo, hi = block.bounds
+def _block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: int) -> Row:
+    first = block.first_moment
+    (t_lo, t_hi), (lo, hi) = block.time, block.bounds
     return {
         "node": node,
         "boot": block.position.boot,
         "sequence": block.position.sequence,
         "cursor": cursor,
         "channel": block.channel,
-        "t": tube.first_moment,
-        "t_end": tube.first_moment + tube.dt * (len(tube) - 1),
-        "error": tube.time_error,
-        "t_lo": tube.time[0],
-        "t_hi": tube.time[1],
-        "dt": tube.dt,
-        "n": len(tube),
+        "t": first,
+        "t_end": first + block.span,
+        "error": block.time_error,
+        "t_lo": t_lo,
+        "t_hi": t_hi,
+        "dt": block.dt,
+        "n": block.n,
         "lo": lo,
         "hi": hi,
-        "coverage": tube.coverage,
+        "coverage": block.coverage,
         "received": now,
         "data": data,
     }
@@ -254,17 +257,20 @@ def _letter(item: Item, reason: str, gateway: str, now: int) -> Row:
     }
 
 
+@functools.lru_cache(4096)
+def _require_node(name: str) -> None:
+    IdentityKind.NODE.require_name(name)
+
+
 def _require_biometric(message: Veiled) -> Veiled:
     if message.kind is Kind.VEILED or not is_biometric(message.channel):
         raise MessageError(f"channel {message.channel} is not biometric; it is not to be sealed")
     return message
 
 
-def _require_storable(message: Message) -> None:
-    if isinstance(message, Block):
-        tube = message.tube
-        if tube.time[1] + tube.dt * (len(tube) - 1) > _MOST_MOMENT:
-            raise MessageError(
-                f"last sample lies after the year 2262: first at {tube.time[1]} ns, "
-                f"{len(tube)} samples of {tube.dt} ns"
-            )
+def _require_storable(message: Summary) -> None:
+    if isinstance(message, BlockSummary) and message.time[1] + message.span > _MOST_MOMENT:
+        raise MessageError(
+            f"last sample lies after the year 2262: first at {message.time[1]} ns, "
+            f"{message.n} samples of {message.dt} ns"
+        )

@@ -14,6 +14,7 @@ from cloud.store.events import ENERGY
 from cloud.store.grid import grain_of
 from cloud.store.schema import (
     audit_log,
+    blocks,
     channels,
     commands,
     feed,
@@ -89,8 +90,16 @@ def _ninth(connection: Connection) -> None:
         connection.execute(update(channels).where(where).values(grain=grain_of(dt)))
 
 
+def _tenth(connection: Connection) -> None:
+    """Keep a block in its row, as it is: PostgreSQL would cut and try to compress it elsewhere."""
+    if connection.dialect.name == "postgresql":
+        for name in (blocks.name, veiled.name):
+            connection.execute(text(f"ALTER TABLE {name} ALTER COLUMN data SET STORAGE EXTERNAL"))
+            connection.execute(text(f"ALTER TABLE {name} SET (toast_tuple_target = 8160)"))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
-    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth),
+    *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth, _tenth),
 )
 CURRENT: Final = len(MIGRATIONS)
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 _BUSY_MS: Final = 10_000
 _PRAGMAS: Final = (
+    "page_size=16384",  # of a new file: a row with a block fits several times
     "journal_mode=WAL",
     "synchronous=FULL",
     "foreign_keys=ON",

@@ -112,6 +112,24 @@ class Block:
             _bytes=data,
         )
 
+    @property
+    def summary(self) -> BlockSummary:
+        """The same without its samples."""
+        tube = self.tube
+        return BlockSummary(
+            position=self.position,
+            channel=self.channel,
+            ticks=self.ticks,
+            time=tube.time,
+            dt=tube.dt,
+            n=len(tube),
+            unit=tube.unit,
+            coverage=tube.coverage,
+            encoding=self.encoding,
+            widening=self.widening,
+            bounds=self.bounds,
+        )
+
     def encode(self) -> bytes:
         """The bytes, always the same."""
         return self._bytes

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from eskin.messages.encoding import ENCODINGS, Encoding, require_scale, require_typed
+from eskin.messages.encoding import ENCODINGS, Encoding
 from eskin.messages.fields import MOST_COUNT
 from eskin.messages.head import Position, read_channel, read_position
 
@@ -12,15 +12,15 @@ if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
 MOST_SAMPLES: Final = 1000
-_LONGEST_DT: Final = 10**12
+LONGEST_DT: Final = 10**12
+"""Longest sampling period, in ns."""
+UNIT_LENGTH: Final = 16
 _FIELDS: Final = frozenset(range(1, 18))
 _PLAIN: Final = frozenset(range(1, 15)) | {17}
 
 
 class BlockSummary(NamedTuple):
-    """A block whose samples were counted, but not looked at; a tuple, because there are many.
-
-    Whoever reads the samples checks that they are intervals and that ``bounds`` is their hull.
+    """A block without its samples; a tuple, because there are many.
 
     Attributes:
         position: Boot and sequence.
@@ -33,7 +33,7 @@ class BlockSummary(NamedTuple):
         coverage: Probability with which each sample's interval encloses the truth.
         encoding: How the samples are written.
         widening: How much the encoding moved a bound outward at most, in ``unit``.
-        bounds: Hull of all samples, as the node says.
+        bounds: Hull of all samples.
     """
 
     position: Position
@@ -50,28 +50,38 @@ class BlockSummary(NamedTuple):
 
     @classmethod
     def read(cls, fields: Fields) -> BlockSummary:
-        """Read it from a block's decoded fields.
+        """Read it from a block's decoded fields; whoever reads the samples checks ``bounds``.
 
         Raises:
             MessageError: They are no block's.
         """
         encoding = ENCODINGS[fields.integer(11, 0, len(ENCODINGS) - 1)]
         fields.only(_FIELDS if encoding is Encoding.Q16 else _PLAIN)
-        if encoding is Encoding.Q16:
-            require_scale(fields)
-        n = fields.integer(9, 1, MOST_SAMPLES)
-        require_typed(fields.raw(12), encoding, n, "lo")
-        require_typed(fields.raw(13), encoding, n, "hi")
         return cls(
             position=read_position(fields),
             channel=read_channel(fields, 4),
             ticks=fields.integer(6, 0, MOST_COUNT),
             time=fields.moments(7),
-            dt=fields.integer(8, 1, _LONGEST_DT),
-            n=n,
-            unit=fields.text(5, 16),
+            dt=fields.integer(8, 1, LONGEST_DT),
+            n=fields.integer(9, 1, MOST_SAMPLES),
+            unit=fields.text(5, UNIT_LENGTH),
             coverage=fields.real(10, 0.0, 1.0),
             encoding=encoding,
             widening=fields.real(17, 0.0),
             bounds=fields.interval(14),
         )
+
+    @property
+    def first_moment(self) -> int:
+        """The middle of the first sample's time enclosure, UTC ns, rounded down."""
+        return (self.time[0] + self.time[1]) // 2
+
+    @property
+    def time_error(self) -> int:
+        """How far a sample's true moment may lie from the middle, in ns, rounded up."""
+        return (self.time[1] - self.time[0] + 1) // 2
+
+    @property
+    def span(self) -> int:
+        """From the first sample to the last, in ns."""
+        return self.dt * (self.n - 1)

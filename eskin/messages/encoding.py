@@ -26,9 +26,12 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from eskin.messages.fields import Fields
 
-_UNBOUNDED: Final = 65_535
+UNBOUNDED: Final = 65_535
+"""The code of an unbounded side."""
 _MOST_CODE: Final = 65_534
-_SAFE_EXPONENT: Final = 960
+SAFE_EXPONENT: Final = 960
+"""Up to which scales neither overflow nor become subnormal."""
+MOST_OFFSET: Final = 2**53
 
 
 class Encoding(IntEnum):
@@ -86,18 +89,18 @@ class Scale:
         steps = np.floor(np.ldexp(values, -self.exponent))
         codes = np.where(np.isfinite(steps), steps, self.offset).astype(np.int64) - self.offset
         codes -= self._values(codes) > values  # a subnormal may have rounded up to zero
-        return np.where(np.isfinite(values), codes, _UNBOUNDED).astype(np.uint16)
+        return np.where(np.isfinite(values), codes, UNBOUNDED).astype(np.uint16)
 
     def codes_up(self, values: Floats) -> NDArray[np.uint16]:
         """Codes of upper bounds; what they decode to is never below the value."""
         steps = np.ceil(np.ldexp(values, -self.exponent))
         codes = np.where(np.isfinite(steps), steps, self.offset).astype(np.int64) - self.offset
         codes += self._values(codes) < values
-        return np.where(np.isfinite(values), codes, _UNBOUNDED).astype(np.uint16)
+        return np.where(np.isfinite(values), codes, UNBOUNDED).astype(np.uint16)
 
     def _values(self, codes: NDArray[np.int64]) -> Floats:
         steps = (codes + self.offset).astype(np.float64)
-        if abs(self.exponent) <= _SAFE_EXPONENT:
+        if abs(self.exponent) <= SAFE_EXPONENT:
             return steps * 2.0**self.exponent  # exact: neither overflows nor becomes subnormal
         with np.errstate(over="ignore"):
             return np.ldexp(steps, self.exponent)
@@ -105,7 +108,7 @@ class Scale:
     def values(self, codes: NDArray[np.uint16], unbounded: float) -> Floats:
         """Decode; ``unbounded`` stands where the code says so."""
         values = self._values(codes.astype(np.int64))
-        values[codes == _UNBOUNDED] = unbounded
+        values[codes == UNBOUNDED] = unbounded
         return values
 
 
@@ -164,7 +167,7 @@ def require_scale(fields: Fields) -> Scale:
     Raises:
         MessageError: A field is missing or out of range.
     """
-    return Scale(fields.integer(15, -1074, 1023), fields.integer(16, -(2**53), 2**53))
+    return Scale(fields.integer(15, -1074, 1023), fields.integer(16, -MOST_OFFSET, MOST_OFFSET))
 
 
 def require_typed(value: object, encoding: Encoding, n: int, what: str) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from eskin.errors import MessageError
 from eskin.messages.fields import MOST_COUNT
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 CHANNEL = re.compile(r"[a-z0-9][a-z0-9_-]{0,30}\.[a-z][a-z0-9_]{0,30}")
 """A channel is ``{taxel}.{quantity}``, such as ``t03.capacitance``."""
+CHANNEL_LENGTH: Final = 64
 
 
 class Kind(IntEnum):
@@ -57,7 +58,7 @@ def read_position(fields: Fields) -> Position:
 
 def read_channel(fields: Fields, key: int) -> str:
     """Read a channel's name."""
-    name = fields.text(key, 64)
+    name = fields.text(key, CHANNEL_LENGTH)
     return require_channel(name, f"field {key}")
 
 

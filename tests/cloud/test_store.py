@@ -24,7 +24,7 @@ from cloud.store.schema import (
 from eskin.messages import ResetCause
 from eskin.sequences import SequenceRanges
 from tests.cloud.clouds import Clock, put, put_items
-from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
+from tests.cloud.messages import CHANNEL, NODE, START, block, gap, lying, peak, status
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, Table
@@ -107,15 +107,17 @@ def test_poison_goes_to_dead_letters_and_harms_no_other(store: Store) -> None:
         Item.read(NODE, block(2, time=(2**63 - 5, 2**63 - 1), lo=[1, 1], hi=[1, 1]).encode()),
         Item.read(NODE, peak(3, unit="H").encode()),
         Item.read(NODE, status(4, unit="H").encode()),
+        Item.read(NODE, lying(block(6, [1.0, 2.0], [3.0, 4.0]))),
         Item.read(NODE, block(5).encode()),
     ]
     outcome = put_items(store, items)
-    assert results(outcome) == ["stored", *["rejected"] * 7, "stored"]
+    assert results(outcome) == ["stored", *["rejected"] * 8, "stored"]
     letters = rows(store, dead_letters)
     assert {letter["data"] for letter in letters} == {item.data for item in items[1:-1]}
     reasons = {letter["data"]: letter["reason"] for letter in letters}
     assert "keeps its unit" in reasons[items[4].data]
     assert "2262" in reasons[items[5].data]
+    assert "hull" in reasons[items[8].data]
     assert all(result.reason for result in outcome.results[1:-1])
 
 

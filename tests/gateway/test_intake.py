@@ -178,6 +178,7 @@ def test_position_below_held_is_never_stored(
         (Stream.STATUS, gap(1).encode(), (1, 1)),
         (Stream.BLOCKS, cbor2.dumps({1: 9, 2: 4, 3: 2}), (4, 2)),
         (Stream.BLOCKS, cbor2.dumps({3: 2, 1: 1, 2: 4}), (4, 2)),
+        (Stream.BLOCKS, cbor2.dumps({**cbor2.loads(block(1).encode()), 14: [0.0, 1.0]}), (1, 1)),
         (Stream.BLOCKS, b"no cbor at all", None),
         (Stream.BLOCKS, cbor2.dumps([1, 2, 3]), None),
         (Stream.BLOCKS, cbor2.dumps({1: 1, 2: -4, 3: "x"}), None),
