@@ -7,6 +7,7 @@ length takes constant memory and no transaction stays open while a slow client r
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sqlalchemy import select, tuple_
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
 
 _AT_ONCE: Final = 128
 """Blocks in one part: 128,000 samples at most."""
+_MARKS: Final = 4096
+"""Blocks that are counted at a time."""
 
 
 class Mark(NamedTuple):
@@ -92,38 +95,43 @@ class Export:
         """
         left = limit
         last: Mark | None = None
-        for index, mark in self._marks():
-            source = self.sources[index]
-            b = blocks.c
-            with source.open() as connection:
-                query = self._ordered(select(b.t, b.boot, b.sequence, b.n, b.dt), index, mark, None)
-                for t, boot, sequence, n, dt in connection.execute(query.limit(limit + 1)):
-                    if left <= 0:
-                        return last
-                    first, final = clip(t, dt, n, self.window)
-                    left -= max(0, final - first + 1)
-                    last = Mark(index, t, boot, sequence)
+        b = blocks.c
+        for index, begin in self._marks():
+            rows = self._rows(
+                select(b.t, b.boot, b.sequence, b.n, b.dt), index, begin, None, _MARKS
+            )
+            for t, boot, sequence, n, dt in chain.from_iterable(rows):
+                if left <= 0:
+                    return last
+                first, final = clip(t, dt, n, self.window)
+                left -= max(0, final - first + 1)
+                last = Mark(index, t, boot, sequence)
         return None
 
     def read(self, until: Mark | None) -> Iterator[Part]:
         """Decode blocks in order, up to and with ``until``."""
+        b = blocks.c
         for index, begin in self._marks():
             if until is not None and index > until.channel:
                 return
-            mark = begin
-            source = self.sources[index]
-            while True:
-                b = blocks.c
-                chosen = select(b.t, b.boot, b.sequence, b.data)
-                query = self._ordered(chosen, index, mark, until).limit(_AT_ONCE)
-                with source.open() as connection:
-                    rows = connection.execute(query).all()
-                if rows:
-                    yield Part(source.channel, [Block.decode(data) for *_, data in rows])
-                    t, boot, sequence, _ = rows[-1]
-                    mark = Mark(index, t, boot, sequence)
-                if len(rows) < _AT_ONCE:
-                    break
+            chosen = select(b.t, b.boot, b.sequence, b.data)
+            for rows in self._rows(chosen, index, begin, until, _AT_ONCE):
+                yield Part(self.sources[index].channel, [Block.decode(data) for *_, data in rows])
+
+    def _rows(
+        self, query: Select[Any], index: int, after: Mark | None, until: Mark | None, count: int
+    ) -> Iterator[Sequence[Any]]:
+        """A channel's blocks, so many at a time; the query begins with their marks."""
+        while True:
+            with self.sources[index].open() as connection:
+                asked = self._ordered(query, index, after, until).limit(count)
+                rows = connection.execute(asked).all()
+            if rows:
+                yield rows
+            if len(rows) < count:
+                return
+            t, boot, sequence, *_ = rows[-1]
+            after = Mark(index, t, boot, sequence)
 
     def _marks(self) -> Iterator[tuple[int, Mark | None]]:
         """The channels that are left, each with the block behind which it begins."""
