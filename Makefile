@@ -23,6 +23,10 @@ DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
 MICROPYTHON := tests/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
+# Home Assistant, in an environment of its own: the tests ask it what it makes of our announcements.
+HOME_ASSISTANT := $(VENV)/homeassistant
+HOME_ASSISTANT_NEEDS := tests/gateway/homeassistant/requirements.txt
+
 .PHONY: help demo test test-compose lint bench soak chaos powercut fuzz scan docs dashboard install system clean
 
 help: ## List these commands
@@ -31,7 +35,7 @@ help: ## List these commands
 demo: $(VENV)/.runtime $(DASHBOARD_BUILT) ## Run the whole stack on this machine and print a login URL
 	@exec $(BIN)/eskin demo $(ARGS)
 
-test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) system ## Run all tests (installs Mosquitto, Chromium and SoftHSM on Debian)
+test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_ASSISTANT)/.installed system ## Run all tests (installs Mosquitto, Chromium and SoftHSM on Debian)
 	$(BIN)/pytest --numprocesses 3 --dist loadscope --no-loadscope-reorder $(ARGS)
 	services/npm.sh $(DASHBOARD) test
 
@@ -77,7 +81,7 @@ dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
 
 system: ## Install the Debian packages that the tests need
-	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2
+	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2 prometheus
 
 clean: ## Remove what was built (data folders stay)
 	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules
@@ -115,6 +119,12 @@ $(VENV)/.scan: pyproject.toml constraints.txt | $(VENV)/bin/pip
 
 $(MICROPYTHON_INSTALLED): $(MICROPYTHON)/package.json $(MICROPYTHON)/package-lock.json | $(VENV)/bin/pip
 	@services/npm.sh $(MICROPYTHON) ci
+	@touch $@
+
+$(HOME_ASSISTANT)/.installed: $(HOME_ASSISTANT_NEEDS) | $(VENV)/bin/pip
+	@echo "Installing Home Assistant's MQTT sensor, which announcements are tested against …"
+	@$(PYTHON) -m venv $(HOME_ASSISTANT)
+	@$(HOME_ASSISTANT)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

@@ -16,6 +16,7 @@ from cloud.routes import (
     dashboard,
     deliveries,
     events,
+    export,
     health,
     ingest,
     live,
@@ -37,7 +38,7 @@ def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
-    for resource in (nodes, commands, series, events, live, tokens, audit_log, subjects):
+    for resource in (nodes, commands, series, export, events, live, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)

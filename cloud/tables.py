@@ -1,4 +1,4 @@
-"""Series as files: JSON, CSV, Arrow (IPC stream) and Parquet."""
+"""Series as files: JSON, CSV, Arrow (IPC stream), Parquet and SenML."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from cloud.shapes import dump, series_shape
+from eskin import senml
+from eskin.errors import QueryError
 from eskin.moment import format_moment
 
 if TYPE_CHECKING:
@@ -76,10 +78,35 @@ def as_parquet(series: Series) -> bytes:
     return sink.getvalue()
 
 
+def as_senml(series: Series) -> senml.Pack:
+    """SenML (RFC 8428): a record ``lo`` and a record ``hi`` each, left out where unbounded.
+
+    A hull holds from its time on for ``span`` s; a sample's true moment lies within ``time_error``
+    s of its time.
+
+    Raises:
+        QueryError: It speaks of times that SenML would take for times before now.
+    """
+    if series.t0 < senml.EARLIEST:
+        first = format_moment(senml.EARLIEST)
+        raise QueryError("start", f"SenML tells of times since {first} alone; ask for JSON")
+    about = {
+        "coverage": (series.coverage, senml.RATIO),
+        "time_error": (senml.seconds(series.time_error), senml.SECONDS),
+    }
+    if series.resolution == "hull":
+        about["span"] = (senml.seconds(series.dt), senml.SECONDS)
+    bounds = series.t.tolist(), series.lo.tolist(), series.hi.tolist()
+    name = f"{series.node}/{series.channel}/"
+    return senml.Pack(name, series.unit, series.t0, *bounds, about)
+
+
 WRITERS: Final[Mapping[str, Callable[[Series], bytes]]] = {
     "application/json": as_json,
     "text/csv": as_csv,
     "application/vnd.apache.arrow.stream": as_arrow,
     "application/vnd.apache.parquet": as_parquet,
+    senml.JSON: lambda series: senml.as_json(as_senml(series)),
+    senml.CBOR: lambda series: senml.as_cbor(as_senml(series)),
 }
 """How each media type is written, in our order of preference."""

@@ -18,7 +18,7 @@
     ├── FirmwareError            a node's firmware that failed while it ran
     ├── FlashError               a node's flash that cannot hold or give back
     ├── SpoolError               a gateway's spool that cannot hold or give back
-    ├── CloudError               a cloud that did not answer a gateway as agreed
+    ├── CloudError               a cloud that did not answer as agreed
     ├── StoreError               a cloud's store that cannot hold or give back
     ├── QueryError               a question that has no answer as it stands
     ├── DesignError              a requirement, or a space of parameters, that cannot be used
@@ -181,7 +181,7 @@ class SpoolError(EskinError):
 
 
 class CloudError(EskinError):
-    """A cloud that did not answer a gateway as agreed.
+    """A cloud that did not answer a gateway, or a client, as agreed.
 
     Attributes:
         status: HTTP status, where there was an answer.

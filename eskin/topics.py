@@ -1,7 +1,8 @@
 """MQTT topics of the wire contract.
 
 Private, sealed: ``eskin/v1/nodes/{node}/blocks | events | status | acks | commands``.
-Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}``, ``…/events``, ``…/status``.
+Public, read only, plain JSON: ``eskin/v1/live/{node}/{channel}``, ``…/events``, ``…/status``;
+as SenML ``eskin/v1/senml/{node}/{channel}``; for Home Assistant ``homeassistant/#``.
 """
 
 from __future__ import annotations
@@ -14,6 +15,10 @@ from eskin.errors import MessageError
 
 ROOT = "eskin/v1"
 LIVE = f"{ROOT}/live"
+SENML = f"{ROOT}/senml"
+HOME_ASSISTANT = "homeassistant"
+PUBLIC = (LIVE, SENML, HOME_ASSISTANT)
+"""What gateways write, and clients read."""
 NODES = f"{ROOT}/nodes"
 RENEWAL = f"{ROOT}/renewal"
 """No topic of a broker: the external data of a request to renew a certificate."""
@@ -56,3 +61,8 @@ def parse_node_topic(topic: str) -> tuple[str, Stream]:
 def live_topic(node: str, leaf: str) -> str:
     """The public topic of a node's channel, or of its ``events`` or ``status``."""
     return f"{LIVE}/{node}/{leaf}"
+
+
+def senml_topic(node: str, channel: str) -> str:
+    """The public topic of a channel's hulls as SenML."""
+    return f"{SENML}/{node}/{channel}"

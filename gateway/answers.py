@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from gateway.arrival import Arrival
     from gateway.broker import Broker
     from gateway.counters import Counters
+    from gateway.discovery import Discovery
     from gateway.intake import Outcome
     from gateway.presence import Presence
     from gateway.senders import Senders
@@ -30,11 +31,13 @@ class Answers:
         senders: Knows their certificates.
         presence: Knows who is there.
         counters: What is counted.
+        discovery: Announces channels; ``None`` where nobody looks for them.
+        senml: Whether hulls are published as SenML, too.
         clock: Monotonic seconds.
         now: UTC ns.
     """
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - all that answers go to
         self,
         *,
         broker: Broker,
@@ -42,6 +45,8 @@ class Answers:
         senders: Senders,
         presence: Presence,
         counters: Counters,
+        discovery: Discovery | None = None,
+        senml: bool = False,
         clock: Callable[[], float] = time.monotonic,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -50,6 +55,8 @@ class Answers:
         self._senders = senders
         self._presence = presence
         self._counters = counters
+        self._discovery = discovery
+        self._senml = senml
         self._clock = clock
         self._now = now
         self._heard_all = False
@@ -65,7 +72,7 @@ class Answers:
         self._broker.acknowledge(arrivals)
 
     def idle(self) -> None:
-        """Nothing waits: time to notice who is silent."""
+        """Time to notice who is silent, and who is gone."""
         now = self._clock()
         if not self._broker.connected:
             self._heard_all = False
@@ -73,7 +80,11 @@ class Answers:
         if not self._heard_all:
             self._heard_all = True
             self._presence.excuse(now)
+            if self._discovery is not None:
+                self._discovery.renew()
         self._broker.publish(list(self._presence.silent(now)))
+        if self._discovery is not None:
+            self._broker.publish(list(self._discovery.idle()))
 
     def _acknowledgements(self, outcome: Outcome) -> Iterator[tuple[str, bytes, bool]]:
         now = self._now()
@@ -97,7 +108,12 @@ class Answers:
             shown = not isinstance(message, BlockSummary | Peak) or public.is_public(message)
             if shown and isinstance(message, BlockSummary):
                 yield *public.live(node, message), False
+                if self._senml:
+                    for topic, pack in public.live_senml(node, message):
+                        yield topic, pack, False
             elif shown and isinstance(message, Peak | Gap):
                 yield *public.event(node, message), False
             status = message if isinstance(message, Status) else None
             yield from self._presence.heard(node, status, live=live, now=now)
+            if status is not None and self._discovery is not None:
+                yield from self._discovery.heard(node, status)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeAlias
 
 from gateway.arrival import Arrival
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    Publication = tuple[str, bytes, bool]
-    """Topic, payload, and whether the broker keeps it."""
+Publication: TypeAlias = tuple[str, bytes, bool]
+"""Topic, payload, and whether the broker keeps it."""
 
 MOST: Final = 20_000
 """Messages."""

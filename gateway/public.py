@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import orjson
 
+from eskin import senml
 from eskin.messages import BlockSummary, Energy, Gap, Peak, Status
 from eskin.moment import format_moment
 from eskin.privacy import is_biometric
-from eskin.topics import live_topic
+from eskin.topics import live_topic, senml_topic
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
 
 
 def is_public(message: BlockSummary | Peak) -> bool:
@@ -37,6 +41,26 @@ def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
         }
     )
     return live_topic(node, block.channel), body
+
+
+def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
+    """Topic and SenML (RFC 8428) of a block's hull, which holds for ``span`` s from its time on.
+
+    A time before 1978 cannot be told: SenML would take it for one before now.
+    """
+    t0 = block.time[0]
+    if t0 < senml.EARLIEST:
+        return
+    t1 = block.time[1] + (block.n - 1) * block.dt
+    coverage = union_bound(block.coverage, block.n)
+    about = {
+        "coverage": (coverage, senml.RATIO),
+        "span": (senml.seconds(t1 - t0), senml.SECONDS),
+    }
+    lo, hi = block.bounds
+    name = f"{node}/{block.channel}/"
+    pack = senml.Pack(name, block.unit, t0, (0,), (lo,), (hi,), about)
+    yield senml_topic(node, block.channel), senml.as_json(pack)
 
 
 def union_bound(coverage: float, n: int) -> float:

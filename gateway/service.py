@@ -6,11 +6,12 @@ import logging
 import signal
 from random import SystemRandom
 from threading import Event
-from time import monotonic
+from time import monotonic, time_ns
 from typing import TYPE_CHECKING, TypedDict
 
 from eskin.identity import Trust, client_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.moment import SECOND
 from eskin.privacy import open_vault
 from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
@@ -22,6 +23,7 @@ from gateway.complaints import Complaints
 from gateway.counters import Counters
 from gateway.courier import Courier
 from gateway.deliveries import HttpsDeliveries
+from gateway.discovery import Discovery
 from gateway.dispatcher import Dispatcher
 from gateway.forwarder import Forwarder
 from gateway.health import Health
@@ -168,6 +170,8 @@ class Gateway:
             senders=senders,
             presence=self._presence,
             counters=self.counters,
+            discovery=self._make_discovery(senders),
+            senml=self._settings.public.senml,
         )
         dispatcher = Dispatcher(
             self.commands,
@@ -185,6 +189,18 @@ class Gateway:
             answers=answers,
             dispatcher=dispatcher,
             counters=self.counters,
+        )
+
+    def _make_discovery(self, senders: Senders) -> Discovery | None:
+        public = self._settings.public
+        if not public.homeassistant:
+            return None
+        return Discovery(
+            public.homeassistant_prefix,
+            forget_ns=round(public.homeassistant_forget_days * 86_400 * SECOND),
+            spool=self.spool,
+            senders=senders,
+            now=time_ns,
         )
 
     def _make_forwarder(self) -> Forwarder:

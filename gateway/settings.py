@@ -9,6 +9,7 @@ from typing import Literal
 from pydantic import Field, field_validator
 
 from eskin.settings import KeysSection, RenewalSection, Section, Settings
+from eskin.topics import HOME_ASSISTANT
 
 
 class BrokerSection(Section):
@@ -130,6 +131,28 @@ class NodesSection(Section):
     )
 
 
+class PublicSection(Section):
+    """What is published for other clients besides the plain JSON of `eskin/v1/live`."""
+
+    homeassistant: bool = Field(
+        default=False, description="whether channels are announced to Home Assistant"
+    )
+    homeassistant_prefix: str = Field(
+        default=HOME_ASSISTANT,
+        pattern=r"^[A-Za-z0-9_-]{1,64}$",
+        description="its discovery topic; another one must be allowed by the broker, too",
+    )
+    homeassistant_forget_days: float = Field(
+        default=30.0,
+        gt=0,
+        le=3650,
+        description="days without a word from a node after which its channels are taken away",
+    )
+    senml: bool = Field(
+        default=False, description="whether hulls are published as SenML, too (`eskin/v1/senml`)"
+    )
+
+
 class LogSection(Section):
     """What is logged."""
 
@@ -148,6 +171,7 @@ class GatewaySettings(Settings):
     nodes: NodesSection = NodesSection()
     keys: SiteKeysSection = SiteKeysSection()
     renewal: RenewalSection = RenewalSection()
+    public: PublicSection = PublicSection()
     log: LogSection = LogSection()
 
     @property

@@ -27,6 +27,7 @@ log = logging.getLogger(__name__)
 
 _TICK_S: Final = 0.25
 _RETRY_S: Final = 0.25
+_RESTLESS_S: Final = 1.0
 _COMPANY: Final = 4
 """Messages that make waiting for one commit worth while."""
 
@@ -65,7 +66,7 @@ class Worker:
         self._dispatcher = dispatcher
         self._counters = counters
         self._clock = clock
-        self._taken = clock()
+        self._taken = self._looked = clock()
         self._pace = 0.0
         self._stopping = Event()
         self.fault: str | None = None
@@ -91,15 +92,20 @@ class Worker:
             try:
                 if arrivals:
                     self.process(arrivals)
-                else:
-                    self._intake.idle()
-                    self._answers.idle()
+                self._look_around(idle=not arrivals)
             except Exception:  # the thread's outermost loop: what broke is told and counted
                 log.exception("batch dropped without acknowledgement: messages=%d", len(arrivals))
                 self._counters.rejected(Reason.FAULT, len(arrivals))
                 self._intake.forget()
                 self._answers.release(arrivals)
             self._dispatch()
+
+    def _look_around(self, *, idle: bool) -> None:
+        """Do what has no message for a reason, also where there is never a moment's rest."""
+        if idle or self._clock() >= self._looked + _RESTLESS_S:
+            self._looked = self._clock()
+            self._intake.idle()
+            self._answers.idle()
 
     def _linger(self) -> float:
         """How long to wait for company: not at all, where hardly any would come."""

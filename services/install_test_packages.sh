@@ -7,7 +7,7 @@ declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chr
   [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap
   [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h
   [postgresql]=initdb [softhsm2]=softhsm2-util
-  [influxdb]=influxd)
+  [influxdb]=influxd [prometheus]=prometheus)
 missing=()
 for package in "$@"; do
   [ -e "${command[$package]}" ] || PATH=$PATH:/usr/sbin:/sbin:/usr/lib/postgresql/15/bin command -v "${command[$package]}" >/dev/null ||

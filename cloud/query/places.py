@@ -8,6 +8,7 @@ from sqlalchemy import RowMapping, select
 
 from cloud.query.errors import UnknownPlaceError
 from cloud.store.schema import channels, nodes
+from eskin.errors import QueryError
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -40,3 +41,17 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
             f"{channel!r} of {node} is not known; GET /api/v1/nodes/{node}/channels lists all",
         )
     return row
+
+
+def read_place(text: str) -> tuple[str, str]:
+    """Node and channel of a parameter ``NODE/CHANNEL``.
+
+    Raises:
+        QueryError: It is none.
+    """
+    node, slash, channel = text.partition("/")
+    if not slash or not node or not channel:
+        raise QueryError(
+            "channel", f"{text!r} is no NODE/CHANNEL such as fingertip/t01.capacitance"
+        )
+    return node, channel

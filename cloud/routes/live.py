@@ -11,7 +11,7 @@ from starlette.responses import Response, StreamingResponse
 from cloud.dependencies import CloudState, Reader
 from cloud.live.stream import Selection, stream
 from cloud.problems import ProblemError
-from cloud.query.places import find_node
+from cloud.query.places import find_node, read_place
 from cloud.routes.documents import REFUSALS_OF_PLACE
 from cloud.state import Cloud
 from eskin.errors import QueryError
@@ -62,7 +62,7 @@ async def get_live(
     feed, live = cloud.feed, cloud.settings.live
     cursor = _cursor(last_event_id, feed.last)
     selection = Selection(
-        frozenset(query.node), frozenset(_place(text) for text in query.channel), query.points
+        frozenset(query.node), frozenset(read_place(text) for text in query.channel), query.points
     )
     await asyncio.to_thread(_require_known, cloud, selection)
     if any(is_biometric(channel) for _, channel in selection.channels):
@@ -95,12 +95,3 @@ def _cursor(text: str | None, last: int) -> int:
     if re.fullmatch(r"[0-9]{1,18}", text) is None:
         raise QueryError("Last-Event-ID", f"{text!r} is no id of this stream; leave it out")
     return min(int(text), last)
-
-
-def _place(text: str) -> tuple[str, str]:
-    node, slash, channel = text.partition("/")
-    if not slash or not node or not channel:
-        raise QueryError(
-            "channel", f"{text!r} is no NODE/CHANNEL such as fingertip/t01.capacitance"
-        )
-    return node, channel

@@ -1,4 +1,4 @@
-"""Series of a channel, as JSON, CSV, Arrow or Parquet, and questions for thresholds."""
+"""Series of a channel, in the format that is asked for, and questions for thresholds."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -9,8 +9,9 @@ from cryptography import x509
 
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind, common_name, issuer_kind
-from eskin.topics import FROM_NODE, LIVE, NODES, Stream, parse_node_topic
+from eskin.topics import FROM_NODE, NODES, PUBLIC, Stream, parse_node_topic
 
+_OPEN: Final = tuple(f"{root}/" for root in PUBLIC)
 _TO_NODE: Final = (Stream.ACKS, Stream.COMMANDS)
 
 
@@ -46,7 +47,7 @@ class Party:
 
 def may_publish(party: Party, topic: str) -> bool:
     """Whether the party may write to a topic."""
-    if party.kind is IdentityKind.GATEWAY and topic.startswith(f"{LIVE}/"):
+    if party.kind is IdentityKind.GATEWAY and topic.startswith(_OPEN):
         return True
     node, stream = _split(topic)
     if party.kind is IdentityKind.NODE:
@@ -56,7 +57,7 @@ def may_publish(party: Party, topic: str) -> bool:
 
 def may_subscribe(party: Party, pattern: str) -> bool:
     """Whether the party may read all that a topic, or a filter, can match."""
-    if pattern.startswith(f"{LIVE}/"):
+    if pattern.startswith(_OPEN):
         return party.kind in {IdentityKind.CLIENT, IdentityKind.GATEWAY}
     if party.kind is IdentityKind.GATEWAY:
         # A filter's wildcard stands for any one node.

@@ -9,6 +9,7 @@ import secrets
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import cbor2
@@ -30,6 +31,8 @@ from tests.cloud.messages import NODE, START
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
+
+    from fastapi import FastAPI
 
     from cloud.state import Cloud
     from cloud.store.place import Place
@@ -111,13 +114,15 @@ class Stand:
     gateway: Identity
     token: str
 
+    @cached_property
+    def _people(self) -> FastAPI:
+        return people_application(self.cloud)
+
     def client(self, *, token: str | None = None, **options: Any) -> httpx.AsyncClient:
         """A person's client, with a reading token unless another is given ('' for none)."""
         chosen = self.token if token is None else token
         headers = {"Authorization": f"Bearer {chosen}"} if chosen else {}
-        transport = httpx.ASGITransport(
-            people_application(self.cloud), raise_app_exceptions=False, **options
-        )
+        transport = httpx.ASGITransport(self._people, raise_app_exceptions=False, **options)
         return httpx.AsyncClient(transport=transport, base_url="http://cloud", headers=headers)
 
     def ingest_client(self) -> httpx.AsyncClient:

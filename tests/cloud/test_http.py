@@ -14,6 +14,7 @@ import pytest
 from eskin.messages import Encoding, Energy, Fault, Place, Shedding, Sustained, TaxelFaults
 from tests.cloud.clouds import batch, problem, put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.eskin.senml import read_senml
 
 if TYPE_CHECKING:
     from tests.cloud.clouds import Stand
@@ -82,11 +83,38 @@ async def test_formats_agree(stand: Stand) -> None:
         assert table.schema.metadata[b"unit"] == b"F"
 
 
-async def test_unacceptable_format_is_refused(stand: Stand) -> None:
+async def test_senml_tells_bounds_that_there_are_and_what_holds_for_all(stand: Stand) -> None:
+    lo, hi = [0.1, float("-inf"), float("-inf")], [0.2, 5.0, float("inf")]
+    put(stand.cloud.store, block(0, lo, hi, time=(START - 4, START + 5)))
+    async with stand.client() as client:
+        plain = await client.get(SERIES, headers={"Accept": "application/senml+json"})
+        short = await client.get(SERIES, headers={"Accept": "application/senml+cbor"})
+        hull = await client.get(
+            SERIES, params={"points": 1}, headers={"Accept": "application/senml+json"}
+        )
+    about = [("coverage", 1.0), ("time_error", 5e-9)]
+    told = [*about, ("lo", 0.1), ("hi", 0.2), ("hi", 5.0)]
+    assert read_senml(plain.text, f"{NODE}/{CHANNEL}/") == told
+    assert read_senml(short.content, f"{NODE}/{CHANNEL}/") == told
+    first, second = (answer.headers["content-type"] for answer in (plain, short))
+    assert (first, second) == ("application/senml+json", "application/senml+cbor")
+    (span,) = [record for record in hull.json() if record["n"] == "span"]
+    assert (span["u"], span["v"]) == ("s", 60.0)
+
+
+async def test_senml_of_times_before_1978_is_refused(stand: Stand) -> None:
+    put(stand.cloud.store, block(0, time=(5, 5)))
+    async with stand.client() as client:
+        answer = await client.get(SERIES, headers={"Accept": "application/senml+json"})
+    assert "1978-07-04" in problem(answer, 422)
+
+
+async def test_unacceptable_format_is_refused_and_told_what_there_is(stand: Stand) -> None:
     put(stand.cloud.store, block(0))
     async with stand.client() as client:
         answer = await client.get(SERIES, headers={"Accept": "image/png"})
-    assert "text/csv" in problem(answer, 406)
+    detail = problem(answer, 406)
+    assert all(media in detail for media in ("application/json", "text/csv", "senml+json"))
 
 
 async def test_nodes_tell_latest_status(stand: Stand) -> None:

@@ -26,6 +26,7 @@ from eskin.moment import parse_moment
 from eskin.tube import Tube
 from gateway import public
 from gateway.presence import Presence
+from tests.eskin.senml import read_senml
 from tests.gateway.messages import EPOCH, gap, peak, status
 
 if TYPE_CHECKING:
@@ -75,6 +76,27 @@ def test_unbounded_side_is_null() -> None:
     packed = Block.pack(Position(1, 2), "t01.capacitance", 0, tube, Encoding.F64)
     said = orjson.loads(public.live("n", summary(packed))[1])
     assert (said["lo"], said["hi"]) == (1.0, None)
+
+
+def test_senml_holds_the_hull_and_for_how_long() -> None:
+    values = Interval([1.0, 2.0], [3.0, 4.0])
+    packed = Block.pack(
+        Position(1, 2), "t01.capacitance", 0, Tube((EPOCH, EPOCH + 7), 3, values, "F", 1.0),
+        Encoding.F64,
+    )  # fmt: skip
+    ((topic, body),) = public.live_senml("n", summary(packed))
+    assert topic == "eskin/v1/senml/n/t01.capacitance"
+    told = [("coverage", 1.0), ("span", 1e-8), ("lo", 1.0), ("hi", 4.0)]
+    assert read_senml(body.decode(), "n/t01.capacitance/") == told
+    assert orjson.loads(body)[0]["bt"] * 10**9 == EPOCH
+
+
+def test_senml_is_silent_on_times_that_it_would_take_for_times_before_now() -> None:
+    packed = Block.pack(
+        Position(1, 2), "t01.capacitance", 0, Tube((9, 9), 3, Interval([1.0], [2.0]), "F", 1.0),
+        Encoding.F64,
+    )  # fmt: skip
+    assert list(public.live_senml("n", summary(packed))) == []
 
 
 @given(coverage=st.floats(0, 1), n=st.integers(1, 1000))

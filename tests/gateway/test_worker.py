@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from typing import TYPE_CHECKING
 
 from eskin.topics import Stream, live_topic, node_topic
@@ -11,6 +12,7 @@ from tests.processes import wait_until
 if TYPE_CHECKING:
     import pytest
 
+    from gateway.arrival import Arrival
     from gateway.batch import Batch
     from tests.gateway.twins import Inside
     from tests.gateway.wire_node import Seal
@@ -126,3 +128,20 @@ def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: S
 
 
 BODY = block(1).encode()
+
+
+def test_silence_is_noticed_though_others_never_rest(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    looked = threading.Event()
+    monkeypatch.setattr(inside.answers, "idle", looked.set)
+
+    def never_empty(*_: object, **__: object) -> list[Arrival]:
+        return [inside.arrival(Stream.BLOCKS, b"whatever")]
+
+    monkeypatch.setattr(inside.inbox, "take", never_empty)
+    inside.worker.start()
+    assert looked.wait(20)
+    monkeypatch.undo()
+    inside.worker.stop()

@@ -20,6 +20,7 @@ from gateway.backoff import Backoff
 from gateway.commands import Commands
 from gateway.complaints import Complaints
 from gateway.counters import Counters
+from gateway.discovery import Discovery
 from gateway.dispatcher import Dispatcher
 from gateway.inbox import Inbox
 from gateway.intake import Intake
@@ -32,6 +33,7 @@ from gateway.settings import SpoolSection
 from gateway.spool import Spool
 from gateway.veiling import Veiling
 from gateway.worker import Worker
+from tests.gateway.messages import EPOCH
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -39,6 +41,9 @@ if TYPE_CHECKING:
 
     from gateway.batch import Batch
     from tests.identities import Identities
+
+DAY_NS = 86_400 * 10**9
+"""After so long without a word a node is gone, in tests."""
 
 
 class MemoryBroker:
@@ -89,7 +94,12 @@ class Inside:
     """Intake, spool and answers of a gateway around the in-memory broker."""
 
     def __init__(
-        self, folder: Path, identities: Identities, *, revocations: Path | None = None
+        self,
+        folder: Path,
+        identities: Identities,
+        *,
+        revocations: Path | None = None,
+        homeassistant: bool = False,
     ) -> None:
         self.clock = Clock()
         self.broker = MemoryBroker()
@@ -110,14 +120,7 @@ class Inside:
             veiling=self.veiling,
         )
         sealers = Sealers(lambda _: identities.site)
-        answers = Answers(
-            broker=self.broker,
-            acknowledger=Acknowledger(sealers),
-            senders=self.senders,
-            presence=self.presence,
-            counters=self.counters,
-            clock=self.clock,
-        )
+        self.answers = self._make_answers(sealers, homeassistant=homeassistant)
         self.commands = Commands(5.0)
         self.dispatcher = Dispatcher(
             self.commands,
@@ -133,11 +136,31 @@ class Inside:
             inbox=self.inbox,
             intake=self.intake,
             spool=self.spool,
-            answers=answers,
+            answers=self.answers,
             dispatcher=self.dispatcher,
             counters=self.counters,
         )
         self._mid = 0
+
+    def _make_answers(self, sealers: Sealers, *, homeassistant: bool) -> Answers:
+        return Answers(
+            broker=self.broker,
+            acknowledger=Acknowledger(sealers),
+            senders=self.senders,
+            presence=self.presence,
+            counters=self.counters,
+            discovery=self._make_discovery() if homeassistant else None,
+            clock=self.clock,
+        )
+
+    def _make_discovery(self) -> Discovery:
+        return Discovery(
+            "homeassistant",
+            forget_ns=DAY_NS,
+            spool=self.spool,
+            senders=self.senders,
+            now=lambda: EPOCH + int((self.clock() - 1000) * 1e9),
+        )
 
     def _make_keys(self, folder: Path) -> None:
         self.vault = open_vault(KeysSection(), folder)

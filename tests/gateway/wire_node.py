@@ -122,9 +122,9 @@ class Seal:
 
 
 class Listener:
-    """A client that reads the public topics. ``heard`` holds topic, payload and retain flag."""
+    """A client that reads public topics. ``heard`` holds topic, payload and retain flag."""
 
-    def __init__(self, identity: Identity, port: int) -> None:
+    def __init__(self, identity: Identity, port: int, topic: str = live_topic("+", "#")) -> None:
         self.heard: list[tuple[str, bytes, bool]] = []
         self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id=identity.name)
         self._client.tls_set_context(client_context(identity.directory / ROOT_FILE, identity))
@@ -132,7 +132,7 @@ class Listener:
         self._client.on_message = self._on_message
         self._client.on_subscribe = self._on_subscribe
         self._client.connect("127.0.0.1", port)
-        self._client.subscribe(live_topic("+", "#"), qos=1)
+        self._client.subscribe(topic, qos=1)
         self._client.loop_start()
 
     def __enter__(self) -> Self:

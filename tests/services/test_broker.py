@@ -165,6 +165,20 @@ def test_client_writes_nothing(gateway: Party, node: Party, client: Party) -> No
     assert client.heard == [(MARK, b"")]
 
 
+def test_what_is_for_other_clients_comes_from_gateways_alone(
+    gateway: Party, node: Party, client: Party
+) -> None:
+    topics = ["homeassistant/sensor/fingertip/t01-current/config", "eskin/v1/senml/fingertip/x"]
+    for topic in topics:
+        node.publish(topic, b"from node")
+        client.publish(topic, b"from client")
+        gateway.publish(topic, b"from gateway")
+    gateway.publish(MARK, b"")
+    wait_until(lambda: (MARK, b"") in client.heard, "the mark arrives")
+    assert client.heard == [*((topic, b"from gateway") for topic in topics), (MARK, b"")]
+    assert node.heard == []
+
+
 def test_gateway_cannot_pass_for_a_node(gateway: Party, node: Party) -> None:
     gateway.publish("eskin/v1/nodes/fingertip/blocks", b"forged")
     node.publish("eskin/v1/nodes/fingertip/blocks", b"genuine")

@@ -1,0 +1,212 @@
+"""The client."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from ipaddress import ip_address
+from typing import TYPE_CHECKING, Any, Final, Self
+
+import httpx
+import pyarrow as pa
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from eskin.client.arrow import read_tubes
+from eskin.client.joining import joined
+from eskin.client.pages import Pages
+from eskin.errors import QueryError
+from eskin.identity import client_context
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+    from types import TracebackType
+
+    from eskin.tube import Tube
+
+_API: Final = "/api/v1"
+_ARROW: Final = "application/vnd.apache.arrow.stream"
+_TIMEOUT_S: Final = 60.0
+_EPOCH: Final = datetime.fromisoformat("1970-01-01T00:00:00+00:00")
+
+Moment = datetime | int | str
+"""A moment: with a time zone, as UTC ns since 1970, or in RFC 3339."""
+
+
+def connect(
+    url: str,
+    token: str,
+    *,
+    root: Path | None = None,
+    page: int = 1_000_000,
+    retry_s: float = 0.5,
+    transport: httpx.BaseTransport | None = None,
+) -> Client:
+    """Connect to a cloud.
+
+    Args:
+        url: Such as ``https://cloud:8080``; ``http`` on this machine alone.
+        token: A token with the scope ``read``.
+        root: PEM file of the CA that certified the cloud; else the system's CAs are trusted.
+        page: Samples in one request of a long read.
+        retry_s: Seconds before a request that failed in passing is repeated for the first time.
+        transport: Carries requests in place of the network.
+
+    Raises:
+        QueryError: The address would carry the token in the clear.
+        IdentityError: ``root`` cannot be read.
+    """
+    address = httpx.URL(url)
+    if address.scheme != "https" and not _is_loopback(address.host):
+        raise QueryError("url", f"{url!r} would carry the token in the clear; use https")
+    http = httpx.Client(
+        base_url=address,
+        headers={"Authorization": f"Bearer {token}"},
+        verify=True if root is None else client_context(root),
+        timeout=_TIMEOUT_S,
+        transport=transport,
+    )
+    return Client(Pages(http, retry_s=retry_s), page=page)
+
+
+class Client:
+    """What a cloud knows, as tubes. A context manager; made by `connect`.
+
+    Args:
+        pages: Asks the cloud.
+        page: Samples in one request of a long read.
+    """
+
+    def __init__(self, pages: Pages, *, page: int) -> None:
+        self._pages = pages
+        self._page = page
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close all connections."""
+        self._pages.close()
+
+    def nodes(self) -> list[dict[str, Any]]:
+        """All nodes, as ``GET /nodes`` tells them.
+
+        Raises:
+            CloudError: The cloud refused, or did not answer.
+        """
+        return list(self._pages.items(f"{_API}/nodes"))
+
+    def channels(self, node: str) -> list[dict[str, Any]]:
+        """A node's channels, as ``GET /nodes/{node}/channels`` tells them.
+
+        Raises:
+            CloudError: As `nodes`.
+        """
+        return list(self._pages.items(f"{_API}/nodes/{node}/channels"))
+
+    def series(
+        self,
+        node: str,
+        channel: str,
+        *,
+        start: Moment | None = None,
+        end: Moment | None = None,
+        progress: bool | None = None,
+    ) -> list[Tube]:
+        """All samples of a channel in a window, a tube for each stretch without a gap.
+
+        Args:
+            node: Such as ``fingertip``.
+            channel: Such as ``t01.capacitance``.
+            start: Included; else from the first sample on.
+            end: Excluded; else up to the last sample.
+            progress: Whether a bar is shown; else where it takes more than one request, on a
+                terminal or in a notebook.
+
+        Raises:
+            QueryError: A moment without a time zone.
+            CloudError: As `nodes`.
+        """
+        with _bar(f"{node}/{channel}", wanted=progress) as advance:
+            return list(joined(self._blocks(node, channel, start, end, advance)))
+
+    def pieces(
+        self,
+        node: str,
+        channel: str,
+        *,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> Iterator[Tube]:
+        """As `series`, but block by block while they come: for what does not fit into memory.
+
+        Raises:
+            QueryError: As `series`.
+            CloudError: As `nodes`.
+        """
+        return self._blocks(node, channel, start, end, lambda *_: None)
+
+    def _blocks(
+        self,
+        node: str,
+        channel: str,
+        start: Moment | None,
+        end: Moment | None,
+        advance: Callable[[int, int], None],
+    ) -> Iterator[Tube]:
+        window = {"start": start, "end": end}
+        params: dict[str, Any] = {
+            name: _written(name, moment) for name, moment in window.items() if moment is not None
+        }
+        params |= {"channel": f"{node}/{channel}", "limit": self._page}
+        total = 0
+        for answer in self._pages.following(f"{_API}/export", params, accept=_ARROW):
+            total = int(answer.headers.get("Eskin-Samples", total))
+            with pa.ipc.open_stream(answer.content) as reader:
+                table = reader.read_all()
+            advance(table.num_rows, total)
+            yield from read_tubes(table)
+
+
+@contextmanager
+def _bar(name: str, *, wanted: bool | None) -> Iterator[Callable[[int, int], None]]:
+    """A progress bar that appears with the first page that is not the last."""
+    console = Console(stderr=True)
+    shown = (console.is_terminal or console.is_jupyter) if wanted is None else wanted
+    columns = TextColumn(name), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
+    bar = Progress(*columns, console=console, disable=not shown)
+    task = bar.add_task(name, total=None)
+
+    def advance(count: int, total: int) -> None:
+        bar.update(task, advance=count, total=total)
+        if wanted or not bar.finished:
+            bar.start()
+
+    try:
+        yield advance
+    finally:
+        bar.stop()
+
+
+def _written(parameter: str, moment: Moment) -> str:
+    if not isinstance(moment, datetime):
+        return str(moment)
+    if moment.tzinfo is None:
+        raise QueryError(parameter, f"{moment} has no time zone; give it one, such as UTC")
+    return str((moment - _EPOCH) // timedelta(microseconds=1) * 1000)
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return host == "localhost" or ip_address(host).is_loopback
+    except ValueError:
+        return False

@@ -1,0 +1,1 @@
+"""Home Assistant's own word on what the gateway announces."""

@@ -1,0 +1,57 @@
+"""Runs in Home Assistant's environment: takes announcements as its own discovery would.
+
+Reads a JSON list of objects: ``prefix``, ``topic``, ``config``, and payloads: ``states``,
+``statuses``. Writes what Home Assistant makes of each, or ends with its refusal.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import sys
+from typing import Any
+
+from homeassistant.components.mqtt.discovery import TOPIC_MATCHER
+from homeassistant.components.mqtt.mixins import MQTT_ENTITY_DEVICE_INFO_SCHEMA
+from homeassistant.components.mqtt.models import MqttValueTemplate
+from homeassistant.components.mqtt.sensor import DISCOVERY_SCHEMA, MQTT_SENSOR_ATTRIBUTES_BLOCKED
+from homeassistant.components.sensor import DEVICE_CLASS_UNITS
+from homeassistant.core import HomeAssistant
+
+
+async def judge(asked: dict[str, Any]) -> dict[str, Any]:
+    """What Home Assistant makes of an announcement."""
+    found = TOPIC_MATCHER.match(asked["topic"].removeprefix(asked["prefix"] + "/"))
+    assert found is not None, "Home Assistant looks at no such topic"
+    config = DISCOVERY_SCHEMA(json.loads(asked["config"]))
+    MQTT_ENTITY_DEVICE_INFO_SCHEMA(config["device"])
+    kind, unit = config.get("device_class"), config.get("unit_of_measurement")
+    assert kind is None or unit in DEVICE_CLASS_UNITS[kind], f"{kind} is not measured in {unit}"
+    hass = HomeAssistant("/nowhere")
+
+    def rendered(template: Any, payloads: list[str]) -> list[Any]:
+        template.hass = hass
+        value = MqttValueTemplate(template, hass=hass)
+        return [value.async_render_with_possible_json_value(each) for each in payloads]
+
+    told = {key for state in asked["states"] for key in json.loads(state)}
+    return {
+        **found.groupdict(),
+        "device_class": kind,
+        "unit": unit,
+        "states": rendered(config["value_template"], asked["states"]),
+        "attributes": sorted(told - MQTT_SENSOR_ATTRIBUTES_BLOCKED),
+        "available": [
+            {config["payload_available"]: True, config["payload_not_available"]: False}[each]
+            for each in rendered(config["availability_template"], asked["statuses"])
+        ],
+        "expire_after": config["expire_after"],
+    }
+
+
+async def judge_all(asked: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What it makes of each."""
+    return [await judge(each) for each in asked]
+
+
+sys.stdout.write(json.dumps(asyncio.run(judge_all(json.load(sys.stdin)))))
