@@ -256,3 +256,16 @@ def _levels(store: Store) -> set[int]:
 def _remove(store: Store, before: int) -> None:
     sweep = Sweep(NODE, CHANNEL, Reason.AGE, before)
     store.write(lambda c: remove(c, store.ledger, sweep, most=500, now=START)).result(20)
+
+
+def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
+    moments = [START + 100 * n for n in range(400)]
+    put(
+        store, *(block(n, [1.0] * 30, [2.0] * 30, time=(t, t), dt=1) for n, t in enumerate(moments))
+    )
+    build(store)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        window = Window(START, START + 40_000)
+        found = list(find_segments(connection, row, window, Question(0.0, None, strict=True)))
+    assert [(run.start, run.end) for run in found] == [(t, t + 29) for t in moments]
