@@ -60,16 +60,19 @@ class ChannelUnit:
         self._calibrating = False
         self.away = False
         self.filled = 0
+        self._schedule = schedule
+        self._first = 0
         self.restart(schedule, threshold, 0.0)
 
     def restart(self, schedule: "Schedule", threshold: float, smoothing: float) -> None:
-        """Count and seek anew, with other settings."""
-        self._schedule = schedule
+        """Seek anew, with other settings; another schedule counts its samples anew."""
+        if schedule is not self._schedule:
+            self._schedule, self._first = schedule, 0
         self.threshold = threshold
         self._smoothing = Smoothing(smoothing)
         self.channel.dt = schedule.dt
         longest = max(2, self._longest // schedule.dt)
-        self._detector = PeakDetector(threshold, longest) if threshold > 0.0 else None
+        self._detector = PeakDetector(threshold, longest, self._first) if threshold > 0.0 else None
 
     def seek(self, detector: "PeakDetector | None") -> None:
         """Go on with a search that stands somewhere."""
@@ -83,7 +86,7 @@ class ChannelUnit:
         """What is to be said of the frame in the buffers: its block, then its peaks."""
         if self._calibrating:
             self._calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
-        self.filled = frame.n
+        self.filled, self._first = frame.n, frame.first + frame.n
         at_rest = self.baseline.stays(self.lows, self.highs, frame.n, self.threshold)
         self.away = self.baseline.known and self.threshold > 0.0 and not at_rest
         records = []
@@ -106,6 +109,7 @@ class ChannelUnit:
         """Say that samples are missing here; gives the peaks that stay undecided."""
         records: list[Record] = []
         self.filled = 0 if samples else self.filled
+        self._first += samples
         if self._detector is not None:
             self._tell_peaks(records, self._detector.gap(samples))
         self._smoothing.reset()

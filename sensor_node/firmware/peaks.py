@@ -128,11 +128,12 @@ class PeakDetector:
         prominence: Least prominence p > 0, in the signal's unit.
         longest: Samples after which an undecided region is reported as possible. The search goes
             on: such a peak may still prove certain and is reported again then.
+        first: Index of the first sample.
     """
 
-    def __init__(self, prominence: float, longest: int) -> None:
+    def __init__(self, prominence: float, longest: int, first: int = 0) -> None:
         self._longest = longest
-        self._index = 0
+        self._index = first
         self._certain = Hysteresis(prominence)
         self._optimistic = Hysteresis(prominence)
         self._undecided: list[Span] = []
