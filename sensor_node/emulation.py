@@ -69,7 +69,7 @@ class EmulatedTaxel:
         self._seed = seed
         self._sampling = sampling
         self._functions = functions
-        self._sensing = Sensing(taxel, seed, companions)
+        self.sensing = Sensing(taxel, seed, companions)  # what is before its control unit
         self._companions = companions
         self._coverage = coverage
         self._clock = clock
@@ -152,7 +152,7 @@ class EmulatedTaxel:
             FirmwareError: The firmware failed.
         """
         signals, random = self._sense(self.next)
-        digitised = self._sensing.digitise(signals.sensed, random)
+        digitised = self.sensing.digitise(signals.sensed, random)
         self._truth = signals.truth | digitised.truth
         with self._watched():
             self.control_unit.measure(self.next, self._codes(digitised))
@@ -180,14 +180,14 @@ class EmulatedTaxel:
 
     def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
         random = np.random.default_rng((*self._seed, self._boot, frame.start))
-        return self._sensing.signals(self._seconds(frame), random), random
+        return self.sensing.signals(self._seconds(frame), random), random
 
     def _measure(
         self, frame: Frame, signals: Signals, random: np.random.Generator
     ) -> tuple[list[Record], list[TrueBlock]]:
-        digitised = self._sensing.digitise(signals.sensed, random)
+        digitised = self.sensing.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        ends = [self._codes(self._sensing.digitise(end, random)) for end in signals.ends]
+        ends = [self._codes(self.sensing.digitise(end, random)) for end in signals.ends]
         with self._watched():
             records = self.control_unit.process(frame, *(ends or [self._codes(digitised)]))
         return records, self._told(frame, records, truth)
@@ -281,7 +281,7 @@ class EmulatedTaxel:
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
-        self._sensing.adjust(self.control_unit.adaptation)
+        self.sensing.adjust(self.control_unit.adaptation)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the emulation began, or since the burst's trigger."""

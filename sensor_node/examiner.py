@@ -56,6 +56,10 @@ class Examiner:
         self._broken: dict[str, int] = {}
         self.faults: list[tuple[str, int, int]] | None = None
 
+    def know_dead(self, taxel: EmulatedTaxel) -> None:
+        """Take up that a taxel is certainly dead, and was told to be."""
+        self._broken[taxel.name], taxel.control_unit.broken = _FAULTS.index("dead"), True
+
     def watch(self, number: int, ticks: int) -> list[Record]:
         """See a taxel's latest frame, which ended at some ticks; tells what a window has shown."""
         self._taxels[number].show(number, self._self_test)
