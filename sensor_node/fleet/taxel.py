@@ -139,9 +139,11 @@ class TaxelRows:
 
     def _designed(self, coverage: float, encoding: str, clock: tuple[int, int]) -> Design:
         setting, schedule = self._setting, self._schedule
-        names = zip(self.channels, self._units, strict=True)
+        channels = zip(self.channels, self._units, strict=True)
+        names = [described(*each) for each in channels]
         return Design(
-            tuple(described(*each) for each in names),
+            np.concatenate(names),
+            np.cumsum([0, *(name.size for name in names)]),
             np.array(setting.thresholds),
             coverage,
             int(Encoding[encoding.upper()]),

@@ -41,7 +41,8 @@ class Design(NamedTuple):
     """What all nodes share of a taxel.
 
     Attributes:
-        names: Name and unit of each channel, as they stand in messages.
+        names: Name and unit of each channel, as they stand in messages, one after the other.
+        ends: Where each begins in them, and where the last one ends.
         prominences: Least prominence of each channel's peaks; 0 where there are none.
         coverage: Of one sample.
         encoding: How blocks write their bounds.
@@ -50,7 +51,8 @@ class Design(NamedTuple):
         timing: When samples are taken, and how well the nodes know it.
     """
 
-    names: tuple[Bytes, ...]
+    names: Bytes
+    ends: Integers
     prominences: Floats
     coverage: float
     encoding: int
@@ -110,6 +112,12 @@ def _note(
 
 
 @part
+def _channel(design: Design, k: int) -> Channel:
+    name = design.names[design.ends[k] : design.ends[k + 1]]
+    return Channel(name, design.timing.dt, design.coverage)
+
+
+@part
 def _next(group: Group, row: int) -> int:
     node = group.numbers[row]
     sequence: int = group.nodes.sequences[node]
@@ -136,7 +144,7 @@ def _seek(
     threshold = design.prominences[k]
     _, found = search(lows, highs, threshold, progress, passes, regions, output.events)
     at, count = place
-    channel = Channel(design.names[k], design.timing.dt, design.coverage)
+    channel = _channel(design, k)
     node = group.numbers[row]
     boot, reading = group.nodes.boots[node], group.nodes.readings[node]
     for number in range(found):
@@ -175,7 +183,7 @@ def _tell_block(
     sequence, record = _next(group, row), output.records[place.messages]
     _note(record, row, k, BLOCK, sequence, until, n)
     record.begin = place.at
-    channel = Channel(design.names[k], dt, design.coverage)
+    channel = _channel(design, k)
     boot, encoding = group.nodes.boots[node], design.encoding
     record.end = block(
         output.content, place.at, boot, sequence, channel, time, encoding, lows, highs, room
