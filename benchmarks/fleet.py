@@ -10,7 +10,8 @@ import psutil
 
 from benchmarks.pipeline import cpu_seconds
 from benchmarks.report import Row
-from sensor_node.fleet.cohort import Cohort, Member
+from sensor_node.fleet.cohort import Cohort
+from sensor_node.fleet.crew import Crew, Recruit
 from sensor_node.profile import Profile
 from sensor_node.settings import NodeSettings
 from tests.fleets import RunningFleet, enrol
@@ -126,9 +127,10 @@ def measure_emulation(folder: Path, *, nodes: int) -> list[Row]:
     Two threads share the nodes; nothing is stored or sent.
     """
     settings = _fingertips(folder)
-    members = [Member(seed=number, boot=1, start=_START) for number in range(nodes)]
+    members = [Recruit(seed=number, boot=1, start=_START) for number in range(nodes)]
     cohorts = [
-        Cohort(settings, members[first : first + _TOGETHER]) for first in range(0, nodes, _TOGETHER)
+        Cohort(Crew(settings, members[first : first + _TOGETHER]))
+        for first in range(0, nodes, _TOGETHER)
     ]
     frame = max(taxel.next.end for taxel in cohorts[0].taxels)
     with ThreadPoolExecutor(2) as pool:

@@ -68,7 +68,7 @@ class EmulatedTaxel:
         self._sampling = sampling
         self._repeats = repeats
         self._functions = functions
-        self._sensing = Sensing(taxel, seed, companions)
+        self.sensing = Sensing(taxel, seed, companions)  # what is before its control unit
         self._companions = companions
         self._coverage = coverage
         self._clock = clock
@@ -96,7 +96,7 @@ class EmulatedTaxel:
             clock=self._clock.known,
             scribe=scribe,
         )
-        self.reader = Reader(self.control_unit, self._sensing, self._calibrated.inputs)
+        self.reader = Reader(self.control_unit, self.sensing, self._calibrated.inputs)
         self._inverted = list(self._calibrated.inverted)
         self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
         self.next: Frame = self.control_unit.schedule.frame(0)
@@ -154,7 +154,7 @@ class EmulatedTaxel:
             FirmwareError: The firmware failed.
         """
         signals, random = self._sense(self.next)
-        digitised = self._sensing.digitise(signals.sensed, random)
+        digitised = self.sensing.digitise(signals.sensed, random)
         self._truth = signals.truth | digitised.truth
         with self._watched():
             self.control_unit.measure(self.next, self.reader.read(digitised))
@@ -183,14 +183,14 @@ class EmulatedTaxel:
     def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
         self.reader.begin()
         random = np.random.default_rng((*self._seed, self._boot, frame.start))
-        return self._sensing.signals(self._seconds(frame), random), random
+        return self.sensing.signals(self._seconds(frame), random), random
 
     def _measure(
         self, frame: Frame, signals: Signals, random: np.random.Generator
     ) -> tuple[list[Record], list[TrueBlock]]:
-        digitised = self._sensing.digitise(signals.sensed, random)
+        digitised = self.sensing.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        ends = [self._sensing.digitise(end, random) for end in signals.ends]
+        ends = [self.sensing.digitise(end, random) for end in signals.ends]
         with self._watched():
             readings = [self.reader.read(each) for each in ends or [digitised]]
             records = self.control_unit.process(frame, *readings)
@@ -282,7 +282,7 @@ class EmulatedTaxel:
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
-        self._sensing.adjust(self.control_unit.adaptation)
+        self.sensing.adjust(self.control_unit.adaptation)
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the emulation began, or since the burst's trigger."""

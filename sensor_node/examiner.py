@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 SELF_TEST: Final = 20 * BILLION
 """Ticks of a window in which stuck and dead taxels are looked for."""
 
+_DEAD_FAULT: Final = 0
+"""Place of a dead taxel's verdict in what the self-test finds, before that of a stuck one."""
+
 
 class Examiner:
     """Lets the firmware's self-test see each frame, and tells of what is broken.
@@ -56,6 +59,10 @@ class Examiner:
         self._broken: dict[str, int] = {}
         self.faults: list[tuple[str, int, int]] | None = None
 
+    def know_dead(self, taxel: EmulatedTaxel) -> None:
+        """Take up that a taxel is certainly dead, and was told to be."""
+        self._broken[taxel.name], taxel.control_unit.broken = _DEAD_FAULT, True
+
     def watch(self, number: int, ticks: int) -> list[Record]:
         """See a taxel's latest frame, which ended at some ticks; tells what a window has shown."""
         self._taxels[number].show(number, self._self_test)
@@ -84,7 +91,7 @@ class Examiner:
             return []
         said = []
         if known is None or unit.left_out:
-            reason = DEAD if fault == 0 else STUCK
+            reason = DEAD if fault == _DEAD_FAULT else STUCK
             said.append(self._scribe.gap(reason, time, unit.left_out, taxel=taxel.name))
         self._broken[taxel.name], unit.broken, unit.left_out = fault, True, 0
         if found[fault] == IMPOSSIBLE:

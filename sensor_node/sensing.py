@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,10 +17,24 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.firmware.adaptation import Adaptation
     from sensor_node.frontend import Digitised
+    from sensor_node.frontend.amplified import Frontend
     from sensor_node.machine.converter import Codes
-    from sensor_node.physics import Signals
+    from sensor_node.physics import Signals, World
     from sensor_node.taxels import AnyTaxel
     from sensor_node.taxels.companion import Companion
+
+
+class Drawn(NamedTuple):
+    """The true parts of one taxel."""
+
+    world: World
+    frontend: Frontend
+
+
+def draw(taxel: AnyTaxel, seed: tuple[int, ...], companions: Mapping[str, Companion]) -> Drawn:
+    """Draw them; arguments as of `Sensing`."""
+    parts = np.random.default_rng(seed)
+    return Drawn(build_world(taxel, parts), build_frontend(taxel, parts, companions))
 
 
 class Sensing:
@@ -32,15 +46,15 @@ class Sensing:
         companions: What it reads along, by the names of its inputs.
 
     Attributes:
+        drawn: What was drawn.
         last: Greatest code of its converter.
     """
 
     def __init__(
         self, taxel: AnyTaxel, seed: tuple[int, ...], companions: Mapping[str, Companion]
     ) -> None:
-        parts = np.random.default_rng(seed)
-        self._world = build_world(taxel, parts)
-        self._frontend = build_frontend(taxel, parts, companions)
+        self.drawn = draw(taxel, seed, companions)
+        self._world, self._frontend = self.drawn
         self.last = (1 << taxel.adc_bits) - 1
 
     def signals(self, seconds: Floats, random: np.random.Generator) -> Signals:

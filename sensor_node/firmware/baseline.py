@@ -11,7 +11,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-_PACE = 1.0 / 64
+PACE = 1.0 / 64
 """Share of the way to a frame's mean that the baseline goes with each frame."""
 
 
@@ -59,8 +59,8 @@ class Baseline:
             if lows[k] < least or highs[k] > most:
                 return False
         lo, hi = mean_bounds(lows, highs, n)
-        self.lo += _PACE * (lo - self.lo)
-        self.hi += _PACE * (hi - self.hi)
+        self.lo += PACE * (lo - self.lo)
+        self.hi += PACE * (hi - self.hi)
         return True
 
 

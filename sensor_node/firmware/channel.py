@@ -18,7 +18,7 @@ SAMPLES = "samples"
 PEAKS = "peaks"
 ADAPTIVE = "adaptive"
 """Modes: every sample is sent; none, only peaks; or those that may lie away from the rest."""
-_HEARTBEAT = 40
+HEARTBEAT = 40
 """Frames of which an adaptive channel sends one at least."""
 
 
@@ -26,6 +26,12 @@ class ChannelUnit:
     """Measures one channel.
 
     Attributes:
+        baseline: Its rest.
+        calibrating: Whether the next frame that is bounded becomes its rest.
+        detector: Its search for peaks; ``None`` where there are none.
+        first: Number of its next sample.
+        silent: Frames since an adaptive channel sent one.
+        smoothing: What smooths the samples in which peaks are sought.
         filled: Samples of its last frame, which stand in its buffers.
         away: Whether its last frame was possibly farther from its rest than a touch.
 
@@ -56,34 +62,33 @@ class ChannelUnit:
         self._longest = longest
         self._clock = clock
         self._scribe = scribe
-        self._silent = 0
-        self._calibrating = False
+        self.silent = 0
+        self.calibrating = False
         self.away = False
         self.filled = 0
+        self._schedule = schedule
+        self.first = 0
         self.restart(schedule, threshold, 0.0)
 
     def restart(self, schedule: "Schedule", threshold: float, smoothing: float) -> None:
-        """Count and seek anew, with other settings."""
-        self._schedule = schedule
+        """Seek anew, with other settings; another schedule counts its samples anew."""
+        if schedule is not self._schedule:
+            self._schedule, self.first = schedule, 0
         self.threshold = threshold
-        self._smoothing = Smoothing(smoothing)
+        self.smoothing = Smoothing(smoothing)
         self.channel.dt = schedule.dt
         longest = max(2, self._longest // schedule.dt)
-        self._detector = PeakDetector(threshold, longest) if threshold > 0.0 else None
-
-    def seek(self, detector: "PeakDetector | None") -> None:
-        """Go on with a search that stands somewhere."""
-        self._detector = detector
+        self.detector = PeakDetector(threshold, longest, self.first) if threshold > 0.0 else None
 
     def calibrate(self) -> None:
         """Take the next frame that is bounded as the rest."""
-        self._calibrating = True
+        self.calibrating = True
 
     def tell(self, frame: "Frame", mode: str, encoding: int) -> "list[Record]":
         """What is to be said of the frame in the buffers: its block, then its peaks."""
-        if self._calibrating:
-            self._calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
-        self.filled = frame.n
+        if self.calibrating:
+            self.calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
+        self.filled, self.first = frame.n, frame.first + frame.n
         at_rest = self.baseline.stays(self.lows, self.highs, frame.n, self.threshold)
         self.away = self.baseline.known and self.threshold > 0.0 and not at_rest
         records = []
@@ -94,26 +99,27 @@ class ChannelUnit:
                     self.channel, frame.start, time, encoding, self.lows, self.highs, frame.n
                 )
             )
-        if self._detector is not None:
-            if self._smoothing.weight > 0.0:
-                self._smoothing.smooth(self.lows, self.highs, frame.n)
-            self._tell_peaks(records, self._detector.feed(self.lows, self.highs, frame.n))
+        if self.detector is not None:
+            if self.smoothing.weight > 0.0:
+                self.smoothing.smooth(self.lows, self.highs, frame.n)
+            self._tell_peaks(records, self.detector.feed(self.lows, self.highs, frame.n))
             if frame.closes:
-                self._tell_peaks(records, self._detector.gap(0))
+                self._tell_peaks(records, self.detector.gap(0))
         return records
 
     def skip(self, samples: int) -> "list[Record]":
         """Say that samples are missing here; gives the peaks that stay undecided."""
         records: list[Record] = []
         self.filled = 0 if samples else self.filled
-        if self._detector is not None:
-            self._tell_peaks(records, self._detector.gap(samples))
-        self._smoothing.reset()
+        self.first += samples
+        if self.detector is not None:
+            self._tell_peaks(records, self.detector.gap(samples))
+        self.smoothing.reset()
         return records
 
     def _speaks(self, *, at_rest: bool) -> bool:
-        self._silent = self._silent + 1 if at_rest and self._silent + 1 < _HEARTBEAT else 0
-        return self._silent == 0
+        self.silent = self.silent + 1 if at_rest and self.silent + 1 < HEARTBEAT else 0
+        return self.silent == 0
 
     def _tell_peaks(self, records: "list[Record]", events: "list[PeakEvent]") -> None:
         for event in events:

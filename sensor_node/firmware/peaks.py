@@ -71,9 +71,16 @@ class Span:
 
 
 class Hysteresis:
-    """One pass: a rise of p above the lowest valley, then a fall of p below the highest crest."""
+    """One pass: a rise of p above the lowest valley, then a fall of p below the highest crest.
 
-    __slots__ = ("_crest", "_prominence", "_rising", "_valley", "span")
+    Attributes:
+        span: The stretch from its valley on; ``None`` before the first sample.
+        valley: The lowest valley so far.
+        crest: The highest crest since it rose.
+        rising: Whether it rose p above the valley.
+    """
+
+    __slots__ = ("_prominence", "crest", "rising", "span", "valley")
 
     def __init__(self, prominence: float) -> None:
         self._prominence = prominence
@@ -81,9 +88,9 @@ class Hysteresis:
 
     def reset(self) -> None:
         """Forget all samples."""
-        self._valley = INFINITY
-        self._crest = -INFINITY
-        self._rising = False
+        self.valley = INFINITY
+        self.crest = -INFINITY
+        self.rising = False
         self.span: Span | None = None
 
     def take(self, index: int, valley: float, crest: float, lo: float, hi: float) -> "Span | None":
@@ -93,21 +100,21 @@ class Hysteresis:
             self._start(index, valley, lo, hi)
             return None
         span.take(index, lo, hi)
-        if self._rising:
-            if reaches(self._crest, valley, self._prominence):
+        if self.rising:
+            if reaches(self.crest, valley, self._prominence):
                 span.peaks = 1
-                span.prominence = down(self._crest - max(self._valley, valley))
+                span.prominence = down(self.crest - max(self.valley, valley))
                 self._start(index, valley, lo, hi)
                 return span
-            self._crest = max(self._crest, crest)
-        elif reaches(crest, self._valley, self._prominence):
-            self._rising, self._crest = True, crest
-        elif valley <= self._valley:
+            self.crest = max(self.crest, crest)
+        elif reaches(crest, self.valley, self._prominence):
+            self.rising, self.crest = True, crest
+        elif valley <= self.valley:
             self._start(index, valley, lo, hi)
         return None
 
     def _start(self, index: int, valley: float, lo: float, hi: float) -> None:
-        self._valley, self._rising = valley, False
+        self.valley, self.rising = valley, False
         self.span = Span(index, lo, hi)
 
 
@@ -128,14 +135,21 @@ class PeakDetector:
         prominence: Least prominence p > 0, in the signal's unit.
         longest: Samples after which an undecided region is reported as possible. The search goes
             on: such a peak may still prove certain and is reported again then.
+        first: Index of the first sample.
+
+    Attributes:
+        index: Of the next sample.
+        certain: The pass that finds certain peaks.
+        optimistic: The pass that finds all that may be.
+        undecided: Possible peaks that may still prove certain, the oldest first.
     """
 
-    def __init__(self, prominence: float, longest: int) -> None:
+    def __init__(self, prominence: float, longest: int, first: int = 0) -> None:
         self._longest = longest
-        self._index = 0
-        self._certain = Hysteresis(prominence)
-        self._optimistic = Hysteresis(prominence)
-        self._undecided: list[Span] = []
+        self.index = first
+        self.certain = Hysteresis(prominence)
+        self.optimistic = Hysteresis(prominence)
+        self.undecided: list[Span] = []
 
     def feed(self, lows: "Sequence[float]", highs: "Sequence[float]", n: int) -> "list[PeakEvent]":
         """Take the next samples; give what is decided now, in order of its end.
@@ -148,33 +162,33 @@ class PeakDetector:
                 self._take(lows[k], highs[k], events)
             else:
                 events += self.gap(0)
-            self._index += 1
+            self.index += 1
         return events
 
     def gap(self, samples: int) -> "list[PeakEvent]":
         """Say that samples are missing here; nothing is joined across."""
-        events = [PeakEvent(POSSIBLE, span) for span in self._undecided]
-        self._undecided.clear()
-        self._certain.reset()
-        self._optimistic.reset()
-        self._index += samples
+        events = [PeakEvent(POSSIBLE, span) for span in self.undecided]
+        self.undecided.clear()
+        self.certain.reset()
+        self.optimistic.reset()
+        self.index += samples
         return events
 
     def _take(self, lo: float, hi: float, events: "list[PeakEvent]") -> None:
-        possible = self._optimistic.take(self._index, lo, hi, lo, hi)
+        possible = self.optimistic.take(self.index, lo, hi, lo, hi)
         if possible is not None:
             self._remember(possible)
-        certain = self._certain.take(self._index, hi, lo, lo, hi)
+        certain = self.certain.take(self.index, hi, lo, lo, hi)
         if certain is not None:
             self._match(certain)
-        if self._undecided:
+        if self.undecided:
             self._settle(events)
         if certain is not None:
             events.append(PeakEvent(CERTAIN, certain))
 
     def _remember(self, span: Span) -> None:
         span.prominence = 0.0
-        waiting = self._undecided
+        waiting = self.undecided
         if waiting and span.first <= waiting[-1].last:
             waiting[-1].merge(span)
             return
@@ -188,23 +202,23 @@ class PeakDetector:
         There always is one, unless it was reported as possible before, for taking too long.
         """
         best = None
-        for span in self._undecided:
+        for span in self.undecided:
             if span.last > certain.first and (best is None or span.ceiling > best.ceiling):
                 best = span
         if best is None:
             return
         best.peaks -= 1
         if best.peaks == 0:
-            self._undecided.remove(best)
+            self.undecided.remove(best)
 
     def _settle(self, events: "list[PeakEvent]") -> None:
         """Report regions that no certain peak can claim any more, and that will not grow."""
-        waiting = self._undecided
-        if self._index - waiting[0].first >= self._longest:
+        waiting = self.undecided
+        if self.index - waiting[0].first >= self._longest:
             events.extend(PeakEvent(POSSIBLE, span) for span in waiting)
             waiting.clear()
             return
-        certain, growing = self._certain.span, self._optimistic.span
+        certain, growing = self.certain.span, self.optimistic.span
         while waiting:
             claimable = certain is None or waiting[0].last > certain.first
             touching = growing is None or waiting[0].last >= growing.first

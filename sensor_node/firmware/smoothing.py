@@ -16,9 +16,14 @@ class Smoothing:
 
     Args:
         weight: Weight w of the past, ``0 <= w < 1``.
+
+    Attributes:
+        lo: Lower bound of the past.
+        hi: Upper bound of the past.
+        fresh: Whether there is no past.
     """
 
-    __slots__ = ("_fresh", "_hi", "_lo", "weight")
+    __slots__ = ("fresh", "hi", "lo", "weight")
 
     def __init__(self, weight: float) -> None:
         self.weight = weight
@@ -26,8 +31,8 @@ class Smoothing:
 
     def reset(self) -> None:
         """Forget the past."""
-        self._lo = self._hi = 0.0
-        self._fresh = True
+        self.lo = self.hi = 0.0
+        self.fresh = True
 
     def smooth(self, lows: "Buffer", highs: "Buffer", n: int) -> None:
         """Replace n bounds by smoothed ones."""
@@ -35,11 +40,11 @@ class Smoothing:
         for k in range(n):
             lo, hi = lows[k], highs[k]
             if lo == -INFINITY or hi == INFINITY:
-                self._fresh = True
+                self.fresh = True
                 continue
-            if not self._fresh:
+            if not self.fresh:
                 lo = down(lo * (down(present) if lo >= 0.0 else up(present)))
                 hi = up(hi * (up(present) if hi >= 0.0 else down(present)))
-                lo, hi = down(down(past * self._lo) + lo), up(up(past * self._hi) + hi)
-            self._lo, self._hi, self._fresh = lo, hi, False
+                lo, hi = down(down(past * self.lo) + lo), up(up(past * self.hi) + hi)
+            self.lo, self.hi, self.fresh = lo, hi, False
             lows[k], highs[k] = lo, hi

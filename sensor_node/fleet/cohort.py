@@ -1,91 +1,121 @@
-"""Nodes of one design that started together: the vectorised twin of `sensor_node.node.Node`."""
+"""Nodes of one crew that are set alike: the vectorised twin of `sensor_node.node.Node`."""
 
 from __future__ import annotations
 
 import heapq
 import itertools
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from sensor_node.firmware.record import Channel
-from sensor_node.fleet.clocks import Clocks
-from sensor_node.fleet.taxel import TaxelRows
-from sensor_node.fleet.telling import Nodes
-from sensor_node.neighbours import patches
+from sensor_node.fleet.columns import side_by_side
+from sensor_node.fleet.taxel import Standing, TaxelRows
+from sensor_node.fleet.telling import GONE
+from sensor_node.fleet.watch import Watch
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sensor_node.firmware.schedule import Frame
+    from sensor_node.fleet.crew import Crew
+    from sensor_node.fleet.setting import Setting
     from sensor_node.fleet.taxel import Said
-    from sensor_node.settings import NodeSettings
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
-    """One node of a cohort.
+class Key(NamedTuple):
+    """What nodes must have in common to sample together.
 
     Attributes:
-        seed: Draws its true parts and its noise.
-        boot: Number of this start.
-        start: True UTC at its tick 0, ns.
+        settings: Of each taxel, how it is set and which frame is next.
+        order: Taxels as their next frames will be complete.
     """
 
-    seed: int
-    boot: int
-    start: int
+    settings: tuple[Setting, ...]
+    order: tuple[int, ...]
+
+
+class Share(NamedTuple):
+    """Some nodes with the same key.
+
+    Attributes:
+        numbers: Which.
+        taxels: Where each of their taxels stands.
+    """
+
+    numbers: list[int]
+    taxels: list[Standing]
 
 
 class Cohort:
-    """Samples all taxels of its members in step.
+    """Samples all taxels of its nodes in step.
 
-    Says byte for byte what each member would say alone.
+    Says byte for byte what each node would say alone.
 
     Args:
-        settings: The members' design; what they do not share is not looked at.
-        members: Who they are.
+        crew: All nodes that started together.
+        shares: Who of them they are, and where they stand; all of them at their start, if there
+            are none.
+        order: As in their key.
 
     Attributes:
-        nodes: What the members know, and their next numbers.
+        numbers: Which nodes, a row each; `GONE` where one has left.
         taxels: What each has.
+        watch: Looks for dead taxels.
     """
 
-    def __init__(self, settings: NodeSettings, members: Sequence[Member]) -> None:
-        boots = np.array([member.boot for member in members], np.int64)
-        self._clocks = Clocks(
-            [member.start for member in members],
-            [np.random.default_rng((member.seed, member.boot)) for member in members],
-            error=round(settings.clock.rtc_error_ms * 1e6),
-            drift=round(settings.clock.drift_ppm * 1e3),
-        )
-        self.nodes = Nodes(
-            self._clocks.readings, boots, *(np.zeros(len(members), np.int64) for _ in range(2))
-        )
-        coverages = settings.coverages()
+    def __init__(
+        self, crew: Crew, shares: Sequence[Share] = (), order: Sequence[int] | None = None
+    ) -> None:
+        everybody = [Share(list(range(len(crew))), [])]
+        found = [number for share in shares or everybody for number in share.numbers]
+        self.numbers = np.array(found, np.int64)
+        self._crew = crew
+        self._clocks = crew.clocks.beside(found)
+        given = zip(*(share.taxels for share in shares), strict=True)
+        standings = [_together(each) for each in given] if shares else [None] * _taxels(crew)
         self.taxels = [
-            TaxelRows(
-                taxel,
-                number,
-                seeds=[member.seed for member in members],
-                companions=[settings.companions(taxel, member.seed) for member in members],
-                coverage=coverages[number],
-                clocks=self._clocks,
-                nodes=self.nodes,
-                sampling=settings.sampling,
-            )
-            for number, taxel in enumerate(settings.taxel)
+            TaxelRows(crew, number, self.numbers, clocks=self._clocks, standing=standing)
+            for number, standing in enumerate(standings)
         ]
-        self._patches = patches(settings.taxel)
+        self._patches = crew.patches
         for number, patch in self._patches.items():
             self.taxels[number].surround(patch.neighbours)
+        self.watch = Watch(crew, self.numbers, since=min(each.next.start for each in self.taxels))
         self._order = itertools.count()
         self._due: list[tuple[int, int, int]] = []
-        self._line_up()
+        self._line_up(order or range(len(self.taxels)))
 
     def __len__(self) -> int:
-        return len(self.nodes.boots)
+        return int(np.count_nonzero(self.numbers != GONE))
+
+    def __contains__(self, number: int) -> bool:
+        return bool(np.any(self.numbers == number))
+
+    @property
+    def key(self) -> Key:
+        """What all its nodes have in common."""
+        order = tuple(number for _, _, number in sorted(self._due))
+        return Key(tuple(taxel.setting for taxel in self.taxels), order)
+
+    @property
+    def members(self) -> list[int]:
+        """Numbers of those who are still there."""
+        found: list[int] = self.numbers[self.numbers != GONE].tolist()
+        return found
+
+    def share(self) -> Share:
+        """Those who are still there, and where they stand."""
+        rows = np.flatnonzero(self.numbers != GONE).tolist()
+        return Share(self.members, [taxel.standing(rows) for taxel in self.taxels])
+
+    def row(self, number: int) -> int:
+        """Where a node stands here."""
+        return int(np.flatnonzero(self.numbers == number)[0])
+
+    def leave(self, number: int) -> None:
+        """A node is no more one of these."""
+        self.numbers[self.row(number)] = GONE
 
     @property
     def next_due(self) -> int:
@@ -126,7 +156,7 @@ class Cohort:
         """
         begin = min(taxel.next.start for taxel in self.taxels)
         passed = [taxel.skip(ticks) for taxel in self.taxels]
-        self._line_up()
+        self._line_up(range(len(self.taxels)))
         again = max(taxel.next.start for taxel in self.taxels)
         return [said for said, _ in passed], sum(lost for _, lost in passed), (begin, again)
 
@@ -135,22 +165,27 @@ class Cohort:
         return [taxel.skip(0)[0] for taxel in self.taxels]
 
     def true_times(self, ticks: int) -> list[int]:
-        """True UTC of a moment at each member, ns."""
+        """True UTC of a moment at each node, row by row, ns."""
         return self._clocks.true_times(ticks)
-
-    def enclosure(self, row: int, ticks: int) -> tuple[int, int]:
-        """Earliest and latest UTC of a moment, as a member knows it; also before its start."""
-        # Drift counts in either direction from the moment at which the clock was read.
-        return self._clocks.known(row).enclosure(ticks, max(0, -2 * ticks))
 
     @property
     def channels(self) -> list[Channel]:
-        """What each member measures."""
+        """What each node measures."""
         return [Channel(*given) for taxel in self.taxels for given in taxel.described]
 
-    def _line_up(self) -> None:
+    def _line_up(self, order: Sequence[int]) -> None:
         # As in a machine's queue of events: what is armed first comes first.
-        self._due = [
-            (taxel.next.end, next(self._order), number) for number, taxel in enumerate(self.taxels)
-        ]
+        self._due = [(self.taxels[k].next.end, next(self._order), k) for k in order]
         heapq.heapify(self._due)
+
+
+def _together(standings: Sequence[Standing]) -> Standing:
+    """Where one taxel of several shares stands."""
+    kept = [standing.drawn for standing in standings]
+    drawn = [each for some in kept if some is not None for each in some]
+    columns = side_by_side([standing.columns for standing in standings])
+    return Standing(standings[0].setting, columns, drawn if None not in kept else None)
+
+
+def _taxels(crew: Crew) -> int:
+    return len(crew.settings.taxel)

@@ -1,4 +1,4 @@
-"""What can be set of a fleet's member: as it leaves the design, it leaves its cohort."""
+"""What can be set of a fleet's member: for that, it leaves its cohort."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 class MemberControls:
-    """A single node's controls; a member that does what they say samples alone from then on.
+    """A single node's controls; a member does what they say alone, and joins those set likewise.
 
     Args:
         squad: With whom the member samples.

@@ -61,7 +61,6 @@ class Fleet:
         self._by_radio = {member.radio: member for member in self.members}
         self._selector = selectors.DefaultSelector()
         self._selector.register(connector.wake, selectors.EVENT_READ)
-        self._next_round = 0
         self._cursor = 0
         self.failures = 0
 
@@ -90,6 +89,7 @@ class Fleet:
             for member in self.members:
                 member.commander.start()
         for squad, members in self._of_squad.items():
+            squad.gather(at_once=True)
             squad.restarted = lambda row, members=members: members[row].commander.start()  # type: ignore[misc]  # bound now
         for member in self.members:
             self._connector.connect(member.radio)
@@ -198,6 +198,7 @@ class Fleet:
     def _sample(self, now: int) -> None:
         self._sample_alone()
         for squad in self._squads:
+            squad.gather()
             if squad.due() <= now:
                 records, truth = squad.sample(now)
                 try:

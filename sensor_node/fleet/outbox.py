@@ -1,4 +1,4 @@
-"""A member's outbox: the firmware's, which counts together with its cohort."""
+"""A member's outbox: the firmware's, which counts together with others'."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 class MemberOutbox(Outbox):
-    """Its next sequence number stands in the cohort's column, where compiled loops count, too.
+    """Its next sequence number stands in a column, where compiled loops count, too.
 
     Args:
         chip: The member's part of the storage.
-        nodes: The cohort.
-        row: The member's place in it.
+        nodes: Those that started together.
+        row: The member's place among them.
         given: As the firmware's outbox takes it.
     """
 
@@ -55,6 +55,10 @@ class MemberOutbox(Outbox):
         """A transaction for many begins: from here on `undo` undoes."""
         self._said = []
         self._marked = self._level, self._opened, self._settled, self._unsaid, self.boot
+
+    def unmark(self) -> None:
+        """From now on the member's messages are written with those of its cohort."""
+        self._said = None
 
     def undo(self) -> None:
         """That transaction failed: what was said since is lost, and the next batch tells so."""

@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, load_certificates, numbered
-from sensor_node.fleet import cohort
+from sensor_node.fleet.cohort import Cohort
 from sensor_node.fleet.connector import Connector
+from sensor_node.fleet.crew import Crew, Recruit
 from sensor_node.fleet.fleet import Fleet
 from sensor_node.fleet.member import Member
 from sensor_node.fleet.radio import Radio
@@ -147,7 +148,7 @@ def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
 
 def _warm_up(settings: NodeSettings) -> None:
     """Have all loops compiled before time begins."""
-    alone = cohort.Cohort(settings, [cohort.Member(seed=0, boot=1, start=time.time_ns())])
+    alone = Cohort(Crew(settings, [Recruit(seed=0, boot=1, start=time.time_ns())]))
     latest = max(taxel.next.end for taxel in alone.taxels)
     for _ in alone.advance(latest):
         pass

@@ -5,17 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from sensor_node.examiner import Examiner
-from sensor_node.fleet.detector import standing
+from sensor_node.firmware import states
+from sensor_node.fleet.cohort import Key, Share
+from sensor_node.fleet.columns import fresh
+from sensor_node.fleet.setting import longest_region, setting_of
+from sensor_node.fleet.taxel import Standing
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.neighbours import neighbours
 from sensor_node.node import Node
 from sensor_node.replay.section import Recorded
 
 if TYPE_CHECKING:
+    from sensor_node.emulation import EmulatedTaxel
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.fleet.cohort import Cohort
     from sensor_node.machine.clock import Clock
     from sensor_node.settings import NodeSettings
+    from sensor_node.taxels import AnyTaxel
     from sensor_node.truth import Truth
 
 
@@ -58,12 +64,20 @@ class Soloist(Node):
         """Whether its firmware runs; else nothing is sent or taken."""
         return self.machine.running
 
-    def take_over(self, cohort: Cohort, row: int) -> None:
-        """Go on where a member of a cohort stands: the next frames, and the searches for peaks."""
+    def take_over(self, cohort: Cohort, number: int) -> None:
+        """Go on where a node of a cohort stands, set likewise, with all that it remembers."""
+        row = cohort.row(number)
         for taxel, rows in zip(self.taxels, cohort.taxels, strict=True):
-            taxel.next = rows.next
-            for k, unit in enumerate(taxel.control_unit.units):
-                unit.seek(standing(rows.searches, k, row, unit.threshold))
+            setting, unit = rows.setting, taxel.control_unit
+            if setting.gain != unit.adaptation.gain:
+                taxel.amplify(setting.gain)
+            unit.mode, unit.smoothing = setting.mode, setting.smoothing
+            unit.schedule, taxel.next = setting.schedule, rows.next
+            for k, (channel, threshold) in enumerate(
+                zip(unit.units, setting.thresholds, strict=True)
+            ):
+                channel.restart(unit.schedule, threshold, setting.smoothing)
+                rows.columns.pick_up(k, row, channel, rows.next.first)
         since = min(taxel.next.start for taxel in self.taxels)
         self._examiner = Examiner(
             self._settings.taxel,
@@ -72,7 +86,32 @@ class Soloist(Node):
             self._outbox.scribe,
             since=since,
         )
-        self._line_up()
+        for taxel_number in cohort.key.order:
+            self.sampling.arm(taxel_number, self.taxels[taxel_number].next)
+
+    def know_dead(self, taxel: int) -> None:
+        """Take up that a taxel is certainly dead, and was told to be."""
+        self._examiner.know_dead(self.taxels[taxel])
+
+    @property
+    def key(self) -> Key | None:
+        """With whom it can sample in columns; ``None``: with nobody.
+
+        What follows its own measurements cannot: control by the node itself, and what is told of
+        a broken taxel. Nor has it a clock of its own after a reset.
+        """
+        units = [taxel.control_unit for taxel in self.taxels]
+        if self.machine.booted or self.machine.starting or self.states.state != states.SLEEP:
+            return None
+        if any(unit.adaptive or unit.broken or unit.left_out for unit in units):
+            return None
+        found = [setting_of(taxel.control_unit, taxel.next)[0] for taxel in self.taxels]
+        return Key(tuple(found), tuple(self.sampling.order))
+
+    def share(self, number: int) -> Share:
+        """Where it stands, in a column of one."""
+        each = zip(self.taxels, self._settings.taxel, strict=True)
+        return Share([number], [_standing(taxel, design) for taxel, design in each])
 
     @property
     def due(self) -> bool:
@@ -86,6 +125,15 @@ class Soloist(Node):
     def enclosure(self) -> tuple[int, int]:
         """Earliest and latest UTC of the present, as it knows it."""
         return self._clock.known.enclosure(max(0, self._clock.ticks()))
+
+
+def _standing(taxel: EmulatedTaxel, design: AnyTaxel) -> Standing:
+    unit = taxel.control_unit
+    setting, before = setting_of(unit, taxel.next)
+    columns = fresh(len(unit.units), 1, longest_region(design, unit.schedule.dt))
+    for k, channel in enumerate(unit.units):
+        columns.lay_down(k, 0, channel, before)
+    return Standing(setting, columns, [taxel.sensing.drawn])
 
 
 def require_alone(settings: NodeSettings) -> str | None:

@@ -1,4 +1,4 @@
-"""A cohort with its members' outboxes, and those who left it to sample alone."""
+"""Members that started together: their outboxes, their cohorts, and those who sample alone."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from eskin.messages import Position, ResetCause
 from sensor_node.controls import NodeControls
 from sensor_node.firmware.reasons import DEAD, OVERRUN, TEXTS
 from sensor_node.firmware.record import BLOCK, Record
-from sensor_node.fleet.cohort import Cohort, Member
+from sensor_node.firmware.taxel import CHAINS
+from sensor_node.fleet.cohort import Cohort
+from sensor_node.fleet.crew import Crew, Recruit
+from sensor_node.fleet.gathering import Gathering
 from sensor_node.fleet.outbox import MemberOutbox
 from sensor_node.fleet.soloist import Soloist, require_alone
-from sensor_node.fleet.watch import Watch
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.machine.events import NEVER
@@ -38,7 +40,7 @@ _MOST_FRAMES: Final = 16
 
 
 class Squad:
-    """Some members that sample in step.
+    """Some members that started together; those that are set alike sample in step.
 
     Args:
         settings: Their design.
@@ -53,6 +55,7 @@ class Squad:
 
     Attributes:
         outboxes: One for each member.
+        cohorts: Members that sample together.
         soloists: Members that sample alone, by their rows.
         restarted: Called with a soloist's row after each start of its firmware but the first.
     """
@@ -79,18 +82,18 @@ class Squad:
         self.restarted: Callable[[int], None] = lambda _row: None
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         chips = [storage.partition(name) for name in names]
-        self._members = [
-            Member(member_seed(seed, number), chip.boot, start)
+        recruits = [
+            Recruit(member_seed(seed, number), chip.boot, start)
             for number, chip in zip(numbers, chips, strict=True)
         ]
-        self._cohort = Cohort(settings, self._members)
-        self._channels = self._cohort.channels
-        self._watch = Watch([taxel.id for taxel in settings.taxel], len(names))
+        self._crew = Crew(settings, recruits)
+        self.cohorts = [Cohort(self._crew)]
+        self._gathering = Gathering(self._crew)
         broker = settings.broker
         self.outboxes = [
             MemberOutbox(
                 chip,
-                self._cohort.nodes,
+                self._crew.nodes,
                 row,
                 capacity=settings.flash.capacity_bytes,
                 window=broker.window,
@@ -99,18 +102,48 @@ class Squad:
             )
             for row, chip in enumerate(chips)
         ]
-        if require_alone(settings) is not None:
+        self._alone = require_alone(settings) is not None
+        if self._alone:
             for row in range(len(names)):
                 self.part(row, self.apart(row))
 
     @cached_property
     def designed(self) -> State:
         """How a member is set that nobody has set."""
-        return NodeControls(self.apart(0)).restore({})
+        return NodeControls(self._single(0)).restore({})
 
     def apart(self, row: int) -> Soloist:
         """A member as a node of its own, which stands where its cohort does."""
-        own, given = self._members[row], self._settings
+        node = self._single(row)
+        node.take_over(self._cohort(row), row)
+        for taxel in np.flatnonzero(self._crew.dead[:, row]).tolist():
+            node.know_dead(taxel)
+        return node
+
+    def part(self, row: int, node: Soloist) -> None:
+        """A member samples alone, until it is set like others again."""
+        if row not in self.soloists:
+            self._cohort(row).leave(row)
+            self.cohorts = [cohort for cohort in self.cohorts if len(cohort)]
+        self.soloists[row] = node
+        node.at_start = lambda: self.restarted(row)
+        self._gathering.await_more(self._monotonic())
+
+    def gather(self, *, at_once: bool = False) -> None:
+        """Let those who are set alike sample together, some seconds after the last was set."""
+        now = self._monotonic()
+        if self._alone or not (at_once or self._gathering.is_due(now)):
+            return
+        for row in self._gathering.gather(self.cohorts, self.soloists, now):
+            del self.soloists[row]
+            self.outboxes[row].unmark()
+
+    def _cohort(self, row: int) -> Cohort:
+        return next(cohort for cohort in self.cohorts if row in cohort)
+
+    def _single(self, row: int) -> Soloist:
+        """A member as a node of its own that has just started."""
+        own, given = self._crew.recruits[row], self._settings
         random = np.random.default_rng((own.seed, own.boot))
         drift = round(given.clock.drift_ppm * 1e3)
         clock = Clock(
@@ -123,7 +156,7 @@ class Squad:
             random=random,
             origin=self._origin,
         )
-        node = Soloist(
+        return Soloist(
             given,
             self.names[row],
             clock=clock,
@@ -131,24 +164,15 @@ class Squad:
             truth=self._truth,
             seed=own.seed,
         )
-        node.take_over(self._cohort, row)
-        return node
-
-    def part(self, row: int, node: Soloist) -> None:
-        """From now on a member samples alone."""
-        self._cohort.nodes.alone[row] = 1
-        self.soloists[row] = node
-        node.at_start = lambda: self.restarted(row)
 
     def ticks(self, now: int) -> int:
         """Emulated ns since the start; negative before it."""
         return int((now - self._origin) * self._settings.node.speed)
 
     def due(self) -> int:
-        """When the cohort's next frame is complete, on the monotonic clock in ns."""
-        if len(self.soloists) == len(self.names):
-            return NEVER
-        return self._origin + int(self._cohort.next_due / self._settings.node.speed)
+        """When a cohort's next frame is complete, on the monotonic clock in ns."""
+        due = min((cohort.next_due for cohort in self.cohorts), default=NEVER)
+        return due if due == NEVER else self._origin + int(due / self._settings.node.speed)
 
     def sample(self, now: int) -> tuple[dict[int, list[Record]], dict[str, list[TrueBlock]]]:
         """Take the frames that are complete; say so where some were missed.
@@ -159,77 +183,83 @@ class Squad:
         ticks = self.ticks(now)
         records: dict[int, list[Record]] = {}
         truth: dict[str, list[TrueBlock]] = {}
-        if ticks - self._cohort.next_due > self._overrun:
-            self._pass_over(ticks, records)
-        for number, said in enumerate(self._cohort.advance(ticks), start=1):
-            self._take(said, records, truth)
-            self._examine(said, records)
-            if number == _MOST_FRAMES:
-                break
+        for cohort in self.cohorts:
+            if ticks - cohort.next_due > self._overrun:
+                self._pass_over(cohort, ticks, records)
+            for number, said in enumerate(cohort.advance(ticks), start=1):
+                self._take(cohort, said, records, truth)
+                self._examine(cohort, said, records)
+                if number == _MOST_FRAMES:
+                    break
         return records, truth
 
     def finish(self) -> dict[int, list[Record]]:
         """What stays undecided at the end."""
         records: dict[int, list[Record]] = {}
-        for said in self._cohort.finish():
-            self._take(said, records, {})
+        for cohort in self.cohorts:
+            for said in cohort.finish():
+                self._take(cohort, said, records, {})
         return records
 
     def enclosure(self, row: int) -> tuple[int, int]:
         """Earliest and latest UTC of the present, as a member knows it."""
         if row in self.soloists:
             return self.soloists[row].enclosure()
-        return self._cohort.enclosure(row, self.ticks(self._monotonic()))
+        return self._crew.enclosure(row, self.ticks(self._monotonic()))
 
     def status(self, row: int, now: int) -> Record:
-        """How a member of the cohort fares."""
+        """How a member of a cohort fares."""
         ticks, own = self.ticks(now), self._settings.node
         outbox = self.outboxes[row]
         return outbox.scribe.status(
-            self._cohort.enclosure(row, ticks),
+            self._crew.enclosure(row, ticks),
             own.profile,
             own.description or own.profile,
             max(ticks, 0),
             outbox.usage(),
-            self._channels,
+            self._cohort(row).channels,
             int(ResetCause.POWER_ON),
+            places=self._crew.map,
         )
 
     def _take(
-        self, said: Said, records: dict[int, list[Record]], truth: dict[str, list[TrueBlock]]
+        self,
+        cohort: Cohort,
+        said: Said,
+        records: dict[int, list[Record]],
+        truth: dict[str, list[TrueBlock]],
     ) -> None:
-        times = self._cohort.true_times(said.frame.start)
-        boots = self._cohort.nodes.boots.tolist()
+        times = cohort.true_times(said.frame.start)
+        boots, numbers = self._crew.nodes.boots.tolist(), cohort.numbers.tolist()
         for row, k, kind, sequence, earliest, latest, samples, begin, end in said.records.tolist():
-            channel, body = said.taxel.channels[k], said.content[begin:end]
+            channel, body, number = said.taxel.channels[k], said.content[begin:end], numbers[row]
             record = Record(kind, sequence, body, (earliest, latest), samples, 0, channel)
-            records.setdefault(row, []).append(record)
+            records.setdefault(number, []).append(record)
             if kind == BLOCK:
-                position = Position(boots[row], sequence)
+                position = Position(boots[number], sequence)
                 values = said.truth[k][row]
                 true = TrueBlock(position, channel, times[row], said.frame.dt, values)
-                truth.setdefault(self.names[row], []).append(true)
+                truth.setdefault(self.names[number], []).append(true)
 
-    def _examine(self, said: Said, records: dict[int, list[Record]]) -> None:
+    def _examine(self, cohort: Cohort, said: Said, records: dict[int, list[Record]]) -> None:
         """Tell of taxels that a window has shown to be dead."""
-        begin, end = self._watch.tested, said.frame.end
-        self._watch.take(said.taxel.number, said.bounded)
-        for row, name in self._watch.examine(end):
-            if row not in self.soloists:
-                time = self._cohort.enclosure(row, begin)[0], self._cohort.enclosure(row, end)[1]
-                gap = self.outboxes[row].scribe.gap(DEAD, time, 0, taxel=name)
-                records.setdefault(row, []).append(gap)
-
-    def _pass_over(self, ticks: int, records: dict[int, list[Record]]) -> None:
-        passed, lost, (begin, again) = self._cohort.pass_over(ticks)
-        for said in passed:
-            self._take(said, records, {})
-        together = [row for row in range(len(self.names)) if row not in self.soloists]
-        for row in together:
-            outbox = self.outboxes[row]
-            span = self._cohort.enclosure(row, begin)[0], self._cohort.enclosure(row, again)[1]
-            gap = outbox.scribe.gap(OVERRUN, span, lost)
+        begin, end = cohort.watch.tested, said.frame.end
+        cohort.watch.take(said.taxel.number, said.bounded)
+        for row, k in cohort.watch.examine(end):
+            taxel = self._settings.taxel[k]
+            gap = self._gap(row, DEAD, begin, end, 0, taxel=taxel.id)
             records.setdefault(row, []).append(gap)
+            if CHAINS[taxel.chain].derived and row not in self.soloists:
+                # From now on it tells of no cause.
+                self.part(row, self.apart(row))
+
+    def _pass_over(self, cohort: Cohort, ticks: int, records: dict[int, list[Record]]) -> None:
+        passed, lost, (begin, again) = cohort.pass_over(ticks)
+        for said in passed:
+            self._take(cohort, said, records, {})
+        together = cohort.members
+        for row in together:
+            records.setdefault(row, []).append(self._gap(row, OVERRUN, begin, again, lost))
         log.warning(
             "samples lost: reason=%s nodes=%d samples=%d behind_s=%.3f",
             TEXTS[OVERRUN],
@@ -237,6 +267,13 @@ class Squad:
             lost * len(together),
             (ticks - begin) / BILLION,
         )
+
+    def _gap(
+        self, row: int, reason: int, begin: int, end: int, samples: int, *, taxel: str = ""
+    ) -> Record:
+        """That a member lost samples between two moments in ticks."""
+        time = self._crew.enclosure(row, begin)[0], self._crew.enclosure(row, end)[1]
+        return self.outboxes[row].scribe.gap(reason, time, samples, taxel=taxel)
 
 
 def member_seed(seed: int, number: int) -> int:

@@ -3,29 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 
 from eskin.messages import Encoding
-from eskin.peaks.hysteresis import NONE, PASS
-from eskin.peaks.region import MOST_REGIONS, REGION
-from eskin.peaks.search import MOST_AT_ONCE, PROGRESS
+from eskin.peaks.search import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.fleet.choir import Choir
+from sensor_node.fleet.columns import fresh
+from sensor_node.fleet.resting import MODES
 from sensor_node.fleet.scribe import BLOCK_BYTES, described
-from sensor_node.fleet.stacking import stacked
-from sensor_node.fleet.telling import RECORD, Design, Output, Search, Timing, skip, tell
+from sensor_node.fleet.sensing import SensingRows
+from sensor_node.fleet.setting import designed, longest_region
+from sensor_node.fleet.telling import GONE, RECORD, Design, Group, Output, skip, tell
+from sensor_node.fleet.timing import Timing
 from sensor_node.fleet.watch import bounded
-from sensor_node.frontend import build_frontend
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.crystal import BILLION
-from sensor_node.machine.schedule import build_schedule
 from sensor_node.machine.sheet import data_sheet
-from sensor_node.physics import Signals, World, build_world
-from sensor_node.taxels import HarmonicSection, HybridSection, SwingSection, TouchSection
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,18 +31,30 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from sensor_node.firmware.schedule import Frame
-    from sensor_node.fleet.clocks import Clocks
-    from sensor_node.fleet.telling import Nodes, Place
+    from sensor_node.fleet.clocks import ClockColumn
+    from sensor_node.fleet.columns import Columns
+    from sensor_node.fleet.crew import Crew
+    from sensor_node.fleet.setting import Setting
+    from sensor_node.fleet.telling import Place
     from sensor_node.machine.converter import Codes
-    from sensor_node.settings import SamplingSection
-    from sensor_node.taxels import AnyTaxel
-    from sensor_node.taxels.companion import Companion
+    from sensor_node.sensing import Drawn
 
-_NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
 _PEAK_BYTES: Final = 300
 """More than a peak takes."""
-_IN_COLUMNS: Final = HarmonicSection | TouchSection | SwingSection | HybridSection
-"""Their worlds are formulas alone; others play a script or a recording."""
+
+
+class Standing(NamedTuple):
+    """Where one taxel of some nodes stands.
+
+    Attributes:
+        setting: How it is set in all of them.
+        columns: What their firmware remembers of it.
+        drawn: Their worlds and chains, where they are at hand.
+    """
+
+    setting: Setting
+    columns: Columns
+    drawn: Sequence[Drawn] | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,71 +84,82 @@ class TaxelRows:
     Does for many what `sensor_node.emulation.EmulatedTaxel` does for one, bit by bit.
 
     Args:
-        taxel: Its settings.
-        number: Its place in the design.
-        seeds: The nodes'.
-        companions: What it reads along in each node, by the names of its inputs.
-        coverage: Probability that its intervals hold the truth.
-        clocks: The nodes' clocks.
-        nodes: Who they are.
-        sampling: How samples become blocks.
+        crew: All nodes that started together.
+        number: The taxel's place in their design.
+        numbers: Which nodes, a row each.
+        clocks: Their clocks.
+        standing: How it is set and where it stands in all of them; ``None``: as designed, at the
+            start.
 
     Attributes:
         number: As given.
-        searches: Where the searches for peaks stand.
+        numbers: As given; `GONE` where one has left.
+        columns: What the nodes' firmware remembers.
         next: The next frame.
     """
 
     def __init__(
         self,
-        taxel: AnyTaxel,
+        crew: Crew,
         number: int,
+        numbers: NDArray[np.int64],
         *,
-        seeds: Sequence[int],
-        companions: Sequence[Mapping[str, Companion]],
-        coverage: float,
-        clocks: Clocks,
-        nodes: Nodes,
-        sampling: SamplingSection,
+        clocks: ClockColumn,
+        standing: Standing | None = None,
     ) -> None:
-        randoms = [np.random.default_rng((seed, number)) for seed in seeds]
-        worlds = [build_world(taxel, random) for random in randoms]
-        self._world = stacked(worlds) if isinstance(taxel, _IN_COLUMNS) else _Worlds(worlds)
-        drawn = zip(randoms, companions, strict=True)
-        self._frontend = stacked([build_frontend(taxel, *each) for each in drawn])
-        self._seeds = [
-            (seed, number, boot) for seed, boot in zip(seeds, nodes.boots.tolist(), strict=True)
-        ]
+        taxel, sampling = crew.settings.taxel[number], crew.settings.sampling
+        recruits = [crew.recruits[each] for each in numbers.tolist()]
+        seeds = [each.seed for each in recruits]
+        companions = [crew.settings.companions(taxel, seed) for seed in seeds]
+        setting = designed(taxel, sampling.block_samples) if standing is None else standing.setting
+        drawn = None if standing is None else standing.drawn
+        self._sensing = SensingRows(taxel, number, seeds, companions, drawn)
+        self._sensing.amplify(setting.gain)
+        self._seeds = [(each.seed, number, each.boot) for each in recruits]
         self._clocks = clocks
-        self._nodes = nodes
+        self._group = Group(crew.nodes, numbers)
         self.number = number
+        self.numbers = numbers
         self._calibrated = CHAINS[taxel.chain](
             data_sheet(taxel, companions[0]), compiled_inversion()
         )
-        self._schedule = build_schedule(taxel, sampling.block_samples)
+        self._calibrated.adjust(setting.gain, 0)
+        self._setting, self._schedule = setting, setting.schedule
         quantities = self._calibrated.quantities
         self.quantities = [quantity for quantity, _ in quantities]
         self.channels = [f"{taxel.id}.{quantity}" for quantity in self.quantities]
-        units = [unit for _, unit in quantities]
-        self._units = units
-        schedule = self._schedule
-        self._design = Design(
-            tuple(described(*each) for each in zip(self.channels, units, strict=True)),
-            np.array([taxel.prominence(name) or 0.0 for name in self.quantities]),
-            coverage,
-            int(Encoding[sampling.encoding.upper()]),
-            Timing(
-                schedule.origin,
-                schedule.dt,
-                schedule.burst,
-                schedule.pause,
-                clocks.error,
-                clocks.drift,
-            ),
+        self._units = [unit for _, unit in quantities]
+        clock = crew.clocks.error, crew.clocks.drift
+        self._design = self._designed(crew.coverages[number], sampling.encoding, clock)
+        longest = longest_region(taxel, self._schedule.dt)
+        self.columns = (
+            fresh(len(quantities), len(seeds), longest) if standing is None else standing.columns
         )
-        longest = max(2, round(taxel.longest_region_s * BILLION) // self._schedule.dt)
-        self.searches = _searches((len(quantities), len(seeds)), longest)
-        self.next = self._schedule.frame(0)
+        self.next = self._schedule.frame(setting.number)
+
+    def _designed(self, coverage: float, encoding: str, clock: tuple[int, int]) -> Design:
+        setting, schedule = self._setting, self._schedule
+        channels = zip(self.channels, self._units, strict=True)
+        names = [described(*each) for each in channels]
+        return Design(
+            np.concatenate(names),
+            np.cumsum([0, *(name.size for name in names)]),
+            np.array(setting.thresholds),
+            coverage,
+            int(Encoding[encoding.upper()]),
+            MODES.index(setting.mode),
+            setting.smoothing,
+            Timing(schedule.origin, schedule.dt, schedule.burst, schedule.pause, *clock),
+        )
+
+    @property
+    def setting(self) -> Setting:
+        """How it is set now, and which frame is next."""
+        return self._setting._replace(number=self.next.number)
+
+    def standing(self, rows: Sequence[int]) -> Standing:
+        """Where it stands in some of its nodes."""
+        return Standing(self.setting, self.columns.of(rows), self._sensing.drawn(rows))
 
     @property
     def described(self) -> list[tuple[str, str, int, float]]:
@@ -164,10 +184,8 @@ class TaxelRows:
         """Measure the next frame of all nodes, as if the taxel were alone; say nothing yet."""
         frame = self.next
         random = Choir((*seed, frame.start) for seed in self._seeds)
-        signals = self._world.signals(self._seconds(frame), random)
-        digitised = self._frontend.digitise(signals.sensed, random)
-        self._truth = signals.truth | digitised.truth
-        self._measure(digitised.codes, frame.n)
+        self._truth, codes = self._sensing.digitise(self._seconds(frame), random)
+        self._measure(codes, frame.n)
 
     def separate(self, around: Sequence[TaxelRows]) -> None:
         """Take back what neighbours hand on that are measured at the same instants, too."""
@@ -185,7 +203,7 @@ class TaxelRows:
         shape = len(self._seeds), frame.n
         lows, highs = (np.stack([b.reshape(shape) for b in self._bounds[k::2]]) for k in (0, 1))
         output = self._room(frame.n, blocks=True)
-        given = self._design, self._nodes, self.searches, output
+        given = self._design, self._group, self.columns, output
         written = tell(frame.start, frame.closes, lows, highs, *given)
         self.next = self._schedule.frame(frame.number + 1)
         columns = tuple(np.asarray(self._truth[quantity]) for quantity in self.quantities)
@@ -202,8 +220,13 @@ class TaxelRows:
             lost += self.next.n
             self.next = self._schedule.frame(self.next.number + 1)
         output = self._room(1, blocks=False)
-        written = skip(lost, self._design, self._nodes, self.searches, output)
-        return self._said(frame, output, written, (), np.zeros(0, bool)), lost * len(self.channels)
+        written = skip(lost, self._design, self._group, self.columns, output)
+        said = self._said(frame, output, written, (), np.zeros(0, bool))
+        return said, lost * len(self.channels)
+
+    def leave(self, row: int) -> None:
+        """A node is no more one of these."""
+        self.numbers[row] = GONE
 
     def _measure(self, codes: Mapping[str, Codes], n: int) -> None:
         """Fill a lower and an upper bound a channel, nodes × samples; one data sheet for all."""
@@ -236,27 +259,3 @@ class TaxelRows:
         ticks = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
         since = self._clocks.elapsed(ticks) - self._clocks.elapsed(np.asarray([frame.trigger]))
         return np.asarray(since / BILLION)
-
-
-class _Worlds:
-    """Worlds that do not calculate in columns, one after the other."""
-
-    def __init__(self, worlds: Sequence[World]) -> None:
-        self._worlds = worlds
-
-    def signals(self, seconds: Floats, random: Choir) -> Signals:
-        """What each gives, as rows."""
-        voices = zip(self._worlds, seconds, random.voices, strict=True)
-        each = [world.signals(row, voice) for world, row, voice in voices]
-        return Signals(
-            {name: np.stack([one.truth[name] for one in each]) for name in each[0].truth},
-            {name: np.stack([one.sensed[name] for one in each]) for name in each[0].sensed},
-        )
-
-
-def _searches(shape: tuple[int, int], longest: int) -> Search:
-    progress = np.zeros(shape, PROGRESS)
-    progress["longest"] = longest
-    passes = np.empty((*shape, 2), PASS)
-    passes[:] = _NOWHERE
-    return Search(progress, passes, np.zeros((*shape, MOST_REGIONS + 1), REGION))

@@ -11,6 +11,8 @@ from eskin.kernels.compiled import kernel, part
 from eskin.peaks.search import search
 from sensor_node.firmware.record import BLOCK, PEAK
 from sensor_node.fleet.cbor import Scratch, scratch
+from sensor_node.fleet.resting import forget, smooth, speaks
+from sensor_node.fleet.timing import Timing, error_at, ticks_of
 from sensor_node.fleet.writing import Channel, Span, block, peak
 
 if TYPE_CHECKING:
@@ -18,6 +20,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from sensor_node.fleet.cbor import Bytes
+    from sensor_node.fleet.columns import Columns
 
     Integers = NDArray[np.int64]
 
@@ -30,35 +33,31 @@ RECORD: Final = np.dtype(
     ]
 )  # fmt: skip
 """One message: the node's row, its channel, what flash must know, and where its bytes lie."""
-_BILLION: Final = 1_000_000_000
-
-
-class Timing(NamedTuple):
-    """A schedule and a clock's bounds, as `sensor_node.firmware.schedule` and `clock` have them."""
-
-    origin: int
-    dt: int
-    burst: int
-    pause: int
-    error: int
-    drift: int
+GONE: Final = -1
+"""In the place of a node that has left its group: nothing is said for it."""
 
 
 class Design(NamedTuple):
     """What all nodes share of a taxel.
 
     Attributes:
-        names: Name and unit of each channel, as they stand in messages.
+        names: Name and unit of each channel, as they stand in messages, one after the other.
+        ends: Where each begins in them, and where the last one ends.
         prominences: Least prominence of each channel's peaks; 0 where there are none.
         coverage: Of one sample.
         encoding: How blocks write their bounds.
+        mode: What is sent: a place in `sensor_node.fleet.resting.MODES`.
+        smoothing: Weight of the past in the samples in which peaks are sought; 0: none.
         timing: When samples are taken, and how well the nodes know it.
     """
 
-    names: tuple[Bytes, ...]
+    names: Bytes
+    ends: Integers
     prominences: Floats
     coverage: float
     encoding: int
+    mode: int
+    smoothing: float
     timing: Timing
 
 
@@ -76,21 +75,23 @@ class Nodes(NamedTuple):
         readings: What they know of UTC at tick 0, ns.
         boots: Their boots.
         sequences: Their next sequences.
-        alone: 1 where one samples alone: nothing is said for it here.
     """
 
     readings: Integers
     boots: Integers
     sequences: Integers
-    alone: Integers
 
 
-class Search(NamedTuple):
-    """Where the searches for peaks stand, each an array of channels × nodes."""
+class Group(NamedTuple):
+    """Those who sample together.
 
-    progress: Any
-    passes: Any
-    regions: Any
+    Attributes:
+        nodes: All nodes that started together.
+        numbers: Which of them it has, a row each; `GONE` where one has left.
+    """
+
+    nodes: Nodes
+    numbers: Integers
 
 
 class Output(NamedTuple):
@@ -99,21 +100,6 @@ class Output(NamedTuple):
     content: Bytes
     records: Any
     events: Any
-
-
-@part
-def _ticks(timing: Timing, sample: int) -> int:
-    if timing.burst == 0:
-        return timing.origin + sample * timing.dt
-    number, inside = sample // timing.burst, sample % timing.burst
-    return timing.origin + number * timing.pause + inside * timing.dt
-
-
-@part
-def _error(timing: Timing, ticks: int) -> int:
-    """Greatest error of the clock; the product of both would not fit into 64 bits after days."""
-    seconds, rest = ticks // _BILLION, ticks % _BILLION
-    return timing.error + seconds * timing.drift - (-rest * timing.drift) // _BILLION
 
 
 @part
@@ -126,9 +112,16 @@ def _note(
 
 
 @part
-def _next(nodes: Nodes, row: int) -> int:
-    sequence: int = nodes.sequences[row]
-    nodes.sequences[row] = sequence + 1
+def _channel(design: Design, k: int) -> Channel:
+    name = design.names[design.ends[k] : design.ends[k + 1]]
+    return Channel(name, design.timing.dt, design.coverage)
+
+
+@part
+def _next(group: Group, row: int) -> int:
+    node = group.numbers[row]
+    sequence: int = group.nodes.sequences[node]
+    group.nodes.sequences[node] = sequence + 1
     return sequence
 
 
@@ -139,26 +132,27 @@ def _seek(
     row: int,
     k: int,
     design: Design,
-    nodes: Nodes,
-    searches: Search,
+    group: Group,
+    columns: Columns,
     output: Output,
     place: Place,
     room: Scratch,
 ) -> Place:
     """Seek peaks in some samples of one channel, and write what is decided."""
-    progress = searches.progress[k, row : row + 1]
-    passes, regions = searches.passes[k, row], searches.regions[k, row]
+    progress = columns.progress[k, row : row + 1]
+    passes, regions = columns.passes[k, row], columns.regions[k, row]
     threshold = design.prominences[k]
     _, found = search(lows, highs, threshold, progress, passes, regions, output.events)
     at, count = place
-    channel = Channel(design.names[k], design.timing.dt, design.coverage)
-    boot, reading = nodes.boots[row], nodes.readings[row]
+    channel = _channel(design, k)
+    node = group.numbers[row]
+    boot, reading = group.nodes.boots[node], group.nodes.readings[node]
     for number in range(found):
         event = output.events[number]
-        first, last = _ticks(design.timing, event.first), _ticks(design.timing, event.last)
-        earliest = reading + first - _error(design.timing, first)
-        time = Span(first, earliest, reading + last + _error(design.timing, last))
-        sequence, record = _next(nodes, row), output.records[count]
+        first, last = ticks_of(design.timing, event.first), ticks_of(design.timing, event.last)
+        earliest = reading + first - error_at(design.timing, first)
+        time = Span(first, earliest, reading + last + error_at(design.timing, last))
+        sequence, record = _next(group, row), output.records[count]
         _note(record, row, k, PEAK, sequence, time, 0)
         record.begin = at
         at = peak(output.content, at, boot, sequence, channel, time, event, room)
@@ -175,25 +169,71 @@ def _tell_block(
     k: int,
     ticks: int,
     design: Design,
-    nodes: Nodes,
+    group: Group,
     output: Output,
     place: Place,
     room: Scratch,
 ) -> Place:
     """Write the block of one channel."""
     n, dt = lows.size, design.timing.dt
-    error, middle = _error(design.timing, ticks + n * dt), nodes.readings[row] + ticks
+    node = group.numbers[row]
+    error, middle = error_at(design.timing, ticks + n * dt), group.nodes.readings[node] + ticks
     time = Span(ticks, middle - error, middle + error)
     until = Span(ticks, time.earliest, time.latest + (n - 1) * dt)
-    sequence, record = _next(nodes, row), output.records[place.messages]
+    sequence, record = _next(group, row), output.records[place.messages]
     _note(record, row, k, BLOCK, sequence, until, n)
     record.begin = place.at
-    channel = Channel(design.names[k], dt, design.coverage)
-    boot, encoding = nodes.boots[row], design.encoding
+    channel = _channel(design, k)
+    boot, encoding = group.nodes.boots[node], design.encoding
     record.end = block(
         output.content, place.at, boot, sequence, channel, time, encoding, lows, highs, room
     )
     return Place(record.end, place.messages + 1)
+
+
+@part
+def _tell_channel(
+    lows: Floats,
+    highs: Floats,
+    row: int,
+    k: int,
+    ticks: int,
+    design: Design,
+    group: Group,
+    columns: Columns,
+    output: Output,
+    place: Place,
+    room: Scratch,
+) -> Place:
+    """Write a channel's block, if it is sent, and the peaks that are decided now."""
+    threshold, rest = design.prominences[k], columns.rests[k, row]
+    if speaks(lows, highs, threshold, design.mode, rest):
+        place = _tell_block(lows, highs, row, k, ticks, design, group, output, place, room)
+    if threshold > 0.0:
+        if design.smoothing > 0.0:
+            smooth(lows, highs, design.smoothing, rest)
+        place = _seek(lows, highs, row, k, design, group, columns, output, place, room)
+    return place
+
+
+@part
+def _pause(
+    samples: int,
+    row: int,
+    k: int,
+    design: Design,
+    group: Group,
+    columns: Columns,
+    output: Output,
+    place: Place,
+    room: Scratch,
+) -> Place:
+    """Join nothing across some missing samples, or none; writes the peaks that stay undecided."""
+    if design.prominences[k] > 0.0:
+        missing = np.full(1, nan)
+        place = _seek(missing, missing, row, k, design, group, columns, output, place, room)
+        columns.progress[k, row].index += samples - 1
+    return place
 
 
 @kernel
@@ -203,8 +243,8 @@ def tell(
     lows: Floats,
     highs: Floats,
     design: Design,
-    nodes: Nodes,
-    searches: Search,
+    group: Group,
+    columns: Columns,
     output: Output,
 ) -> Place:
     """Write the blocks and the decided peaks of one frame, node by node in their order.
@@ -212,44 +252,38 @@ def tell(
     Args:
         ticks: Of the first sample.
         closes: Whether sampling pauses after it.
-        lows: Lower bounds, channels × nodes × samples.
+        lows: Lower bounds, channels × nodes × samples; smoothed afterwards, if they are to be.
         highs: Upper bounds.
         design: What all nodes share.
-        nodes: Whose messages.
-        searches: Where the searches for peaks stand.
+        group: Whose messages.
+        columns: What the nodes remember.
         output: Takes the messages.
 
     Returns:
         How many bytes, and how many messages.
     """
-    room, missing, place = scratch(), np.full(1, nan), Place(0, 0)
+    room, place = scratch(), Place(0, 0)
     for row in range(lows.shape[1]):
-        if nodes.alone[row]:
+        if group.numbers[row] == GONE:
             continue
         for k in range(lows.shape[0]):
             lo, hi = lows[k, row], highs[k, row]
-            place = _tell_block(lo, hi, row, k, ticks, design, nodes, output, place, room)
-            if design.prominences[k] > 0.0:
-                place = _seek(lo, hi, row, k, design, nodes, searches, output, place, room)
-                if closes:
-                    place = _seek(
-                        missing, missing, row, k, design, nodes, searches, output, place, room
-                    )
-                    searches.progress[k, row].index -= 1
+            place = _tell_channel(
+                lo, hi, row, k, ticks, design, group, columns, output, place, room
+            )
+            if closes:
+                place = _pause(0, row, k, design, group, columns, output, place, room)
     return place
 
 
 @kernel
-def skip(samples: int, design: Design, nodes: Nodes, searches: Search, output: Output) -> Place:
+def skip(samples: int, design: Design, group: Group, columns: Columns, output: Output) -> Place:
     """Say that samples are missing; writes the peaks that stay undecided. Else as `tell`."""
-    room, missing, place = scratch(), np.full(1, nan), Place(0, 0)
-    for row in range(nodes.readings.size):
-        if nodes.alone[row]:
+    room, place = scratch(), Place(0, 0)
+    for row in range(group.numbers.size):
+        if group.numbers[row] == GONE:
             continue
         for k in range(design.prominences.size):
-            if design.prominences[k] > 0.0:
-                place = _seek(
-                    missing, missing, row, k, design, nodes, searches, output, place, room
-                )
-                searches.progress[k, row].index += samples - 1
+            place = _pause(samples, row, k, design, group, columns, output, place, room)
+            forget(columns.rests[k, row])
     return place

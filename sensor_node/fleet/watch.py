@@ -1,4 +1,4 @@
-"""A cohort's look at its members' taxels: the twin of `sensor_node.examiner.Examiner`."""
+"""A cohort's look at its nodes' taxels: the twin of `sensor_node.examiner.Examiner`."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sensor_node.examiner import SELF_TEST
+from sensor_node.fleet.telling import GONE
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
+    from sensor_node.fleet.crew import Crew
 
 
 class Watch:
@@ -23,34 +23,39 @@ class Watch:
     Only a design without neighbours samples in columns, so that none is ever certainly stuck.
 
     Args:
-        taxels: Their names.
-        nodes: How many nodes.
+        crew: Remembers which are dead.
+        numbers: Which of its nodes, a row each; `GONE` where one has left.
+        since: Ticks at which the first window begins.
 
     Attributes:
         tested: Ticks at which the window begins.
     """
 
-    def __init__(self, taxels: Sequence[str], nodes: int) -> None:
-        self._taxels = taxels
-        self._seen = np.zeros(len(taxels), bool)
-        self._bounded = np.zeros((len(taxels), nodes), bool)
-        self._broken = np.zeros((len(taxels), nodes), bool)
-        self.tested = 0
+    def __init__(self, crew: Crew, numbers: NDArray[np.int64], *, since: int) -> None:
+        taxels = len(crew.settings.taxel)
+        self._crew = crew
+        self._numbers = numbers
+        self._seen = np.zeros(taxels, bool)
+        self._bounded = np.zeros((taxels, len(numbers)), bool)
+        self.tested = since
 
     def take(self, taxel: int, bounded: NDArray[np.bool_]) -> None:
         """Take a frame in: at which nodes a sample of it was bounded."""
         self._seen[taxel] = True
         self._bounded[taxel] |= bounded
 
-    def examine(self, ticks: int) -> list[tuple[int, str]]:
+    def examine(self, ticks: int) -> list[tuple[int, int]]:
         """Where a window ends at some ticks: nodes and their taxels that are certainly dead."""
         if ticks - self.tested < SELF_TEST:
             return []
-        dead = self._seen[:, None] & ~self._bounded & ~self._broken
-        self._broken |= dead
+        here, dead = self._numbers != GONE, self._crew.dead
+        found = self._seen[:, None] & ~self._bounded & ~dead[:, self._numbers] & here
+        told = [(int(self._numbers[row]), int(k)) for row, k in np.argwhere(found.T)]
+        for number, k in told:
+            dead[k, number] = True
         self._seen[:], self._bounded[:] = False, False
         self.tested = ticks
-        return [(int(row), self._taxels[k]) for row, k in np.argwhere(dead.T)]
+        return told
 
 
 def bounded(lows: Floats, highs: Floats) -> NDArray[np.bool_]:

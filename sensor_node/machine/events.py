@@ -35,6 +35,11 @@ class Timer:
         """Fire at a moment; of events at one moment, the one that was armed first comes first."""
         self.time, self._order, self.running = time, order, True
 
+    @property
+    def place(self) -> tuple[int, int]:
+        """Before whom it fires: all with a greater place."""
+        return self.time, self._order
+
     def stop(self) -> None:
         """Fire no more."""
         self.running = False

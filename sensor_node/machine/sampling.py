@@ -90,6 +90,11 @@ class Sampling:
         """Machine time in ns at which a frame is complete next; `NEVER` while all rest."""
         return min((timer.time for timer in self._complete if timer.running), default=NEVER)
 
+    @property
+    def order(self) -> list[int]:
+        """Numbers of all taxels as their next frames will be complete."""
+        return sorted(range(len(self._complete)), key=lambda k: self._complete[k].place)
+
     def arm(self, number: int, frame: Frame) -> None:
         """Sample a taxel's next frame."""
         self._frames[number] = frame

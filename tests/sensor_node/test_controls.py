@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 import pytest
 
 from eskin.errors import CommandError
-from eskin.messages import Block, decode_message
+from eskin.messages import Block, Peak, decode_message
 from sensor_node.controls import NodeControls
-from tests.sensor_node.designs import SECOND, Bench
+from tests.sensor_node.designs import SECOND, START, Bench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin.messages.vocabulary import State
+    from eskin.messages.vocabulary import Arguments, State
 
 
 @pytest.fixture
@@ -107,3 +107,27 @@ def test_setting_between_frames_loses_no_message(bench: Bench, controls: NodeCon
     bench.run_to(4.0)
     sequences = [decode_message(body).position.sequence for body in bench.bodies()]
     assert sequences == list(range(len(sequences)))
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        {"threshold": 20e-12, "channel": "t01.capacitance"},
+        {"gain": 0.5},
+        {"smoothing": 0.25},
+        {"rate": 500.0},
+    ],
+)
+def test_peaks_after_a_command_are_told_at_their_own_time(
+    bench: Bench, controls: NodeControls, arguments: Arguments
+) -> None:
+    bench.run_to(2.0)
+    before = len(list(bench.bodies()))
+    controls.apply("set", arguments)
+    bench.run_to(3.5)
+    since = list(bench.bodies())[before:]
+    peaks = [each for each in map(decode_message, since) if isinstance(each, Peak)]
+    assert {peak.channel for peak in peaks} >= {"t01.capacitance", "t02.capacitance"}
+    # A peak that was under way before is told then, too: half a period back, at most.
+    assert all(START + 1.7 * SECOND < peak.time[0] < peak.time[1] for peak in peaks)
+    assert all(peak.time[1] < START + 3.6 * SECOND for peak in peaks)

@@ -78,7 +78,7 @@ def sole(folder: Path, functions: ModuleType) -> Bench:
 def palm(folder: Path, functions: ModuleType) -> Bench:
     given = table("touch", stimulus_Hz=1e-9, sampling_Hz=250.0, **FINE)
     bench = Bench(folder, "palm", functions=functions, taxel=(given,), sampling=SAMPLING)
-    world: Any = bench.node.taxels[0]._sensing._world
+    world: Any = bench.node.taxels[0].sensing._world
     before, world._most = world._most, world._least
     bench.run_to(0.92)
     world._least = world._most = before

@@ -49,8 +49,12 @@ class EnergySection(Section):
         6.4e-11, "energy of an instruction, J: STM32U575's 19.5 µA/MHz at 3.3 V, one a cycle"
     )
     instruction_tolerance: float = _part(0.2)
-    conversion: float = _positive(5e-9, "energy of a conversion, J (assumed)")
-    conversion_tolerance: float = _part(0.2)
+    conversion: float = _positive(
+        3e-9,
+        "energy of a conversion, J: 3 V times ISAADC0, 1.4 mA at 2 million a second (nRF54L15) to "
+        "1.3 mA at 1 million (nRF54LS05A; Nordic, tables of SAADC active)",
+    )
+    conversion_tolerance: float = _part(0.3)
     sent: float = _positive(
         3e-7,
         "energy of a byte sent, J: nRF52840's 4.8 mA at 3 V for 8 µs, and as much again and more",
@@ -58,8 +62,12 @@ class EnergySection(Section):
     sent_tolerance: float = _part(0.2)
     received: float = _positive(3e-7, "energy of a byte received, J; likewise")
     received_tolerance: float = _part(0.2)
-    sleeping: float = _positive(3e-6, "power in deep sleep, W (assumed)")
-    sleeping_tolerance: float = _part(0.3)
+    sleeping: float = _positive(
+        6.6e-6,
+        "power in deep sleep, W: 3 V times 1.5 to 2.9 µA, nRF54L15 with its clock and 64 to 256 kB "
+        "of RAM (Nordic, table of sleep, ION_IDLE6 to 8)",
+    )
+    sleeping_tolerance: float = _part(0.32)
     wake_up: float = _positive(6e-8, "energy of a wake-up from deep sleep, J (assumed)")
     wake_up_tolerance: float = _part(0.2)
     sensor_voltage: float = _positive(0.5, "that the MOSFET switches to the sensor, V")

@@ -1,0 +1,79 @@
+"""Who samples together again: members that are set alike, whatever way they came there."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from sensor_node.fleet.cohort import Cohort
+from sensor_node.machine.crystal import BILLION
+from sensor_node.machine.events import NEVER
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from sensor_node.fleet.cohort import Key, Share
+    from sensor_node.fleet.crew import Crew
+    from sensor_node.fleet.soloist import Soloist
+
+QUIET: Final = 2 * BILLION
+"""ns without a command to any of them: a command to a whole fleet comes to one after the other."""
+_LONGEST: Final = 30 * BILLION
+"""ns after which those wait no more who were set first."""
+
+
+class Gathering:
+    """Brings members of a crew into cohorts by their keys.
+
+    Args:
+        crew: Whose they are.
+    """
+
+    def __init__(self, crew: Crew) -> None:
+        self._crew = crew
+        self._first = self._latest = NEVER
+
+    def await_more(self, now: int) -> None:
+        """Somebody was set at a moment of the monotonic clock, ns; others may be, too."""
+        self._first, self._latest = min(self._first, now), now
+
+    def is_due(self, now: int) -> bool:
+        """Whether those who were set have waited long enough."""
+        return self._first != NEVER and now >= min(self._first + _LONGEST, self._latest + QUIET)
+
+    def gather(self, cohorts: list[Cohort], soloists: Mapping[int, Soloist], now: int) -> list[int]:
+        """Change cohorts so that each key has one, of which half are there at least.
+
+        Where something changed it looks once more: who came from another cohort may stand a frame
+        apart until both have sampled.
+
+        Args:
+            cohorts: All of the crew; changed.
+            soloists: Those who sample alone.
+            now: On the monotonic clock, ns.
+
+        Returns:
+            Numbers of the soloists that are in a cohort now.
+        """
+        self._first = self._latest = NEVER
+        shares: dict[Key, list[Share]] = {}
+        joined = []
+        for number, node in soloists.items():
+            key = node.key
+            if key is not None:
+                shares.setdefault(key, []).append(node.share(number))
+                joined.append(number)
+        alike: dict[Key, list[Cohort]] = {}
+        for cohort in cohorts:
+            alike.setdefault(cohort.key, []).append(cohort)
+        for key, found in alike.items():
+            if key in shares or len(found) > 1 or _is_thin(found[0]):
+                shares[key] = [each.share() for each in found] + shares.get(key, [])
+        cohorts[:] = [cohort for cohort in cohorts if cohort.key not in shares]
+        cohorts += [Cohort(self._crew, each, key.order) for key, each in shares.items()]
+        if shares:
+            self.await_more(now)
+        return joined
+
+
+def _is_thin(cohort: Cohort) -> bool:
+    return 2 * len(cohort) < len(cohort.numbers)
