@@ -149,17 +149,18 @@ next one is measured; [settings](settings.md) has the keys.
 Each setting has its tolerance, belongs to a frame, and is part of the calculation: intervals
 enclose the truth through every change, and a contact that stays is never trimmed away.
 
-Frames (`sampling.block_samples`) are what it reacts in. Within one, a sudden touch is caught sample
-by sample: a sample-and-hold before the amplifier keeps what was sampled, and where its code is at an
-end of the range, the firmware converts the same value again at once, up to three times, with the gain and
-the step of the trimmer whose range goes on at that end and reaches farthest. Neighbouring ranges
-overlap by all that their tolerances leave open, so that no value falls between them; each sample is
-calculated back with the range that it was given. So no sample saturates that the least gain and
-the trimmer reach in three steps, and what lies beyond them is told as open, until the plates have moved: by
-a step each frame. Two limits: samples that come too fast (the hybrid's burst, every 10 µs) leave no
-time for it, and the gain alone does not help where the range does not begin at 0 and a current
-falls below it. There a trimmer does. The profile hand leaves it off: there
-the tolerances of parts, not the converter's steps, make the intervals of capacitance wide.
+Frames (`sampling.block_samples`) are what it reacts in. Within one, a sudden touch is caught
+sample by sample: a sample-and-hold before the amplifier keeps what was sampled, and where its code
+is at an end of the range, the firmware converts the same value again at once, up to three times,
+with the gain and the step of the trimmer whose range goes on at that end and reaches farthest.
+Neighbouring ranges overlap by all that their tolerances leave open, so that no value falls between
+them; each sample is calculated back with the range that it was given. So no sample saturates that
+the least gain and the trimmer reach in three steps, and what lies beyond them is told as open,
+until the plates have moved: by a step each frame. Two limits: samples that come too fast (the
+hybrid's burst, every 10 µs) leave no time for it, and the gain alone does not help where the range
+does not begin at 0 and a current falls below it. There a trimmer does. The profile hand leaves it
+off: there the tolerances of parts, not the converter's steps, make the intervals of capacitance
+wide.
 """
 
 
