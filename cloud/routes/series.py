@@ -23,13 +23,8 @@ from cloud.query.series import read_series
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window, make_window, read_window
 from cloud.routes.answers import as_json
-from cloud.routes.documents import (
-    REFUSALS_OF_PLACE,
-    OccupancyDocument,
-    PageDocument,
-    SegmentDocument,
-    SeriesDocument,
-)
+from cloud.routes.documents import REFUSALS_OF_PLACE, PageDocument
+from cloud.routes.series_documents import OccupancyDocument, SegmentDocument, SeriesDocument
 from cloud.shapes import occupancy_shape, page, segment_shape
 from cloud.state import Cloud
 from cloud.tables import WRITERS
