@@ -28,6 +28,9 @@ FIRST = ("integration", "dashboard")
 LAST = ("eskin", "sensor_node")
 """Rooms of many short files, which fill what is left of the time evenly."""
 
+TOGETHER = ("tests/eskin/figures/", "tests/eskin/models/icm/")
+"""Files that need the same large kernels, which a fresh machine then compiles once."""
+
 
 class RoomScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
     """A worker takes a whole file, or a whole room of those above."""
@@ -35,7 +38,7 @@ class RoomScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0]
         room = file.split("/")[1]
-        return room if room in FIRST else file
+        return room if room in FIRST else next((t for t in TOGETHER if file.startswith(t)), file)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> RoomScheduling:

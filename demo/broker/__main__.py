@@ -29,7 +29,17 @@ async def serve(directory: Path, authority: Path, port: int) -> None:
     await broker.shutdown()
 
 
+def _in_one_line(record: logging.LogRecord) -> bool:
+    """Amqtt tells of each client that answers too late by a whole traceback."""
+    if record.name.startswith("amqtt") and record.exc_info:
+        record.msg, record.args = f"{record.getMessage()}: {record.exc_info[1]!r}", None
+        record.exc_info = None
+    return True
+
+
 if __name__ == "__main__":
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(message)s")
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(_in_one_line)
     logging.getLogger("demo").setLevel(logging.INFO)
     asyncio.run(serve(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])))

@@ -16,6 +16,8 @@ from tests.demos import RunningDemo
 from tests.processes import ESKIN, wait_until
 
 NODES = ["fingertip", "palm", "forearm"]
+SLOWLY = ("--speed", "0.25")
+"""What is lost or not is no question of speed, and beside these demos others run."""
 
 
 def waiting_in_flash(data: Path, node: str) -> int:
@@ -28,7 +30,7 @@ def waiting_in_flash(data: Path, node: str) -> int:
 def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The data of a demo that has ended; to be copied."""
     data = tmp_path_factory.mktemp("ended") / "data"
-    with RunningDemo(data) as demo:
+    with RunningDemo(data, *SLOWLY) as demo:
         demo.wait_for_more(NODES)
         assert demo.stop() == 0
     return data
@@ -43,7 +45,7 @@ def data(ended: Path, tmp_path: Path) -> Path:
 @pytest.mark.timeout(300)
 def test_killed_processes_lose_nothing_and_double_nothing(tmp_path: Path) -> None:
     data = tmp_path / "data"
-    with RunningDemo(data) as demo:
+    with RunningDemo(data, *SLOWLY) as demo:
         demo.wait_for_more(NODES)
         for victims in [("gateway", "fingertip"), ("cloud", "palm"), ("broker", "forearm")]:
             dead = {victim: demo.children()[victim] for victim in victims}
@@ -111,7 +113,7 @@ def test_audit_sees_blocks_that_vanished_and_messages_that_were_refused(data: Pa
 def test_wiped_flash_repeats_no_number_and_loses_nothing_new(data: Path) -> None:
     for file in (data / "nodes" / "fingertip").glob("flash.sqlite*"):
         file.unlink()
-    with RunningDemo(data) as demo:
+    with RunningDemo(data, *SLOWLY) as demo:
         demo.wait_for_more(NODES)
         assert len([node for node, _ in demo.sequences() if node == "fingertip"]) == 2
         wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored", seconds=60)
@@ -119,7 +121,7 @@ def test_wiped_flash_repeats_no_number_and_loses_nothing_new(data: Path) -> None
 
 @pytest.mark.timeout(200)
 def test_killed_demo_leaves_no_process_and_its_data(data: Path) -> None:
-    with RunningDemo(data) as demo:
+    with RunningDemo(data, *SLOWLY) as demo:
         demo.wait_for_more(NODES)
         children = list(demo.children().values())
         demo.kill()

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @pytest.mark.timeout(200)
 def test_revoked_node_is_out_and_stays_out(tmp_path: Path) -> None:
     data = tmp_path / "data"
-    with RunningDemo(data, "--nodes", "2") as demo:
+    with RunningDemo(data, "--nodes", "2", "--speed", "0.25") as demo:
         demo.wait_for_more(["fingertip", "palm"])
         revoke = [ESKIN, "pki", "revoke", "--dir", str(data / "ca"), "--name", "palm"]
         subprocess.run(revoke, check=True, capture_output=True, timeout=30)
