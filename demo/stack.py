@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from demo.layout import Layout
 
-_PATIENCE_S: Final = 60.0
+_PATIENCE_S: Final = 180.0
 _POLL_S: Final = 0.05
 _DRAIN_S: Final = 10.0
 
@@ -99,7 +99,7 @@ class Stack:
         """Start a stage and wait until it is up.
 
         Raises:
-            ChildError: A process died, or the stage is not up after a minute.
+            ChildError: A process died, or the stage is not up after three minutes.
         """
         for child in stage.children:
             child.start()

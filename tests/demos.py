@@ -32,7 +32,7 @@ class RunningDemo(Running):
         before = self.log.read_text().count("eskin is running") if self.log.exists() else 0
         super().start()
         self.wait_for(
-            lambda: self.output().count("eskin is running") > before, "the demo is up", seconds=90
+            lambda: self.output().count("eskin is running") > before, "the demo is up", seconds=200
         )
 
     @property
@@ -89,7 +89,7 @@ class RunningDemo(Running):
             for node in self.get("/nodes")["items"]
         }
 
-    def wait_for_more(self, nodes: Sequence[str], *, seconds: float = 30.0) -> None:
+    def wait_for_more(self, nodes: Sequence[str], *, seconds: float = 90.0) -> None:
         """Wait until each node has stored more samples than now."""
         before = self.samples()
         wait_until(

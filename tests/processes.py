@@ -34,7 +34,7 @@ def accepts(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def wait_until(condition: Callable[[], bool], what: str, *, seconds: float = 20.0) -> None:
+def wait_until(condition: Callable[[], bool], what: str, *, seconds: float = 60.0) -> None:
     """Wait for a condition; fail with its name when it does not come."""
     deadline = time.monotonic() + seconds
     while not condition():
@@ -77,7 +77,7 @@ class Running:
                 env=self._env,
             )
 
-    def wait_for(self, condition: Callable[[], bool], what: str, *, seconds: float = 20.0) -> None:
+    def wait_for(self, condition: Callable[[], bool], what: str, *, seconds: float = 60.0) -> None:
         """Wait for a condition while the process lives."""
 
         def checked() -> bool:

@@ -83,7 +83,7 @@ class Visit:
         )
         return facts
 
-    def wait_for_chart(self, seconds: float = 15.0, **facts: str) -> dict[str, str]:
+    def wait_for_chart(self, seconds: float = 60.0, **facts: str) -> dict[str, str]:
         """Wait until the first chart says so, and has painted it."""
 
         def painted() -> bool:
