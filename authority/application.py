@@ -59,9 +59,42 @@ class RenewalRequest(BaseModel):
 def create_application(
     authority: Authority, tokens: Tokens, *, lifetime: timedelta, grace: timedelta
 ) -> FastAPI:
-    """Build the application over an opened CA."""
+    """Build the application over an opened CA.
+
+    Whoever serves it may set ``app.state.follow``, which is called before anybody is told the roots
+    that stand: the service's own certificate must not lead to one that visitors then have dropped.
+    """
     renewals = Renewals(authority, lifetime=lifetime, grace=grace)
     app = FastAPI(title="eskin certificate authority", docs_url=None, redoc_url=None)
+    app.state.follow = lambda: None
+
+    _add_refusals(app)
+
+    @app.post("/enrol")
+    async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
+        request = der_of_pem(body.request)
+        key = requested_key(request)
+        enrolment = tokens.redeem(body.token, _der(key), requested_name(request))
+        chain = authority.issue(
+            enrolment.kind, enrolment.name, key, hosts=enrolment.hosts, lifetime=lifetime
+        )
+        log.info("enrolled: kind=%s name=%s", enrolment.kind, enrolment.name)
+        app.state.follow()
+        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
+
+    @app.post("/renew")
+    async def renew(body: RenewalRequest) -> EnrolmentAnswer:
+        chain = renewals.renew(_decoded(body.signed))
+        log.info("renewed: name=%s", common_name(chain[0]))
+        app.state.follow()
+        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
+
+    _add_public(app, authority)
+    return app
+
+
+def _add_refusals(app: FastAPI) -> None:
+    """How it says no."""
 
     @app.exception_handler(IdentityError)
     async def refuse(_: Request, error: IdentityError) -> JSONResponse:
@@ -87,26 +120,6 @@ def create_application(
             media_type="application/problem+json",
         )
 
-    @app.post("/enrol")
-    async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
-        request = der_of_pem(body.request)
-        key = requested_key(request)
-        enrolment = tokens.redeem(body.token, _der(key), requested_name(request))
-        chain = authority.issue(
-            enrolment.kind, enrolment.name, key, hosts=enrolment.hosts, lifetime=lifetime
-        )
-        log.info("enrolled: kind=%s name=%s", enrolment.kind, enrolment.name)
-        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
-
-    @app.post("/renew")
-    async def renew(body: RenewalRequest) -> EnrolmentAnswer:
-        chain = renewals.renew(_decoded(body.signed))
-        log.info("renewed: name=%s", common_name(chain[0]))
-        return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
-
-    _add_public(app, authority)
-    return app
-
 
 def _add_public(app: FastAPI, authority: Authority) -> None:
     """What anybody may read."""
@@ -124,6 +137,7 @@ def _add_public(app: FastAPI, authority: Authority) -> None:
 
     @app.get("/roots")
     async def roots() -> Response:
+        app.state.follow()
         return Response(offered_roots(authority.directory), media_type=_PEM)
 
     @app.get("/revocations/{kind}")

@@ -99,6 +99,7 @@ class Server(uvicorn.Server):
             server_header=False,
         )
         super().__init__(config)
+        app.state.follow = self._look
 
     async def on_tick(self, counter: int) -> bool:
         """Look after certificate and roots once a second; uvicorn calls ten times as often."""

@@ -218,9 +218,12 @@ class Outbox:
         with self._lock:
             found: list[Kept] = []
             if self._introduction is not None:
-                self._take([self._introduction], found)
+                self._take(self._introduction, found)
                 self._introduction = None
-            self._take(self._window.late(now)[: most - len(found)], found)
+            for position in self._window.late(now):
+                # Not a slice: what gave way meanwhile takes nobody's place.
+                if len(found) < most:
+                    self._take(position, found)
             while (limit := min(most - len(found), self._window.room)) > 0:
                 fresh = self._chip.after(self._sent_up_to, limit)
                 for kept in fresh:
@@ -275,13 +278,12 @@ class Outbox:
         with self._lock:
             return self._chip.charge()
 
-    def _take(self, positions: "Sequence[Position]", found: "list[Kept]") -> None:
-        for position in positions:
-            kept = self._chip.read(position)
-            if kept is None:
-                self._window.forget(position)
-            else:
-                self._hand_over(kept, found)
+    def _take(self, position: "Position", found: "list[Kept]") -> None:
+        kept = self._chip.read(position)
+        if kept is None:
+            self._window.forget(position)
+        else:
+            self._hand_over(kept, found)
 
     def _hand_over(self, kept: "Kept", found: "list[Kept]") -> None:
         self._window.hand_over(kept.position)

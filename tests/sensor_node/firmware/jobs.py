@@ -68,27 +68,13 @@ class Recorder:
         monkeypatch.setattr(ControlUnit, "__init__", unit)
 
     def _watch_working(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        measure, skip = ControlUnit.measure, ControlUnit.skip
-        separate, tell, surround = ControlUnit.separate, ControlUnit.tell, ControlUnit.surround
-
-        repeat = ControlUnit.repeat
-
-        def repeated(unit: ControlUnit, readings: Readings, i: int, k: int, hold: Hold) -> None:
-            first, answers = readings.codes[i][k], []
-
-            def held(gain: float, trim: int) -> int:
-                code = hold(gain, trim)
-                answers.append([[hexadecimal(gain), trim], code])
-                return code
-
-            repeat(unit, readings, i, k, held)
-            self._again.setdefault(id(readings), []).append((i, k, first, answers))
+        measure, skip, separate = ControlUnit.measure, ControlUnit.skip, ControlUnit.separate
+        tell, surround = ControlUnit.tell, ControlUnit.surround
 
         def measured(
             unit: ControlUnit, frame: Frame, readings: Readings, other: Readings | None = None
         ) -> None:
-            first = unit.schedule.frame(frame.number).first
-            part = frame.first - first, frame.first - first + frame.n
+            part = (at := frame.first - unit.schedule.frame(frame.number).first), at + frame.n
             taken = [readings] if other is None else [readings, other]
             given = [self._described_readings(each) for each in taken]
             self._note(unit, frame=frame.number, part=part, codes=given)
@@ -111,7 +97,7 @@ class Recorder:
                 self._note(unit, skip=samples)
             return skip(unit, samples)
 
-        monkeypatch.setattr(ControlUnit, "repeat", repeated)
+        self._watch_repeating(monkeypatch)
         monkeypatch.setattr(ControlUnit, "measure", measured)
         monkeypatch.setattr(ControlUnit, "separate", separated)
         monkeypatch.setattr(ControlUnit, "tell", told)
@@ -119,6 +105,21 @@ class Recorder:
         monkeypatch.setattr(ControlUnit, "skip", skipped)
         for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):
             self._watch_setting(monkeypatch, name)
+
+    def _watch_repeating(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        repeat = ControlUnit.repeat
+
+        def repeated(unit: ControlUnit, readings: Readings, i: int, k: int, hold: Hold) -> None:
+            first, answers = readings.codes[i][k], []
+
+            def held(gain: float, trim: int) -> int:
+                answers.append([[hexadecimal(gain), trim], code := hold(gain, trim)])
+                return code
+
+            repeat(unit, readings, i, k, held)
+            self._again.setdefault(id(readings), []).append((i, k, first, answers))
+
+        monkeypatch.setattr(ControlUnit, "repeat", repeated)
 
     def _watch_telling(self, monkeypatch: pytest.MonkeyPatch) -> None:
         gap, status = Scribe.gap, Scribe.status

@@ -29,7 +29,7 @@ def storage(tmp_path: Path) -> Iterator[Storage]:
 
 
 def outboxes(storage: Storage) -> list[MemberOutbox]:
-    nodes = Nodes(*(np.zeros(2, np.int64) for _ in range(4)))
+    nodes = Nodes(*(np.zeros(2, np.int64) for _ in range(3)))
     return [
         MemberOutbox(
             storage.partition(name),
