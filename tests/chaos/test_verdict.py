@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -16,12 +17,19 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from eskin.messages import Gap
+
 
 @pytest.fixture
 def burnt(tmp_path: Path) -> Iterator[Store]:
     with Store(tmp_path / "store.sqlite") as store:
-        put(store, block(0), block(1), gap(2))
+        put(store, block(0), block(1), naming(2))
         yield store
+
+
+def naming(sequence: int, *lost: tuple[int, int, int]) -> Gap:
+    """A gap that names messages."""
+    return replace(gap(sequence), lost=lost)
 
 
 def wrong(store: Store, *faults: str) -> list[str]:
@@ -49,6 +57,14 @@ def test_sums_must_be_those_of_the_blocks(burnt: Store, change: str, words: str)
     burnt.write(lambda connection: connection.exec_driver_sql(change)).result(20)
     (fault,) = wrong(burnt, "cut")
     assert words in fault
+
+
+def test_hole_that_a_gap_names_is_none(burnt: Store) -> None:
+    put(burnt, block(5))
+    (fault,) = wrong(burnt, "cut")
+    assert "holes: 2 ranges from 0" in fault
+    put(burnt, naming(6, (1, 3, 4)))
+    assert wrong(burnt, "cut") == []
 
 
 def test_stroke_reads_well() -> None:

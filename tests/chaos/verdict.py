@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final
 
 from demo.audit import audit
+from eskin.messages import Gap, decode_message
+from eskin.sequences import SequenceRanges
 from tests.stores import ask_store
 
 if TYPE_CHECKING:
@@ -100,7 +103,24 @@ def add_up(store: Place, verdict: Verdict) -> None:
                 f"{place}: {blocks} blocks and {samples} samples are told, "
                 f"{counted} and {summed} are stored"
             )
-    holes = "SELECT node, boot, count(*), min(first) FROM sequences GROUP BY node, boot"
-    for node, boot, ranges, first in ask_store(store, holes):
-        if (ranges, first) != (1, 0):
-            verdict.faults.append(f"{node}: boot {boot} has holes: {ranges} ranges from {first}")
+    for (node, boot), ranges in _numbers(store).items():
+        spans = list(ranges)
+        if len(spans) != 1 or spans[0][0] != 0:
+            verdict.faults.append(
+                f"{node}: boot {boot} has holes: {len(spans)} ranges from {spans[0][0]}"
+            )
+
+
+def _numbers(store: Place) -> dict[tuple[str, int], SequenceRanges]:
+    """By node and boot, the numbers of messages that came, or that a gap names as lost."""
+    found: dict[tuple[str, int], SequenceRanges] = defaultdict(SequenceRanges)
+    for node, boot, first, last in ask_store(
+        store, "SELECT node, boot, first, last FROM sequences"
+    ):
+        found[node, boot].add(first, last)
+    for node, data in ask_store(store, "SELECT node, data FROM events WHERE kind = 'gap'"):
+        gap = decode_message(bytes(data))
+        assert isinstance(gap, Gap)
+        for boot, first, last in gap.lost:
+            found[node, boot].add(first, last)
+    return found
