@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.compose.engine import container_engine
-from tests.compose.stack import Stack
+from tests.compose.stack import NODES, Stack, items
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -41,6 +42,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory, say: Callable[[str], None]) 
             say("starting the stack ...")
             stack.up()
             say("the stack is healthy")
+            wait_until(lambda: _all_are_known(stack), "each node has reported", seconds=300)
             healthy = True
             yield stack
         finally:
@@ -48,6 +50,13 @@ def stack(tmp_path_factory: pytest.TempPathFactory, say: Callable[[str], None]) 
                 say(stack.logs())
             stack.compose("down", "--volumes", "--timeout", "10", seconds=120)
             say("the stack is down")
+
+
+def _all_are_known(stack: Stack) -> bool:
+    """Whether the cloud has heard of each node: on a fresh machine, kernels are compiled first."""
+    with stack.client() as client:
+        known = {node["id"] for node in items(client, "/api/v1/nodes")}
+    return known == set(NODES)
 
 
 @pytest.fixture(autouse=True)
