@@ -35,6 +35,7 @@ log = logging.getLogger(__name__)
 _MOST_ACKNOWLEDGEMENTS: Final = 1000
 _MOST_COMMANDS: Final = 16
 _TURN_S: Final = 0.1
+_PAUSE_S: Final = 1.0
 
 
 class Publisher:
@@ -83,7 +84,9 @@ class Publisher:
         }
         if take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
-        self._fresh, self._wake, self._stopping = (threading.Event() for _ in range(3))
+        self._fresh, self._wake = threading.Event(), threading.Event()
+        self._until = float("inf")
+        self._ended = False
         self._silence = Silence(broker.silence_s)
         self._client = self._make_client()
         self._uplink = Uplink(
@@ -106,12 +109,7 @@ class Publisher:
 
     def stop(self) -> None:
         """Wait a little for acknowledgements, then disconnect; what is left waits."""
-        deadline = time.monotonic() + self._broker.drain_s
-        while self._client.is_connected() and self._outbox.messages:
-            if time.monotonic() >= deadline:
-                break
-            self._stopping.wait(0.05)
-        self._stopping.set()
+        self._until = time.monotonic() + self._broker.drain_s
         self._wake.set()
         self._thread.join()
         self._client.disconnect()
@@ -152,7 +150,7 @@ class Publisher:
     def _on_disconnect(
         self, _client: mqtt.Client, _data: Any, _flags: Any, reason: Any, _properties: Any
     ) -> None:
-        if not self._stopping.is_set():
+        if not self._ended:
             log.warning("connection lost, messages wait: reason=%s", reason)
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
@@ -172,18 +170,25 @@ class Publisher:
 
     def _run(self) -> None:
         failures = 0
-        while not self._stopping.is_set():
+        while not self._has_ended():
             self._wake.wait(_TURN_S)
             self._wake.clear()
             try:
                 self._turn()
             except FlashError as error:
                 log.warning("publishing pauses: error=%s", error)
-                self._stopping.wait(1.0)
+                time.sleep(_PAUSE_S)
             except Exception:
                 failures += 1
                 log.exception("publisher failed and goes on: failures=%d", failures)
-                self._stopping.wait(1.0)
+                time.sleep(_PAUSE_S)
+
+    def _has_ended(self) -> bool:
+        """Whether nothing is left to wait for; asked between turns, which may add a status."""
+        if self._until < float("inf"):
+            more = self._client.is_connected() and self._outbox.messages
+            self._ended = not more or time.monotonic() >= self._until
+        return self._ended
 
     def _turn(self) -> None:
         if not self._is_running():

@@ -23,62 +23,71 @@ log = logging.getLogger(__name__)
 
 
 class FollowingContext(ssl.SSLContext):
-    """Makes connections by a context that is made anew when one of its files was replaced.
+    """Makes connections by another context as soon as one of its files was replaced.
 
     OpenSSL can add a root to a context, and take none away. Where a file cannot be used, as in the
     middle of a renewal, the context before goes on.
     """
 
     _files: Sequence[Path]
-    _make: Callable[[], ssl.SSLContext]
-    _newest: ssl.SSLContext
+    _set_up: Callable[[ssl.SSLContext], None]
+    # None while this context itself holds what the files say, as for most of those of a fleet.
+    _newest: ssl.SSLContext | None = None
     _seen: tuple[Version, ...] | None
     _protocols: Sequence[str] = ()
 
     @classmethod
-    def over(cls, files: Sequence[Path], make: Callable[[], ssl.SSLContext]) -> Self:
+    def over(
+        cls, protocol: int, files: Sequence[Path], set_up: Callable[[ssl.SSLContext], None]
+    ) -> Self:
         """Follow files.
 
         Args:
+            protocol: As `ssl.SSLContext` takes it.
             files: Which.
-            make: Makes a context of them, or raises `IdentityError`.
+            set_up: Has a fresh context use them, or raises `IdentityError`.
 
         Raises:
             IdentityError: They cannot be used now.
         """
-        seen = _versions(files)
-        newest = make()
-        own = cls(newest.protocol)
-        own._files, own._make, own._newest, own._seen = files, make, newest, seen
-        # Whoever looks at it sees what holds.
-        own.minimum_version = newest.minimum_version
-        own.check_hostname, own.verify_mode = newest.check_hostname, newest.verify_mode
+        own = cls(protocol)
+        own._files, own._set_up, own._seen = files, set_up, _versions(files)
+        set_up(own)
         return own
 
     def wrap_socket(self, *given: Any, **named: Any) -> ssl.SSLSocket:
         """See `ssl.SSLContext`."""
-        return self._follow().wrap_socket(*given, **named)
+        newest = self._follow()
+        if newest is None:
+            return super().wrap_socket(*given, **named)
+        return newest.wrap_socket(*given, **named)
 
     def wrap_bio(self, *given: Any, **named: Any) -> ssl.SSLObject:
         """See `ssl.SSLContext`."""
-        return self._follow().wrap_bio(*given, **named)
+        newest = self._follow()
+        if newest is None:
+            return super().wrap_bio(*given, **named)
+        return newest.wrap_bio(*given, **named)
 
     def set_alpn_protocols(self, alpn_protocols: Any) -> None:
         """See `ssl.SSLContext`."""
         self._protocols = alpn_protocols
+        super().set_alpn_protocols(alpn_protocols)
 
-    def _follow(self) -> ssl.SSLContext:
+    def _follow(self) -> ssl.SSLContext | None:
         try:
             seen = _versions(self._files)
             if seen is None or seen != self._seen:
-                self._newest = self._make()
-                self._seen = seen
+                fresh = ssl.SSLContext(self.protocol)
+                self._set_up(fresh)
+                self._newest, self._seen = fresh, seen
         except IdentityError as error:
             log.warning("a TLS identity cannot be read, the one before goes on: %s", error)
         newest = self._newest
-        newest.sslsocket_class = self.sslsocket_class
-        if self._protocols:
-            newest.set_alpn_protocols(self._protocols)
+        if newest is not None:
+            newest.sslsocket_class = self.sslsocket_class
+            if self._protocols:
+                newest.set_alpn_protocols(self._protocols)
         return newest
 
 
@@ -94,15 +103,14 @@ def client_context(root_file: Path, identity: Identity | None = None) -> ssl.SSL
     """
     folder = None if identity is None else identity.directory
 
-    def make() -> ssl.SSLContext:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    def set_up(context: ssl.SSLContext) -> None:
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         _trust(context, root_file)
         if folder is not None:
             _show(context, folder)
-        return context
 
-    return FollowingContext.over([root_file, *_files(folder)], make)
+    files = [root_file, *_files(folder)]
+    return FollowingContext.over(ssl.PROTOCOL_TLS_CLIENT, files, set_up)
 
 
 def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLContext:
@@ -117,16 +125,15 @@ def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLC
     """
     folder = identity.directory
 
-    def make() -> ssl.SSLContext:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    def set_up(context: ssl.SSLContext) -> None:
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         _show(context, folder)
         if client_certificates:
             _trust(context, folder / ROOT_FILE)
             context.verify_mode = ssl.CERT_REQUIRED
-        return context
 
-    return FollowingContext.over([*_files(folder), folder / ROOT_FILE], make)
+    files = [*_files(folder), folder / ROOT_FILE]
+    return FollowingContext.over(ssl.PROTOCOL_TLS_SERVER, files, set_up)
 
 
 def _versions(files: Sequence[Path]) -> tuple[Version, ...] | None:

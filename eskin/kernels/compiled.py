@@ -12,10 +12,11 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numba
+from numba import types
 from numba.core.dispatcher import Dispatcher
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping, Sequence
 
 Function = TypeVar("Function", bound="Callable[..., Any]")
 
@@ -76,7 +77,7 @@ class _Stamps:
 def part(function: Function) -> Function:
     """Compile a small function for kernels to call; it dissolves into their loops."""
     made = numba.njit(nogil=True, error_model="numpy")(function)
-    return cast("Function", made)
+    return cast("Function", _for_any_constant(made))
 
 
 def inlined(function: Function) -> Function:
@@ -86,4 +87,16 @@ def inlined(function: Function) -> Function:
     finds too large or too often used.
     """
     made = numba.njit(nogil=True, error_model="numpy", forceinline=True)(function)
-    return cast("Function", made)
+    return cast("Function", _for_any_constant(made))
+
+
+def _for_any_constant(made: Any) -> Any:
+    """Have a part typed once for all constants that it is called with, and not for each anew."""
+    find = made.get_call_template
+
+    def find_for_types(given: Sequence[Any], named: Mapping[str, Any]) -> Any:
+        plain = {name: types.unliteral(value) for name, value in named.items()}
+        return find(tuple(types.unliteral(value) for value in given), plain)
+
+    made.get_call_template = find_for_types
+    return made

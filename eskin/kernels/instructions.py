@@ -33,9 +33,21 @@ def _from_bits(_typing: Any, _value: Any) -> Any:
     return types.float64(types.int64), generate
 
 
+def _load(_typing: Any, data: Any, place: Any, index: Any, kind: Any) -> Any:
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        start = context.make_array(data)(context, builder, arguments[0]).data
+        pointer = context.get_value_type(signature.return_type).as_pointer()
+        first = builder.bitcast(builder.gep(start, [arguments[1]]), pointer)
+        return builder.load(builder.gep(first, [arguments[2]]), align=1)
+
+    return kind.dtype(data, place, index, kind), generate
+
+
 fma: Final = cast("Callable[[float, float, float], float]", intrinsic(_fma))
 """``a·b + c``, rounded once."""
 to_bits: Final = cast("Callable[[float], int]", intrinsic(_to_bits))
 """The bits of a float as an integer."""
 from_bits: Final = cast("Callable[[int], float]", intrinsic(_from_bits))
 """The float that has these bits."""
+load: Final = cast("Callable[[bytes, int, int, type[Any]], Any]", intrinsic(_load))
+"""The index-th number of a kind in bytes, from a place on that need not be aligned; unchecked."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from eskin.errors import MessageError
 from eskin.kernels.compiled import kernel, part
-from eskin.kernels.instructions import from_bits
+from eskin.kernels.instructions import from_bits, load
 from eskin.messages.block_summary import LONGEST_DT, MOST_SAMPLES, UNIT_LENGTH, BlockSummary
 from eskin.messages.encoding import ENCODINGS, MOST_OFFSET, SAFE_EXPONENT, UNBOUNDED
 from eskin.messages.fields import MOST_COUNT, MOST_MOMENT, text
@@ -111,47 +111,39 @@ def _bounds(data: bytes, place: int, encoding: int, n: int) -> tuple[float, floa
     good = good and abs(exponent) <= SAFE_EXPONENT and abs(offset) <= MOST_OFFSET
     if not good:
         return lo, hi, widening, False
-    raw = np.frombuffer(data, np.uint8)
-    first, second = raw[lows : lows + size], raw[highs : highs + size]
     if encoding == _Q16:
-        least, most, good = _codes(_copy(first, np.uint16), _copy(second, np.uint16))
+        least, most, good = _codes(data, lows, highs, n)
         scale = 2.0**exponent
         inf = -np.inf if least < 0 else np.float64(least + offset) * scale
         sup = np.inf if most == UNBOUNDED else np.float64(most + offset) * scale
     elif encoding == 1:
-        inf, sup, good = _floats(_copy(first, np.float32), _copy(second, np.float32))
+        inf, sup, good = _floats(data, lows, highs, n, np.float32)
     else:
-        inf, sup, good = _floats(_copy(first, np.float64), _copy(second, np.float64))
+        inf, sup, good = _floats(data, lows, highs, n, np.float64)
     return lo, hi, widening, good and lo == inf and hi == sup
 
 
 @part
-def _copy(raw: Any, kind: Any) -> Any:
-    """Samples where the processor may read them at once: in a message they begin anywhere."""
-    made = np.empty(raw.size, np.uint8)
-    made[:] = raw
-    return made.view(kind)
-
-
-@part
-def _floats(lo: Any, hi: Any) -> tuple[float, float, bool]:
+def _floats(data: bytes, lows: int, highs: int, n: int, kind: Any) -> tuple[float, float, bool]:
     """The hull, and whether all are intervals; a NaN is in no order."""
     least, most, good = np.inf, -np.inf, True
-    for k in range(lo.size):
-        good &= lo[k] <= hi[k]
-        good &= (lo[k] < np.inf) & (hi[k] > -np.inf)
-        least, most = min(least, lo[k]), max(most, hi[k])
+    for k in range(n):
+        lo, hi = load(data, lows, k, kind), load(data, highs, k, kind)
+        good &= lo <= hi
+        good &= (lo < np.inf) & (hi > -np.inf)
+        least, most = min(least, lo), max(most, hi)
     return least, most, good
 
 
 @part
-def _codes(lo: Any, hi: Any) -> tuple[int, int, bool]:
+def _codes(data: bytes, lows: int, highs: int, n: int) -> tuple[int, int, bool]:
     """The least and the greatest code, -1 where a lower side is unbounded; whether all in order."""
     least, most, good = UNBOUNDED, 0, True
-    for k in range(lo.size):
-        low = -1 if lo[k] == UNBOUNDED else lo[k]
-        good &= low <= hi[k]
-        least, most = min(least, low), max(most, hi[k])
+    for k in range(n):
+        lo, hi = load(data, lows, k, np.uint16), load(data, highs, k, np.uint16)
+        low = -1 if lo == UNBOUNDED else lo
+        good &= low <= hi
+        least, most = min(least, low), max(most, hi)
     return least, most, good
 
 
