@@ -21,6 +21,8 @@ log = logging.getLogger(__name__)
 
 _LONGEST_PAUSE_S: Final = 10.0
 _PATIENCE_S: Final = 10.0
+_WELL_S: Final = 60.0
+"""Who has run for so long is well: what ended it is none of the troubles of before."""
 _TAIL: Final = 15
 _PR_SET_PDEATHSIG: Final = 1
 
@@ -54,6 +56,7 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._deaths = 0
         self._again_at = 0.0
+        self._began = 0.0
         self._asked = False
         self._log_before = 0
 
@@ -64,6 +67,7 @@ class Child:
             ChildError: The program cannot be run.
         """
         self._log_file.parent.mkdir(parents=True, exist_ok=True)
+        self._began = time.monotonic()
         try:
             with self._log_file.open("ab") as output:
                 self._log_before = output.tell()
@@ -105,6 +109,8 @@ class Child:
         now = time.monotonic()
         if self._again_at == 0.0:
             status = self._process.returncode if self._process else None
+            if now > self._began + _WELL_S:
+                self._deaths = 0
             pause = min(0.5 * 2.0**self._deaths, _LONGEST_PAUSE_S)
             self._deaths += 1
             self._again_at = now + pause

@@ -93,10 +93,10 @@ def inlined(function: Function) -> Function:
 def _for_any_constant(made: Any) -> Any:
     """Have a part typed once for all constants that it is called with, and not for each anew."""
     find = made.get_call_template
+    plain: Callable[[Any], Any] = types.unliteral
 
     def find_for_types(given: Sequence[Any], named: Mapping[str, Any]) -> Any:
-        plain = {name: types.unliteral(value) for name, value in named.items()}
-        return find(tuple(types.unliteral(value) for value in given), plain)
+        return find(tuple(map(plain, given)), {name: plain(named[name]) for name in named})
 
     made.get_call_template = find_for_types
     return made

@@ -58,15 +58,12 @@ def test_killed_processes_lose_nothing_and_double_nothing(tmp_path: Path) -> Non
             )
             wait_until(lambda: bool(_answers(demo)), "the API answers", seconds=60)
             demo.wait_for_more(NODES, seconds=60)
-        assert demo.stop() == 0
-        demo.start()
-        demo.wait_for_more(NODES)
         wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored", seconds=60)
         assert demo.stop() == 0
         left = {node: waiting_in_flash(data, node) for node in NODES}
         assert max(left.values()) < 60, left
         boots = [boot for node, boot in demo.sequences() if node == "fingertip"]
-        assert len(boots) >= 3
+        assert len(boots) >= 2
         done = subprocess.run(
             [ESKIN, "audit", "--data", str(data)],
             capture_output=True, text=True, timeout=100, check=False,
