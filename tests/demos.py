@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import psutil
 
-from tests.processes import ESKIN, Running, free_port, wait_until
+from tests.processes import ESKIN, PLAIN, Running, free_port, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -54,6 +54,7 @@ class RunningDemo(Running):
             base_url=access["url"],
             headers={"Authorization": f"Bearer {access['token']}"},
             timeout=10,
+            verify=PLAIN,
         )
 
     def get(self, path: str, **parameters: object) -> Any:

@@ -14,7 +14,7 @@ from eskin.identity import IdentityKind
 from tests.brokers import Mosquitto
 from tests.files import ask, write_settings
 from tests.identities import Identities
-from tests.processes import ESKIN, Running, accepts, free_port
+from tests.processes import ESKIN, PLAIN, Running, accepts, free_port
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -93,7 +93,7 @@ class RealStack:
             token = create_token(store, scopes=scopes, name="o", lifetime=timedelta(hours=1))
         headers = {"Authorization": f"Bearer {token}"}
         url = f"http://127.0.0.1:{self._people}/api/v1"
-        return httpx.Client(base_url=url, headers=headers, timeout=20)
+        return httpx.Client(base_url=url, headers=headers, timeout=20, verify=PLAIN)
 
     def start_gateway(self) -> None:
         """Start the gateway again, after it was ended."""

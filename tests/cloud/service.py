@@ -13,7 +13,7 @@ from cloud.access import Scope, create_token
 from cloud.store import Store
 from eskin.identity import IdentityKind, client_context
 from tests.cloud.clouds import warrant
-from tests.processes import Running, free_port
+from tests.processes import PLAIN, Running, free_port
 from tests.stores import write_place
 
 if TYPE_CHECKING:
@@ -78,7 +78,8 @@ class Service(Running):
     def people(self, token: str) -> httpx.Client:
         """A reader."""
         headers = {"Authorization": f"Bearer {token}"}
-        return httpx.Client(base_url=f"http://127.0.0.1:{self.port}", headers=headers, timeout=20)
+        url = f"http://127.0.0.1:{self.port}"
+        return httpx.Client(base_url=url, headers=headers, timeout=20, verify=PLAIN)
 
     def authorize(self, body: bytes) -> str:
         """A gateway's token for a body."""

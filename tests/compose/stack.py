@@ -18,8 +18,16 @@ if TYPE_CHECKING:
 
 REPOSITORY = Path(__file__).parents[2]
 NODES = ("fingertip", "forearm", "palm")
-SERVICES = ("authority", "broker", "cloud", "gateway", *(f"sensor_node_{node}" for node in NODES))
-IMAGES = ("authority", "broker", "client", "cloud", "gateway", "sensor-node")
+IDENTIFIED = (
+    "authority",
+    "broker",
+    "cloud",
+    "gateway",
+    *(f"sensor_node_{node}" for node in NODES),
+)
+"""Services with a private key."""
+SERVICES = ("database", *IDENTIFIED)
+IMAGES = ("authority", "broker", "client", "cloud", "database", "gateway", "sensor-node")
 
 
 class Stack:

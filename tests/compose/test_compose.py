@@ -15,7 +15,7 @@ from eskin.identity import new_key
 from eskin.identity.identity import save_key
 from eskin.moment import parse_moment
 from tests.compose.secrets import secrets_in
-from tests.compose.stack import IMAGES, NODES, SERVICES, Stack, items
+from tests.compose.stack import IDENTIFIED, IMAGES, NODES, SERVICES, Stack, items
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def test_dashboard_alone_is_reachable_and_from_this_machine_alone(stack: Stack) 
 
 
 def test_private_keys_are_readable_by_their_service_alone(stack: Stack) -> None:
-    for service in SERVICES:
+    for service in IDENTIFIED:
         found = stack.execute(
             service,
             "sh",
@@ -109,6 +109,17 @@ def test_private_keys_are_readable_by_their_service_alone(stack: Stack) -> None:
         ).split()
         assert found
         assert set(found) == {"600:10001"}, service
+
+
+def test_database_is_the_cloud_s_alone(stack: Stack) -> None:
+    who = "select current_user, current_setting('is_superuser'), current_setting('fsync')"
+    psql = ["psql", "--no-psqlrc", "-At", "-h", "/run/database"]
+    assert stack.execute("database", *psql, "-d", "eskin", "-c", who) == "eskin|off|on"
+    with pytest.raises(AssertionError, match=r"no pg_hba\.conf entry"):
+        stack.execute("database", *psql, "-d", "postgres", "-c", "select 1")
+    blocks = stack.execute("database", *psql, "-d", "eskin", "-c", "select count(*) from blocks")
+    assert int(blocks) > 0
+    assert stack.inspect("database")["HostConfig"]["NetworkMode"] == "none"
 
 
 def test_images_hold_no_secret(stack: Stack, tmp_path: Path) -> None:
@@ -138,7 +149,7 @@ def test_secret_in_an_image_would_be_found(tmp_path: Path) -> None:
 def test_killed_containers_come_back_and_nothing_is_lost(
     stack: Stack, client: httpx.Client
 ) -> None:
-    for service in ("gateway", "broker", "cloud"):
+    for service in ("gateway", "broker", "database", "cloud"):
         stack.kill(service)
         stack.wait_healthy(service)
     _wait_for_samples_after(stack, client, time.time_ns())

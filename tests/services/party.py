@@ -41,7 +41,9 @@ class Party:
         self._settled: set[int] = set()
         if client_id is None:
             client_id = "" if identity is None else identity.name
-        self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id=client_id)
+        self._client = paho.Client(
+            CallbackAPIVersion.VERSION2, client_id=client_id, reconnect_on_failure=False
+        )
         self._client.tls_set_context(client_context(root, identity))
         self._client.on_connect = self._on_connect
         self._client.on_disconnect = self._on_disconnect
