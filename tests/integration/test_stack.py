@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import httpx
 
+from eskin.moment import parse_moment
 from tests.processes import ESKIN, free_port, wait_until
 
 if TYPE_CHECKING:
@@ -30,7 +31,11 @@ def test_nodes_report_and_their_channels_fill(demo: RunningDemo) -> None:
 
 
 def test_series_of_a_capacitance_lies_in_its_physical_range(demo: RunningDemo) -> None:
-    series = demo.get("/series/fingertip/t01.capacitance", points=20_000)
+    channels = {item["id"]: item for item in demo.get("/nodes/fingertip/channels")["items"]}
+    first = parse_moment(channels["t01.capacitance"]["first"])
+    series = demo.get(
+        "/series/fingertip/t01.capacitance", start=first, end=first + 10**9, points=20_000
+    )
     assert series["resolution"] == "sample"
     pairs = [(lo, hi) for lo, hi in zip(series["lo"], series["hi"], strict=True) if lo is not None]
     assert len(pairs) > 100

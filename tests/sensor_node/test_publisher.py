@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -121,25 +120,6 @@ def test_connection_without_answers_is_made_anew(
         assert "connecting anew" in caplog.text
         peer.acknowledging = True
         wait_until(lambda: empty(bench), "flash is empty")
-
-
-@its_broker(drain_s=20.0)
-def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
-    bench: Bench,
-    broker: Mosquitto,
-    identities: Identities,
-    publishing: Callable[..., Any],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    with Peer(identities, broker.gateway_port), publishing() as publisher:
-        wait_until(lambda: bench.outbox.newest_status is not None and empty(bench), "it is known")
-        introduced = bench.outbox.newest_status
-        renewed = iter([True])
-        ending = lambda _now: publisher._until < math.inf and next(renewed, False)  # noqa: E731
-        monkeypatch.setattr(publisher._keys, "refresh", ending)
-    assert next(renewed, None) is None
-    assert bench.outbox.newest_status != introduced
-    assert empty(bench)
 
 
 def test_word_that_is_too_long_for_one_is_not_kept(publishing: Callable[..., Any]) -> None:

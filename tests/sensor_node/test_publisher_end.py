@@ -1,0 +1,57 @@
+"""A publisher that ends leaves nothing behind that a gateway could still take."""
+
+from __future__ import annotations
+
+import math
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+from sensor_node.publisher import Publisher
+from sensor_node.settings import IdentitySection
+from tests.processes import wait_until
+from tests.sensor_node.designs import Bench
+from tests.sensor_node.peer import Peer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+    from tests.brokers import Mosquitto
+    from tests.identities import Identities
+
+
+def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
+    tmp_path: Path,
+    broker: Mosquitto,
+    identities: Identities,
+    site_file: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    settings = {"port": broker.node_port, "drain_s": 20.0}
+    with (
+        closing(Bench(tmp_path / "node", broker=settings)) as bench,
+        Peer(identities, broker.gateway_port),
+    ):
+        outbox = bench.outbox
+        publisher = Publisher(
+            outbox,
+            record_status=bench.node.record_status,
+            radio=bench.radio(),
+            speed=1.0,
+            broker=bench.settings.broker,
+            identity=IdentitySection(directory=identities.node.directory, site=site_file),
+        )
+        publisher.start()
+        known = lambda: outbox.newest_status is not None and outbox.messages == 0  # noqa: E731
+        wait_until(known, "the gateway knows it")
+        introduced, renewed = outbox.newest_status, iter([True])
+        monkeypatch.setattr(
+            publisher._keys,
+            "refresh",
+            lambda _now: publisher._until < math.inf and next(renewed, False),
+        )
+        publisher.stop()
+        assert next(renewed, None) is None
+        assert outbox.newest_status != introduced
+        assert outbox.messages == 0
