@@ -175,10 +175,13 @@ def fetch_roots(url: str, *directories: Path) -> list[Path]:
     """
     content = ask("GET", url, directories[0], "/roots", None).content
     offered = x509.load_pem_x509_certificates(content)
-    replaced = []
+    now, replaced = datetime.now(UTC), []
+    accepted: dict[tuple[x509.Certificate, ...], tuple[x509.Certificate, ...]] = {}
     for directory in directories:
         trusted = load_certificates(directory / ROOT_FILE)
-        roots = accept_roots(trusted, offered, datetime.now(UTC))
+        if trusted not in accepted:
+            accepted[trusted] = accept_roots(trusted, offered, now)
+        roots = accepted[trusted]
         if roots != trusted:
             write_whole(directory / ROOT_FILE, pem(roots))
             replaced.append(directory)

@@ -17,9 +17,9 @@ from eskin.identity import (
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 
 if TYPE_CHECKING:
-    from cryptography import x509
+    from pathlib import Path
 
-    from sensor_node.settings import IdentitySection
+    from cryptography import x509
 
 log = logging.getLogger(__name__)
 
@@ -32,7 +32,8 @@ class NodeKeys:
     Answers that were sealed to an older certificate, or by an older one of the site, still open.
 
     Args:
-        settings: Where they are.
+        directory: The node's identity.
+        site: File with its site's certificate.
 
     Attributes:
         own: The node.
@@ -44,13 +45,19 @@ class NodeKeys:
         IdentityError: A key or certificate cannot be used.
     """
 
-    def __init__(self, settings: IdentitySection) -> None:
-        self._settings = settings
+    __slots__ = (
+        "_directory", "_fault", "_looked", "_seen", "_site", "_sites", "context", "opener", "own",
+        "sealer",
+    )  # fmt: skip
+
+    def __init__(self, directory: Path, site: Path) -> None:
+        self._directory = directory
+        self._site = site
         self._sites: dict[bytes, x509.Certificate] = {}
         self._looked = float("-inf")
         self._fault: str | None = None
         self._seen = self._state()
-        self.own = Identity.load(settings.directory)
+        self.own = Identity.load(directory)
         self.context = client_context(self.own.directory / ROOT_FILE, self.own)
         self.sealer = self._make_sealer()
         self.opener = Opener([self.own, *past_identities(self.own.directory)], sender=self._find)
@@ -68,7 +75,7 @@ class NodeKeys:
             state = self._state()
             if state == self._seen:
                 return False
-            own = Identity.load(self._settings.directory)
+            own = Identity.load(self._directory)
             self.opener.take([own, *past_identities(own.directory)])
             self.own = own
             self.sealer = self._make_sealer()
@@ -79,11 +86,11 @@ class NodeKeys:
             return False
         self._seen = state
         self._fault = None
-        log.info("identity renewed")
+        log.info("identity renewed: name=%s", own.name)
         return True
 
     def _make_sealer(self) -> Sealer:
-        site = load_certificates(self._settings.site)[0]
+        site = load_certificates(self._site)[0]
         self._sites[thumbprint(site)] = site
         return Sealer(self.own, site)
 
@@ -92,9 +99,7 @@ class NodeKeys:
 
     def _state(self) -> tuple[tuple[int, int], ...]:
         try:
-            found = [
-                path.stat() for path in (self._settings.directory / CHAIN_FILE, self._settings.site)
-            ]
+            found = [path.stat() for path in (self._directory / CHAIN_FILE, self._site)]
         except OSError as error:
             raise IdentityError(f"an identity cannot be read: {error}") from error
         return tuple((one.st_mtime_ns, one.st_ino) for one in found)

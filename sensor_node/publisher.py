@@ -70,7 +70,7 @@ class Publisher:
         broker: BrokerSection,
         identity: IdentitySection,
     ) -> None:
-        self._keys = NodeKeys(identity)
+        self._keys = NodeKeys(identity.directory, identity.site)
         self._outbox = outbox
         self._record_status = record_status
         self._take_command = take_command

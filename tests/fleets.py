@@ -60,6 +60,8 @@ class RunningFleet(Running):
         sampling: float = 1000.0,
         stimulus: float = 2.0,
         status: float = 5.0,
+        site: Path | None = None,
+        **sections: dict[str, object],
     ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.names = numbered("skin", count)
@@ -68,9 +70,10 @@ class RunningFleet(Running):
             "node": {"name": "skin", "profile": "patch", "seed": 11},
             "sampling": {"overrun_s": 30.0},
             "broker": {"port": port, "status_s": status, "keepalive_s": 60, "drain_s": 60.0},
-            "identity": {"directory": pki, "site": pki / "site.main" / "chain.pem"},
+            "identity": {"directory": pki, "site": site or pki / "site.main" / "chain.pem"},
             "flash": {"path": self.flash},
             "truth": {"path": self.truth},
+            **sections,
         })  # fmt: skip
         with config.open("a") as file:
             file.write(TAXEL.format(sampling=float(sampling), stimulus=float(stimulus)))

@@ -29,6 +29,7 @@ def node(
     ends on SIGTERM or Ctrl-C; what was not acknowledged waits for the next start.
     """
     from authority.keeper import Keeper
+    from eskin.identity import numbered
     from sensor_node.fleet import run_fleet
     from sensor_node.service import run
     from sensor_node.settings import FleetSection, NodeSettings
@@ -37,9 +38,11 @@ def node(
     if count is not None:
         settings = settings.model_copy(update={"fleet": FleetSection(count=count)})
     start_logs(settings.log.level)
-    if settings.fleet.count:
-        run_fleet(settings)
-        return
     own = settings.identity
-    with Keeper(settings.renewal, [own.directory], site=own.site):
-        run(settings)
+    names = numbered(settings.node.name, settings.fleet.count)
+    identities = [own.directory / name for name in names] or [own.directory]
+    with Keeper(settings.renewal, identities, site=own.site):
+        if names:
+            run_fleet(settings)
+        else:
+            run(settings)

@@ -6,6 +6,7 @@ Its folder holds ``key.pem`` (0600), ``chain.pem`` (its certificate, then the is
 
 from __future__ import annotations
 
+import functools
 import os
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Self
@@ -116,9 +117,15 @@ def load_certificates(path: Path) -> tuple[x509.Certificate, ...]:
         IdentityError: It cannot be read, or holds none.
     """
     try:
-        return tuple(x509.load_pem_x509_certificates(path.read_bytes()))
+        return _certificates(path.read_bytes())
     except (OSError, ValueError) as error:
         raise IdentityError(f"{path}: no certificate can be read: {error}") from error
+
+
+@functools.lru_cache(16)
+def _certificates(data: bytes) -> tuple[x509.Certificate, ...]:
+    """Read once what many identities have in common, as a fleet's have their roots."""
+    return tuple(x509.load_pem_x509_certificates(data))
 
 
 def load_key(path: Path) -> ec.EllipticCurvePrivateKey:

@@ -272,6 +272,7 @@ class Fleet:
                 member.outbox.connect(now)
             elif not begin <= number < end:
                 continue
+            member.follow_keys(now)
             if not radio.online or not member.running:
                 continue
             member.more = True
@@ -288,13 +289,12 @@ class Fleet:
 
     def _send(self, now: int) -> None:
         for member in self.members:
-            if not member.more or not member.radio.online or member.radio.writes:
-                continue
-            if not member.running:
+            radio = member.radio
+            if not (member.more and radio.online and member.running) or radio.writes:
                 continue
             member.more = False
             with self._tolerant(member):
-                sent = member.radio.send_due(member.outbox, now, _MOST_AT_ONCE)
+                sent = radio.send_due(member.outbox, now, _MOST_AT_ONCE)
                 member.more = sent == _MOST_AT_ONCE
             if member.has_backlog():
                 self._serve(member, readable=False)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from sensor_node.commands import Commander
 from sensor_node.fleet.controls import MemberControls
+from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
     from sensor_node.fleet.outbox import MemberOutbox
@@ -43,7 +44,7 @@ class Member:
         self.outbox: MemberOutbox = squad.outboxes[row]
         self.commander = Commander(
             self.outbox,
-            own=radio.own,
+            own=radio.keys.own,
             cloud=cloud,
             controls=MemberControls(squad, row),
             enclosure=lambda: squad.enclosure(row),
@@ -63,6 +64,12 @@ class Member:
     def has_backlog(self) -> bool:
         """Whether its connection did not take all that was written."""
         return self.radio.writes
+
+    def follow_keys(self, now: int) -> None:
+        """Seal with what was renewed; now: monotonic ns."""
+        if self.radio.keys.refresh(now / BILLION):
+            # A gateway opens nothing of a certificate that it has not seen.
+            self.outbox.introduce(now)
 
     def catch_up(self) -> None:
         """Do what is due by now; it samples alone."""

@@ -8,10 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from paho.mqtt.enums import CallbackAPIVersion
 
-from eskin.envelope import Opener, Sealer
 from eskin.errors import EnvelopeError, MessageError
-from eskin.identity import client_context, thumbprint
-from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Acknowledgement, Kind, Position
 from eskin.topics import Stream, node_topic
 from sensor_node.fleet.client import BundlingClient
@@ -19,11 +16,10 @@ from sensor_node.uplink import STREAMS, publish_size
 
 if TYPE_CHECKING:
     import paho.mqtt.client as mqtt
-    from cryptography import x509
 
-    from eskin.identity import Identity
     from sensor_node.firmware.chip import Kept
     from sensor_node.firmware.outbox import Outbox
+    from sensor_node.keys import NodeKeys
     from sensor_node.settings import BrokerSection
 
 log = logging.getLogger(__name__)
@@ -41,12 +37,11 @@ class Radio:
     sends again what stays without.
 
     Args:
-        own: Who the member is.
-        site: Certificate of its site.
+        keys: With which it seals and opens.
         broker: Where to publish.
 
     Attributes:
-        own: As given.
+        keys: As given.
         spans: What gateways acknowledged since it was last looked at.
         commands: What came for it since, as the cloud signed it.
         fresh: Whether the broker took it and the outbox does not know it yet.
@@ -54,30 +49,24 @@ class Radio:
         attempts: To connect, since it last was.
         sent: Bytes of messages, until somebody takes them into account.
         received: Likewise.
-
-    Raises:
-        IdentityError: A key or certificate cannot be used.
     """
 
     __slots__ = (
-        "_client", "_name", "_opener", "_sealer", "attempts", "commands", "fresh", "online", "own",
-        "received", "sent", "spans",
+        "_client", "_name", "attempts", "commands", "fresh", "keys", "online", "received", "sent",
+        "spans",
     )  # fmt: skip
 
-    def __init__(self, own: Identity, site: x509.Certificate, broker: BrokerSection) -> None:
-        self.own = own
-        self._name = own.name
-        self._sealer = Sealer(own, site)
-        known = thumbprint(site)
-        self._opener = Opener([own], sender=lambda print_: site if print_ == known else None)
+    def __init__(self, keys: NodeKeys, broker: BrokerSection) -> None:
+        self.keys = keys
+        self._name = keys.own.name
         self.spans: list[tuple[int, int, int]] = []
         self.commands: list[bytes] = []
         self.fresh = self.online = False
         self.attempts = self.sent = self.received = 0
         self._client = BundlingClient(
-            CallbackAPIVersion.VERSION2, client_id=own.name, clean_session=True, userdata=self
+            CallbackAPIVersion.VERSION2, client_id=self._name, clean_session=True, userdata=self
         )
-        self._client.tls_set_context(client_context(own.directory / ROOT_FILE, own))
+        self._client.tls_set_context(keys.context)
         self._client.max_queued_messages_set(4 * broker.window)
         self._client.on_connect = _on_connect
         self._client.on_message = _on_message
@@ -145,7 +134,7 @@ class Radio:
         """Topic, envelope, and whether the broker keeps it."""
         topic = node_topic(self._name, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
-        envelope = self._sealer.seal(kept.body, topic=topic, held=held, introduce=status)
+        envelope = self.keys.sealer.seal(kept.body, topic=topic, held=held, introduce=status)
         self.sent += publish_size(topic, envelope, qos=0)
         return topic, envelope, status and newest
 
@@ -165,7 +154,7 @@ class Radio:
         if not message.payload:  # the broker forgets what it has kept
             return
         try:
-            opened = self._opener.open(bytes(message.payload), topic=message.topic).plaintext
+            opened = self.keys.opener.open(bytes(message.payload), topic=message.topic).plaintext
             if message.topic.endswith(Stream.COMMANDS):
                 if len(self.commands) < _MOST_COMMANDS:
                     self.commands.append(opened)

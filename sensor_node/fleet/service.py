@@ -10,7 +10,7 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
-from eskin.identity import Identity, load_certificates, numbered
+from eskin.identity import numbered
 from sensor_node.fleet.cohort import Cohort
 from sensor_node.fleet.connector import Connector
 from sensor_node.fleet.crew import Crew, Recruit
@@ -20,6 +20,7 @@ from sensor_node.fleet.radio import Radio
 from sensor_node.fleet.soloist import require_alone
 from sensor_node.fleet.squad import Squad
 from sensor_node.fleet.storage import Storage
+from sensor_node.keys import NodeKeys
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.service import REBOOT
@@ -132,14 +133,13 @@ def _begin(truth: Truth, start: int) -> int:
 
 
 def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
-    site = load_certificates(settings.identity.site)[0]
     radios: dict[str, Radio] = {}
     said = time.monotonic()
     for name in names:
-        own = Identity.load(settings.identity.directory / name)
-        if own.name != name:
-            raise IdentityError(f"{own.directory}: this is {own.name}, not {name}")
-        radios[name] = Radio(own, site, settings.broker)
+        keys = NodeKeys(settings.identity.directory / name, settings.identity.site)
+        if keys.own.name != name:
+            raise IdentityError(f"{keys.own.directory}: this is {keys.own.name}, not {name}")
+        radios[name] = Radio(keys, settings.broker)
         if time.monotonic() > said + _PROGRESS_S:
             said = time.monotonic()
             log.info("starting: identities=%d of=%d", len(radios), len(names))

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import subprocess
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.identity import IdentityKind
-from eskin.identity.identity import CHAIN_FILE
+from eskin.identity import IdentityKind, load_certificates, numbered
+from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 from eskin.messages import decode_message
 from tests.brokers import Mosquitto
+from tests.fleets import RunningFleet
 from tests.gateway.stub_cloud import StubCloud
 from tests.identities import Identities
 from tests.processes import ESKIN, Running, accepts, free_port, wait_until
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from pathlib import Path
 
 LIFETIME = timedelta(seconds=9)
@@ -101,6 +104,41 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
             receiver.wait_for(lambda: refused in receiver.output(), "it is refused", seconds=5)
 
 
+@pytest.mark.timeout(120)
+def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> None:
+    pki, names = tmp_path / "pki", numbered("skin", 2)
+    own = Identities(pki)
+    ended = datetime.now(UTC) - timedelta(seconds=60)
+    for name in names:  # nobody takes them before they are renewed
+        own.make(IdentityKind.NODE, name, now=ended, lifetime=timedelta(seconds=59))
+    service, port = authority(tmp_path, own)
+    renewal = {"url": f"https://127.0.0.1:{port}", "every_s": 0.3}
+    cloud = StubCloud(own.make(IdentityKind.SERVER, "server.cloud"))
+
+    def heard() -> set[str]:
+        return {node for node, _ in cloud.stored}
+
+    with service, Mosquitto(tmp_path / "broker", own) as broker, cloud:
+        service.wait_for(lambda: accepts(port), "the CA service listens")
+        fleet = RunningFleet(
+            tmp_path / "fleet", pki, port=broker.node_port, count=2, renewal=renewal
+        )
+        with gateway(tmp_path, own, broker, cloud.url, str(renewal["url"])), fleet:
+            wait_until(lambda: heard() == set(names), "both are heard")
+            renewals(own, 1, names)
+            cloud.stored.clear()
+            wait_until(lambda: heard() == set(names), "both are heard under their next names")
+            rotate = [ESKIN, "pki", "rotate", "--root", "--dir", str(own.ca)]
+            subprocess.run(rotate, check=True, capture_output=True, timeout=60)
+            roots = [pki / name / ROOT_FILE for name in names]
+            wait_until(
+                lambda: all(len(load_certificates(file)) == 2 for file in roots),
+                "both trust the new root, too",
+            )
+            assert fleet.stop(seconds=60) == 0
+            assert "waiting=0" in fleet.output(), fleet.output()
+
+
 def require_each_once(cloud: StubCloud) -> None:
     """All that the node ever said is stored, and nothing twice."""
     positions = [decode_message(body).position for _, body in cloud.stored]
@@ -109,12 +147,12 @@ def require_each_once(cloud: StubCloud) -> None:
     assert cloud.duplicates == 0
 
 
-def renewals(own: Identities, count: int) -> None:
-    """Wait until each of the three was renewed so many times."""
+def renewals(own: Identities, count: int, expected: Iterable[str] = NAMES) -> None:
+    """Wait until each of them was renewed so many times."""
 
     def issued() -> list[int]:
         names = [entry.name for entry in own.authority.issued()]
-        return [names.count(name) for name in NAMES]
+        return [names.count(name) for name in expected]
 
     enough = [before + count for before in issued()]
     wait_until(
