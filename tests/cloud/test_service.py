@@ -38,6 +38,13 @@ def service(tmp_path: Path, identities: Identities) -> Iterator[Service]:
         yield running
 
 
+@pytest.fixture(scope="module")
+def standing(tmp_path_factory: pytest.TempPathFactory, identities: Identities) -> Iterator[Service]:
+    """One for all tests that leave it as it was."""
+    with Service(tmp_path_factory.mktemp("standing"), identities) as running:
+        yield running
+
+
 def test_batch_over_tls_reaches_a_live_stream_and_a_series(service: Service) -> None:
     heard: list[str] = []
     listening = threading.Event()
@@ -78,49 +85,49 @@ def test_acknowledged_batch_survives_a_power_cut(service: Service) -> None:
     assert [item["result"] for item in answer.json()["items"]] == ["duplicate", "stored"]
 
 
-def test_gateways_listener_speaks_tls_only(service: Service) -> None:
+def test_gateways_listener_speaks_tls_only(standing: Service) -> None:
     with pytest.raises(httpx.TransportError):
-        httpx.get(f"http://127.0.0.1:{service.ingest_port}/healthz", timeout=20)
-    old = ssl.create_default_context(cafile=service.server.directory / "root.pem")
+        httpx.get(f"http://127.0.0.1:{standing.ingest_port}/healthz", timeout=20)
+    old = ssl.create_default_context(cafile=standing.server.directory / "root.pem")
     old.set_ciphers("DEFAULT@SECLEVEL=0")
     with pytest.warns(DeprecationWarning, match="TLSv1"):
         old.minimum_version = ssl.TLSVersion.TLSv1
     with pytest.warns(DeprecationWarning, match="TLSv1_1"):
         old.maximum_version = ssl.TLSVersion.TLSv1_1
     with pytest.raises(httpx.ConnectError):
-        httpx.get(f"https://localhost:{service.ingest_port}/healthz", verify=old, timeout=20)
+        httpx.get(f"https://localhost:{standing.ingest_port}/healthz", verify=old, timeout=20)
 
 
-def test_client_that_leaves_in_mid_body_is_one_quiet_line(service: Service) -> None:
+def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> None:
     body = batch(block(0))
     head = (
         "POST /api/v1/ingest HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/cbor\r\n"
-        f"Authorization: Bearer {service.authorize(body)}\r\nContent-Length: {len(body)}\r\n\r\n"
+        f"Authorization: Bearer {standing.authorize(body)}\r\nContent-Length: {len(body)}\r\n\r\n"
     )
-    context = client_context(service.server.directory / "root.pem")
-    address = "localhost", service.ingest_port
-    before = len(service.output().splitlines())
+    context = client_context(standing.server.directory / "root.pem")
+    address = "localhost", standing.ingest_port
+    before = len(standing.output().splitlines())
     with (
         socket.create_connection(address) as plain,
         context.wrap_socket(plain, server_hostname="localhost") as connection,
     ):
         connection.sendall(head.encode() + body[:-1])
     left = "client left in the middle of its body: path=/api/v1/ingest"
-    service.wait_for(lambda: left in service.output(), "it is told")
+    standing.wait_for(lambda: left in standing.output(), "it is told")
     # A request that comes after it is answered, so all that was to be said of it was said.
-    assert service.ingest(batch(block(1))).status_code == 200
-    said = service.output().splitlines()[before:]
+    assert standing.ingest(batch(block(1))).status_code == 200
+    said = standing.output().splitlines()[before:]
     assert [line for line in said if "ERROR" in line or "Traceback" in line] == []
     assert len([line for line in said if left in line]) == 1
 
 
-def test_people_cannot_ingest_and_gateways_cannot_ask(service: Service) -> None:
-    context = client_context(service.server.directory / "root.pem")
-    base = f"https://localhost:{service.ingest_port}"
-    headers = {"Authorization": f"Bearer {service.token()}"}
+def test_people_cannot_ingest_and_gateways_cannot_ask(standing: Service) -> None:
+    context = client_context(standing.server.directory / "root.pem")
+    base = f"https://localhost:{standing.ingest_port}"
+    headers = {"Authorization": f"Bearer {standing.token()}"}
     answer = httpx.get(f"{base}/api/v1/nodes", verify=context, headers=headers, timeout=20)
     assert answer.status_code == 404
-    with service.people(service.token()) as client:
+    with standing.people(standing.token()) as client:
         assert client.post("/api/v1/ingest").status_code == 405
 
 
@@ -139,13 +146,13 @@ def test_renewed_certificate_is_taken_without_a_restart(
 
 
 def test_second_cloud_on_the_same_store_is_refused(
-    service: Service, tmp_path: Path, identities: Identities
+    standing: Service, tmp_path: Path, identities: Identities
 ) -> None:
     folder = tmp_path / "second"
     folder.mkdir()
     other = Service(folder, identities)
     config = Path(other.argv[-1])
-    config.write_text(config.read_text().replace(str(other.place), str(service.place)))
+    config.write_text(config.read_text().replace(str(other.place), str(standing.place)))
     Running.start(other)
     assert other.process is not None
     assert other.process.wait(20) == 1
@@ -167,8 +174,10 @@ def test_people_come_by_https_where_there_is_a_certificate(
         assert service.stop() == 0
 
 
-def test_port_in_use_is_said_in_one_line(service: Service, tmp_path: Path) -> None:
-    config = Path(service.argv[-1]).read_text().replace(str(service.place), str(tmp_path / "other"))
+def test_port_in_use_is_said_in_one_line(standing: Service, tmp_path: Path) -> None:
+    config = (
+        Path(standing.argv[-1]).read_text().replace(str(standing.place), str(tmp_path / "other"))
+    )
     path = tmp_path / "other.toml"
     path.write_text(config)
     second = Running([sys.executable, "-c", PROGRAM, str(path)], log=tmp_path / "second.log")
