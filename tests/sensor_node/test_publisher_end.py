@@ -6,6 +6,7 @@ import math
 from contextlib import closing
 from typing import TYPE_CHECKING
 
+from sensor_node.keys import NodeKeys
 from sensor_node.publisher import Publisher
 from sensor_node.settings import IdentitySection
 from tests.processes import wait_until
@@ -47,9 +48,9 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
         wait_until(known, "the gateway knows it")
         introduced, renewed = outbox.newest_status, iter([True])
         monkeypatch.setattr(
-            publisher._keys,
+            NodeKeys,
             "refresh",
-            lambda _now: publisher._until < math.inf and next(renewed, False),
+            lambda _keys, _now: publisher._until < math.inf and next(renewed, False),
         )
         publisher.stop()
         assert next(renewed, None) is None
