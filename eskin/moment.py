@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from datetime import UTC, datetime
+from functools import lru_cache
 
 NANOSECOND = 1
 MICROSECOND = 1_000
@@ -38,13 +39,17 @@ def format_moment(nanoseconds: int) -> str:
     if not EARLIEST <= nanoseconds <= LATEST:
         raise ValueError(f"{nanoseconds} ns is outside of the years 1 to 9999")
     seconds, fraction = divmod(nanoseconds, SECOND)
-    days, in_day = divmod(seconds, 86_400)
+    minutes, second = divmod(seconds, 60)
+    return f"{_minute(minutes)}:{second:02d}.{fraction:09d}Z"
+
+
+@lru_cache(4096)
+def _minute(minutes: int) -> str:
+    """Date, hour and minute: many moments share them."""
+    days, in_day = divmod(minutes, 1_440)
     date = datetime.fromordinal(719_163 + days)
-    hours, rest = divmod(in_day, 3_600)
-    return (
-        f"{date.year:04d}-{date.month:02d}-{date.day:02d}"
-        f"T{hours:02d}:{rest // 60:02d}:{rest % 60:02d}.{fraction:09d}Z"
-    )
+    day = f"{date.year:04d}-{date.month:02d}-{date.day:02d}"
+    return f"{day}T{in_day // 60:02d}:{in_day % 60:02d}"
 
 
 def parse_moment(text: str) -> int:

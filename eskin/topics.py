@@ -58,6 +58,7 @@ def parse_node_topic(topic: str) -> tuple[str, Stream]:
     return found[1], Stream(found[2])
 
 
+@lru_cache(maxsize=16_384)
 def live_topic(node: str, leaf: str) -> str:
     """The public topic of a node's channel, or of its ``events`` or ``status``."""
     return f"{LIVE}/{node}/{leaf}"

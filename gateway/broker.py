@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeAlias
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from gateway.arrival import Arrival
+
+
+Publication: TypeAlias = tuple[str, bytes, bool]
+"""Topic, payload, and whether the broker keeps it."""
 
 
 class Broker(Protocol):
@@ -20,7 +24,7 @@ class Broker(Protocol):
     def acknowledge(self, arrivals: Sequence[Arrival]) -> None:
         """Tell the broker that it may forget messages (PUBACK)."""
 
-    def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
+    def publish(self, publications: Iterable[Publication]) -> None:
         """Publish at QoS 0: topic, payload, whether the broker keeps it (retain).
 
         Whatever is lost on the way is said again: an acknowledgement when the node sends again.

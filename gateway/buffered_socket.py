@@ -30,12 +30,38 @@ class BufferedSocket(ssl.SSLSocket):
     def recv(self, buflen: int = 1024, flags: int = 0) -> bytes:
         """Give at most ``buflen`` bytes, as ``SSLSocket.recv`` does."""
         if self._at == len(self._arrived):
-            self.drained = True
-            self._arrived, self._at = super().recv(_PIECE, flags), 0
-            self.drained = False
+            self._arrived, self._at = self._receive(flags), 0
         start = self._at
         self._at = min(start + buflen, len(self._arrived))
         return self._arrived[start : self._at]
+
+    def fill(self) -> bool:
+        """Have at least one byte at hand; ``False`` where none came.
+
+        Raises:
+            OSError: The connection ended.
+        """
+        if self._at == len(self._arrived):
+            try:
+                self._arrived, self._at = self._receive(0), 0
+            except (ssl.SSLWantReadError, ssl.SSLWantWriteError):
+                return False
+        return self._at < len(self._arrived)
+
+    def _receive(self, flags: int) -> bytes:
+        self.drained = True
+        piece = super().recv(_PIECE, flags)
+        self.drained = False
+        return piece
+
+    @property
+    def at_hand(self) -> tuple[bytes, int]:
+        """Bytes that arrived, and from where on nobody read them."""
+        return self._arrived, self._at
+
+    def skip(self, to: int) -> None:
+        """Take the bytes at hand for read, up to a place."""
+        self._at = to
 
     def send(self, data: Any, flags: int = 0) -> int:
         """Take all of ``data``; it leaves with the next `flush`."""

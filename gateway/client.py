@@ -24,12 +24,11 @@ class Client(paho.Client):
     def __init__(self, *, take: Callable[[paho.MQTTMessage], None], **options: Any) -> None:
         super().__init__(CallbackAPIVersion.VERSION2, **options)
         self._take = take
-        # Of a message at QoS 0 nobody asks what became of it.
-        self._unasked = paho.MQTTMessageInfo(0)
 
     def _handle_on_message(self, message: paho.MQTTMessage) -> None:
         self._take(message)
 
-    def publish_once(self, topic: str, payload: bytes, *, retain: bool) -> None:
-        """Publish at QoS 0 where nobody asks what became of it: at half of what `publish` costs."""
-        self._send_publish(0, topic.encode(), payload, 0, retain, info=self._unasked)
+    @property
+    def between_packets(self) -> bool:
+        """Whether it has read no part of a packet whose rest is still to come."""
+        return self._in_packet["command"] == 0

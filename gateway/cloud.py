@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
+from functools import lru_cache
 from time import time
-from typing import TYPE_CHECKING, Any, Final, Literal, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
-import cbor2
 import httpx
 import orjson
 
 from eskin.errors import CloudError
+from eskin.messages.opening import ARRAY, BYTES, TEXT, opening
 
 if TYPE_CHECKING:
     import ssl
@@ -22,9 +22,8 @@ if TYPE_CHECKING:
 _MOST_ANSWER: Final = 4_194_304
 
 
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """What the cloud did with one message.
+class Answer(NamedTuple):
+    """What the cloud did with one message; a tuple, because there are many.
 
     Attributes:
         result: Both ``stored`` and ``duplicate`` mean that it is durable there.
@@ -33,6 +32,10 @@ class Answer:
 
     result: Literal["stored", "duplicate", "rejected"]
     reason: str | None
+
+
+_STORED: Final = {"result": "stored", "reason": None}
+_KEPT: Final = Answer("stored", None)
 
 
 class Cloud(Protocol):
@@ -81,7 +84,7 @@ class HttpsCloud:
 
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
         """See `Cloud.send`."""
-        body = cbor2.dumps([list(message) for message in messages])
+        body = as_batch(messages)
         headers = self._warrants.headers(body)
         try:
             with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
@@ -110,6 +113,21 @@ class HttpsCloud:
             return None
 
 
+def as_batch(messages: Sequence[tuple[str, bytes]]) -> bytes:
+    """CBOR array of ``[node, plaintext]``: what is encoded already is only put together."""
+    parts = [opening(ARRAY, len(messages))]
+    for node, body in messages:
+        parts += _addressed(node), opening(BYTES, len(body)), body
+    return b"".join(parts)
+
+
+@lru_cache(4096)
+def _addressed(node: str) -> bytes:
+    """The beginning of a pair, and its node."""
+    name = node.encode()
+    return opening(ARRAY, 2) + opening(TEXT, len(name)) + name
+
+
 def _read(answer: httpx.Response) -> bytes:
     body = bytearray()
     for part in answer.iter_bytes():
@@ -131,6 +149,8 @@ def _answers(body: bytes, expected: int) -> list[Answer]:
 
 
 def _answer(item: dict[str, Any]) -> Answer:
+    if item == _STORED:
+        return _KEPT
     result, reason = item["result"], item.get("reason")
     if result not in {"stored", "duplicate", "rejected"} or not isinstance(reason, str | None):
         raise TypeError(f"no result: {item!r}")

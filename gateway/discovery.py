@@ -12,7 +12,7 @@ from gateway.homeassistant import config, config_topic
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from gateway.outgoing import Publication
+    from gateway.broker import Publication
     from gateway.senders import Senders
     from gateway.spool import Spool
 

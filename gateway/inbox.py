@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Final
 from eskin.envelope import MOST_ENVELOPE
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gateway.arrival import Arrival
 
 BATCH_BYTES: Final = 1_048_576
@@ -54,20 +56,33 @@ class Inbox:
         self._most = 0
         self._refused = 0
 
-    def put(self, arrival: Arrival) -> bool:
-        """Add one; ``False`` where there is no room, which is counted."""
+    def put(self, arrivals: Sequence[Arrival]) -> int:
+        """Add some, in order; gives how many found room. What found none is counted."""
         with self._changed:
-            depth, used = len(self._waiting) + 1, self._used + len(arrival.payload)
-            if depth > self._capacity or (used > self._most_bytes and depth > 1):
-                self._refused += 1
-                return False
-            self._waiting.append(arrival)
-            self._used = used
+            taken = self._room_for(arrivals)
+            self._waiting.extend(arrivals[:taken])
+            self._refused += len(arrivals) - taken
+            depth = len(self._waiting)
             self._most = max(self._most, depth)
             # The taker says how many are worth waking it for: a wake-up costs more than a message.
-            if depth >= self._wanted:
+            if taken and depth >= self._wanted:
                 self._changed.notify()
-            return True
+            return taken
+
+    def _room_for(self, arrivals: Sequence[Arrival]) -> int:
+        """How many of them have room, and now take it."""
+        depth, used = len(self._waiting), self._used
+        for count, arrival in enumerate(arrivals):
+            depth, used = depth + 1, used + len(arrival.payload)
+            if depth > self._capacity or (used > self._most_bytes and depth > 1):
+                return count
+            self._used = used
+        return len(arrivals)
+
+    @property
+    def room(self) -> int:
+        """How many messages more it may take."""
+        return max(0, self._capacity - len(self._waiting))
 
     @property
     def full(self) -> bool:

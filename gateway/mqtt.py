@@ -20,12 +20,12 @@ from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
-from eskin.envelope import MOST_ENVELOPE
 from eskin.topics import Stream, node_topic
-from gateway.arrival import Arrival
+from gateway.arrivals import Arrivals
 from gateway.buffered_socket import BufferedSocket
 from gateway.client import Client
 from gateway.outgoing import Outgoing
+from gateway.packets import write_acknowledgements, write_publication
 
 if TYPE_CHECKING:
     import ssl
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
     from paho.mqtt.reasoncodes import ReasonCode
 
+    from gateway.arrival import Arrival
     from gateway.backoff import Backoff
     from gateway.inbox import Inbox
     from gateway.settings import BrokerSection
@@ -70,16 +71,16 @@ class MqttBroker:
         self._inbox = inbox
         self._backoff = backoff
         self._stopping = threading.Event()
-        self._accepting = True
         self._outgoing = Outgoing()
         self._wake_in, self._wake_out = socket.socketpair()
         for end in (self._wake_in, self._wake_out):
             end.settimeout(0.0)
-        self._connection = 0
         self._subscribed = False
         self._full_seen = self._full_since = float("-inf")
         self.dropped = 0
         self.fault: str | None = "not connected yet"
+        self._five = settings.protocol == "5"
+        self._arrivals = Arrivals(inbox, five=self._five, release=self.acknowledge)
         self._client = self._make_client(name, context)
         self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
 
@@ -89,7 +90,7 @@ class MqttBroker:
 
     def refuse(self) -> None:
         """Take no further messages; answers still go out."""
-        self._accepting = False
+        self._arrivals.accepting = False
 
     def stop(self) -> None:
         """Send what waits, say goodbye, and end the thread."""
@@ -106,22 +107,28 @@ class MqttBroker:
 
     def acknowledge(self, arrivals: Sequence[Arrival]) -> None:
         """Send PUBACKs."""
-        self._outgoing.acknowledge(arrivals)
+        by_connection: dict[int, list[int]] = {}
+        for arrival in arrivals:
+            if arrival.qos:
+                by_connection.setdefault(arrival.connection, []).append(arrival.mid)
+        for connection, mids in by_connection.items():
+            self._outgoing.acknowledge(write_acknowledgements(mids), connection=connection)
         self._wake()
 
     def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
         """Publish at QoS 0; dropped and counted where there is no broker, or it does not read."""
-        for publication in publications:
-            if not self._subscribed or not self._outgoing.put(publication):
+        for topic, payload, retain in publications:
+            packet = write_publication(topic, payload, retain=retain, five=self._five)
+            if not self._subscribed or not self._outgoing.put(packet):
                 self.dropped += 1
         self._wake()
 
     def _make_client(self, name: str, context: ssl.SSLContext) -> Client:
-        five = self._settings.protocol == "5"
+        five = self._five
         # The context makes the sockets of this connection alone.
         context.sslsocket_class = BufferedSocket
         client = Client(
-            take=self._on_message,
+            take=self._arrivals.take_read,
             client_id=name,
             clean_session=None if five else True,
             protocol=_PROTOCOLS[self._settings.protocol],
@@ -191,8 +198,9 @@ class MqttBroker:
     def _read(self, own: BufferedSocket) -> bool:
         """Read what is there, up to a batch; tells whether the connection ended."""
         for _ in range(_READS):
+            whole = self._client.between_packets and self._arrivals.take(own)
             # The socket does not block: where nothing is there, this returns at once.
-            if self._client.loop_read():
+            if not whole and not own.drained and self._client.loop_read():
                 return True
             if own.drained or self._inbox.full:
                 return False
@@ -200,29 +208,24 @@ class MqttBroker:
 
     def _write(self, own: BufferedSocket) -> bool:
         """Write what other threads left, all together; tells whether the connection ended."""
-        # A broker that does not read fills a queue that has an end, not the socket's.
-        if not own.clogged:
-            self._hand_over()
+        self._hand_over(own)
         if self._client.want_write() and self._client.loop_write():
             return True
         own.flush()
         return False
 
-    def _hand_over(self) -> None:
-        """Give paho what other threads left for it."""
-        while (item := self._outgoing.take()) is not None:
-            if isinstance(item, Arrival):
-                # On another connection this identifier may name another message.
-                if item.qos and item.connection == self._connection:
-                    self._client.ack(item.mid, item.qos)
-            else:
-                topic, payload, retain = item
-                self._client.publish_once(topic, payload, retain=retain)
+    def _hand_over(self, own: BufferedSocket) -> None:
+        """Write what other threads left, as long as the broker reads it."""
+        while (
+            not own.clogged
+            and (packet := self._outgoing.take(self._arrivals.connection)) is not None
+        ):
+            own.send(packet)
 
     def _farewell(self) -> None:
-        self._hand_over()
         own = self._client.socket()
         if self._client.is_connected() and isinstance(own, BufferedSocket):
+            self._hand_over(own)
             self._client.loop_write()
             with suppress(OSError):
                 own.settimeout(_FAREWELL_S)
@@ -243,7 +246,7 @@ class MqttBroker:
         if code.is_failure:
             self._lost(f"broker refuses: {code}")
             return
-        self._connection += 1
+        self._arrivals.connection += 1
         shared = f"$share/{self._settings.group}/" if self._settings.group else ""
         # Every gateway needs every status: it carries the certificate, and is kept by the broker,
         # which gives no kept message to a shared subscription.
@@ -252,7 +255,7 @@ class MqttBroker:
             shared + node_topic("+", Stream.EVENTS),
             node_topic("+", Stream.STATUS),
         ]
-        if self._settings.protocol == "5":
+        if self._five:
             options = SubscribeOptions(qos=1)
             client.subscribe([(topic, options) for topic in wanted])
         else:
@@ -276,18 +279,6 @@ class MqttBroker:
         del client, userdata, flags, properties
         if not self._stopping.is_set():
             self._lost(f"connection lost: {code}")
-
-    def _on_message(self, message: paho.MQTTMessage) -> None:
-        if not self._accepting:
-            return
-        # One byte too long is known as too long; the rest would only fill the memory.
-        payload = bytes(message.payload[: MOST_ENVELOPE + 1])
-        arrival = Arrival(
-            message.topic, payload, message.mid, message.qos, message.retain, self._connection
-        )
-        if not self._inbox.put(arrival):
-            # The node sends it again; kept, it would clog the broker's window.
-            self._outgoing.acknowledge([arrival._replace(payload=b"")])
 
     def _lost(self, fault: str) -> None:
         self._subscribed = False

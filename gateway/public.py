@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import orjson
@@ -63,6 +64,7 @@ def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
     yield senml_topic(node, block.channel), senml.as_json(pack)
 
 
+@lru_cache(4096)
 def union_bound(coverage: float, n: int) -> float:
     """Coverage of n samples together: ``1 - n·(1 - coverage)``, rounded down, at least zero."""
     if coverage == 1.0:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import cbor2
 
@@ -24,9 +25,13 @@ from eskin.envelope.labels import (
 from eskin.errors import MalformedEnvelopeError, MessageError
 from eskin.messages.fields import MOST_COUNT, integer, load_any
 from eskin.messages.head import Position
+from eskin.messages.opening import ARRAY, BYTES, opening
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+
+_STRUCTURE: Final = opening(ARRAY, 3) + cbor2.dumps("Encrypt0")
 
 
 class Header(NamedTuple):
@@ -154,7 +159,13 @@ def introduction(envelope: bytes) -> tuple[bytes, ...] | None:
 
 def associated_data(protected: bytes, topic: str) -> bytes:
     """Enc_structure of RFC 9052, section 5.3."""
-    return cbor2.dumps(["Encrypt0", protected, topic.encode()])
+    head = opening(BYTES, len(protected))
+    return b"%b%b%b%b" % (_STRUCTURE, head, protected, _external(topic))
+
+
+@lru_cache(4096)
+def _external(topic: str) -> bytes:
+    return cbor2.dumps(topic.encode())
 
 
 def _load(data: bytes, what: str) -> object:

@@ -11,6 +11,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
 from eskin.envelope.agreement import agree_key
 from eskin.envelope.header import Header, associated_data, read_iv, read_parts
+from eskin.envelope.ordinary import Parts, read_ordinary
 from eskin.errors import ForgedEnvelopeError, UnknownRecipientError, UnknownSenderError
 from eskin.identity.certificates import common_name
 
@@ -83,8 +84,7 @@ class Opener:
             UnknownSenderError: The sender's certificate is not known (yet).
             ForgedEnvelopeError: Authentication fails.
         """
-        protected, unprotected, sealed = read_parts(envelope)
-        header = Header.read(protected)
+        protected, header, iv, sealed = read_ordinary(envelope) or _read(envelope)
         own = self._keys.get(header.recipient)
         if own is None:
             raise UnknownRecipientError(header.recipient)
@@ -97,9 +97,7 @@ class Opener:
             shared = agree_key(own.key, certificate, certificate, own.certificate, header.salt)
             sender = _Sender(AESGCM(shared), common_name(certificate))
         try:
-            plaintext = sender.cipher.decrypt(
-                read_iv(unprotected), sealed, associated_data(protected, topic)
-            )
+            plaintext = sender.cipher.decrypt(iv, sealed, associated_data(protected, topic))
         except InvalidTag as error:
             raise ForgedEnvelopeError(
                 f"authentication failed for sender {sender.name!r} on {topic!r}"
@@ -116,6 +114,11 @@ class Opener:
         for kept in (self._senders, self._addressed):
             if len(kept) > self._capacity:
                 kept.popitem(last=False)
+
+
+def _read(envelope: bytes) -> Parts:
+    protected, unprotected, sealed = read_parts(envelope)
+    return Parts(protected, Header.read(protected), read_iv(unprotected), sealed)
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.errors import MessageError
 from eskin.messages.fields import MOST_COUNT
@@ -31,9 +30,8 @@ class Kind(IntEnum):
     COMMAND = 17
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Position:
-    """A message's place in all that a node ever said.
+class Position(NamedTuple):
+    """A message's place in all that a node ever said; a tuple, because there are many.
 
     With the node's name it is the idempotency key.
 

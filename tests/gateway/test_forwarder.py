@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Literal
 
+import cbor2
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from eskin.errors import CloudError
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
 from gateway.batch import Batch, Entry
-from gateway.cloud import Answer, HttpsCloud
+from gateway.cloud import Answer, HttpsCloud, as_batch
 from gateway.counters import Counters
 from gateway.forwarder import Forwarder
 from gateway.settings import CloudSection
@@ -232,3 +235,8 @@ def test_cloud_of_other_ca_gets_nothing(tmp_path: Path, identities: Identities) 
             client.send(MESSAGES)
         client.close()
     assert stranger.requests == 0
+
+
+@given(st.lists(st.tuples(st.text(max_size=70), st.binary(max_size=300)), max_size=300))
+def test_batch_is_the_encoding_of_its_pairs(messages: list[tuple[str, bytes]]) -> None:
+    assert as_batch(messages) == cbor2.dumps([list(message) for message in messages])

@@ -11,6 +11,7 @@ import paho.mqtt.client as paho
 import pytest
 
 from eskin.envelope import MOST_ENVELOPE
+from gateway.arrival import Arrival
 from gateway.backoff import Backoff
 from gateway.buffered_socket import BufferedSocket
 from gateway.inbox import Inbox
@@ -45,27 +46,31 @@ def test_publications_that_nobody_reads_are_bounded_in_bytes(broker: MqttBroker)
     assert broker.dropped == 8
 
 
-def test_nothing_is_handed_over_while_the_broker_does_not_read(
-    broker: MqttBroker, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    given: list[int] = []
-    once = "publish_once"
-    monkeypatch.setattr(
-        broker._client, once, lambda _topic, payload, **_: given.append(len(payload))
-    )
-    broker.publish([("t", bytes(7), False)])
+def test_nothing_is_handed_over_while_the_broker_does_not_read(broker: MqttBroker) -> None:
+    broker.publish([("t", b"seven", False)])
     own = Mock(spec=BufferedSocket, clogged=True)
     assert not broker._write(own)
-    assert given == []
+    own.send.assert_not_called()
     own.clogged = False
     assert not broker._write(own)
-    assert given == [7]
+    own.send.assert_called_once_with(b"\x30\x08\x00\x01tseven")
     assert own.flush.call_count == 2
+
+
+def test_acknowledgement_of_an_earlier_connection_is_not_sent_on_this_one(
+    broker: MqttBroker,
+) -> None:
+    came = Arrival("t", b"", 7, 1, retained=False, connection=1)
+    broker._arrivals.connection = 2
+    broker.acknowledge([came, came._replace(mid=8, connection=2), came._replace(qos=0)])
+    own = Mock(spec=BufferedSocket, clogged=False)
+    assert not broker._write(own)
+    own.send.assert_called_once_with(b"\x40\x02\x00\x08")
 
 
 def test_message_that_is_too_long_takes_no_more_than_the_longest(broker: MqttBroker) -> None:
     message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/blocks")
     message.payload = bytes(10 * MOST_ENVELOPE)
-    broker._on_message(message)
+    broker._arrivals.take_read(message)
     (arrival,) = broker._inbox.take(1, linger_s=0, wait_s=0)
     assert len(arrival.payload) == MOST_ENVELOPE + 1

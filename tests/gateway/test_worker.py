@@ -49,7 +49,7 @@ def test_nothing_is_said_before_the_commit(
 def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool.failures = 10**6
-    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.inbox.put([inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))])
     inside.worker.start()
     wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
     assert "disk is full" in str(inside.worker.fault)
@@ -66,7 +66,7 @@ def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal:
 def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool.failures = 10**6
-    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.inbox.put([inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))])
     inside.worker.start()
     wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
     inside.worker.stop()
@@ -79,11 +79,11 @@ def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
 ) -> None:
     introduce(inside, seal)
     inside.spool._capacity = inside.spool._used + 10
-    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.inbox.put([inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))])
     inside.worker.start()
     wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
     # The node, unanswered, sends again.
-    inside.inbox.put(inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY)))
+    inside.inbox.put([inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))])
     inside.worker.stop()
     assert inside.broker.on(ACKS) == []
     assert inside.stored() == [status(0).encode()]
@@ -101,12 +101,12 @@ def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
 
     monkeypatch.setattr(inside.spool, "commit", broken)
     envelope = seal("fingertip", Stream.BLOCKS, BODY)
-    inside.inbox.put(inside.arrival(Stream.BLOCKS, envelope))
+    inside.inbox.put([inside.arrival(Stream.BLOCKS, envelope)])
     inside.worker.start()
     wait_until(lambda: len(inside.broker.released) == 1, "the broker may forget it")
     assert inside.rejected() == {"fault": 1}
     assert inside.broker.on(ACKS) == []
-    inside.inbox.put(inside.arrival(Stream.BLOCKS, envelope))
+    inside.inbox.put([inside.arrival(Stream.BLOCKS, envelope)])
     wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
     inside.worker.stop()
     assert inside.stored() == [status(0).encode(), BODY]
