@@ -27,6 +27,10 @@ MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 HOME_ASSISTANT := $(VENV)/homeassistant
 HOME_ASSISTANT_NEEDS := tests/gateway/homeassistant/requirements.txt
 
+# thingsboard-gateway, in an environment of its own: `make bench` measures the gateway beside it.
+THINGSBOARD := $(VENV)/thingsboard
+THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
+
 .PHONY: help demo test test-compose lint bench soak chaos powercut fuzz scan docs dashboard install system clean
 
 help: ## List these commands
@@ -50,7 +54,7 @@ lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rul
 	$(BIN)/lint-imports
 	services/npm.sh $(DASHBOARD) run lint
 
-bench: $(VENV)/.development $(VENV)/.peers $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
+bench: $(VENV)/.development $(VENV)/.peers $(THINGSBOARD)/.installed $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	@services/install_test_packages.sh influxdb
 	$(BIN)/python -m benchmarks $(ARGS)
 
@@ -125,6 +129,12 @@ $(HOME_ASSISTANT)/.installed: $(HOME_ASSISTANT_NEEDS) | $(VENV)/bin/pip
 	@echo "Installing Home Assistant's MQTT sensor, which announcements are tested against …"
 	@$(PYTHON) -m venv $(HOME_ASSISTANT)
 	@$(HOME_ASSISTANT)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
+	@touch $@
+
+$(THINGSBOARD)/.installed: $(THINGSBOARD_NEEDS) | $(VENV)/bin/pip
+	@echo "Installing thingsboard-gateway, which the gateway is measured beside …"
+	@$(PYTHON) -m venv $(THINGSBOARD)
+	@$(THINGSBOARD)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(DASHBOARD_BUILT): $(DASHBOARD_SOURCES) | $(VENV)/bin/pip

@@ -1,4 +1,7 @@
-"""The gateway beside a plain paho relay: CPU of a message, messages a second, latency.
+"""The gateway beside its peers: CPU of a message, messages a second, latency.
+
+The peers: a plain paho relay and a bare subscriber (`benchmarks.relay`), Mosquitto's bridge and
+thingsboard-gateway (`benchmarks.far_peers`).
 
 Every subject is stopped while the broker fills with 1 kB blocks (TLS, QoS 1), and then let go: what
 is measured is the subject that takes them as fast as it can, with no sender beside it. Rounds
@@ -17,6 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from benchmarks.far_peers import Relayed, Upstream, measure_far
 from benchmarks.flood import Flood
 from benchmarks.pipeline import cpu_seconds
 from benchmarks.relay import NAME
@@ -30,6 +34,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _ROUNDS: Final = 3
+_WARM: Final = 500
+"""Blocks after which compiled parts are loaded; they are no part of what one costs."""
 _STRETCH_US: Final = 60.0
 _DURABLE: Final = 10_000.0
 _PACE_HZ: Final = 100.0
@@ -45,13 +51,20 @@ def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
     with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
         stack.identities.make(IdentityKind.GATEWAY, NAME)
         found: dict[str, list[tuple[float, float]]] = {"gateway": [], "relay": [], "subscriber": []}
-        for _ in range(_ROUNDS):
-            found["gateway"].append(_gateway(stack, flood, blocks))
-            for peer in ("relay", "subscriber"):
-                found[peer].append(_peer(stack, flood, peer, blocks))
+        far: dict[str, list[Relayed]] = {"bridge": [], "thingsboard": []}
+        with Upstream(stack) as upstream:
+            for _ in range(_ROUNDS):
+                _gateway(stack, flood, _WARM)
+                found["gateway"].append(_gateway(stack, flood, blocks))
+                stack.gateway.stop()
+                for peer in ("relay", "subscriber"):
+                    found[peer].append(_peer(stack, flood, peer, blocks))
+                for name, rounds in far.items():
+                    rounds.append(measure_far(stack, flood, upstream, name, blocks))
+                stack.start_gateway()
         flood.introduce()
         latency = _latency(stack, flood)
-    return _rows(found, latency)
+    return _rows(found, latency) + _far_rows(found["gateway"], far)
 
 
 def _gateway(stack: RealStack, flood: Flood, blocks: int) -> tuple[float, float]:
@@ -68,13 +81,11 @@ def _peer(stack: RealStack, flood: Flood, peer: str, blocks: int) -> tuple[float
     log = stack.folder / f"{peer}-{time.time_ns()}.log"
     port = str(stack.broker.gateway_port)
     argv = [sys.executable, "-m", "benchmarks.relay", str(stack.pki), port, peer, str(blocks)]
-    stack.gateway.stop()
     with Running(argv, log=log) as running:
         running.wait_for(lambda: "subscribed" in running.output(), "the peer is subscribed")
         used, begun = _drain(running, flood, blocks, lambda: _wait_done(running))
         spent = cpu_seconds(running) - used
         done = int(running.output().split("done ")[1].split()[0])
-    stack.start_gateway()
     return spent / blocks * 1e6, blocks / (done - begun) * 1e9
 
 
@@ -136,3 +147,22 @@ def _rows(found: dict[str, list[tuple[float, float]]], latency: float) -> list[R
         Row("publish to stored at 100 blocks/s, p50", latency, "ms", "at most", _LATENCY_MS,
             _LATENCY_MS / latency, 1.0, latency <= _LATENCY_MS),
     ]  # fmt: skip
+
+
+def _far_rows(own: list[tuple[float, float]], far: dict[str, list[Relayed]]) -> list[Row]:
+    """The same beside those that bring messages to a second broker."""
+    cpu, rate = (median(figures) for figures in zip(*own, strict=True))
+    rows: list[Row] = []
+    for peer, name in (("bridge", "Mosquitto bridge"), ("thingsboard", "thingsboard-gateway")):
+        their_cpu, their_rate, lost = (median(figures) for figures in zip(*far[peer], strict=True))
+        # A bridge in C neither opens, checks, stores nor answers: no target, but the distance.
+        target, met = (None, None) if peer == "bridge" else (1.0, cpu <= their_cpu)
+        faster = None if peer == "bridge" else rate >= their_rate
+        rows += [
+            Row("CPU of the gateway a block (flood)", cpu, "us", name, their_cpu,
+                their_cpu / cpu, target, met),
+            Row("blocks a gateway makes durable", rate, "blocks/s", f"{name} (volatile)",
+                their_rate, rate / their_rate, target, faster),
+            Row(f"messages that {name} lost without a fault", lost, "messages"),
+        ]  # fmt: skip
+    return rows
