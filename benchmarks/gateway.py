@@ -22,7 +22,7 @@ import numpy as np
 
 from benchmarks.far_peers import Relayed, Upstream, measure_far
 from benchmarks.flood import Flood
-from benchmarks.pipeline import cpu_seconds
+from benchmarks.pipeline import cpu_seconds, resident_bytes
 from benchmarks.relay import NAME
 from benchmarks.report import Row
 from eskin.identity import IdentityKind
@@ -40,6 +40,8 @@ _STRETCH_US: Final = 60.0
 _DURABLE: Final = 10_000.0
 _PACE_HZ: Final = 100.0
 _LATENCY_MS: Final = 20.0
+_REST_S: Final = 12.0
+_GROWTH: Final = 1.1
 
 
 def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
@@ -64,7 +66,8 @@ def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
                 stack.start_gateway()
         flood.introduce()
         latency = _latency(stack, flood)
-    return _rows(found, latency) + _far_rows(found["gateway"], far)
+        memory = _memory(stack, flood, blocks)
+    return _rows(found, latency) + memory + _far_rows(found["gateway"], far)
 
 
 def _gateway(stack: RealStack, flood: Flood, blocks: int) -> tuple[float, float]:
@@ -124,6 +127,21 @@ def _latency(stack: RealStack, flood: Flood) -> float:
         query = "SELECT sequence, received FROM blocks WHERE boot = ? ORDER BY sequence"
         stored = np.array(db.execute(query, (flood.boot,)).fetchall(), dtype=np.int64)
     return float(np.median(stored[:, 1] - sent[stored[:, 0]])) / 1e6
+
+
+def _memory(stack: RealStack, flood: Flood, blocks: int) -> list[Row]:
+    """Memory some seconds after a flood, beside that before it."""
+    tiers = {"gateway": stack.gateway, "cloud": stack.cloud}
+    time.sleep(_REST_S)
+    before = {name: resident_bytes(tier) for name, tier in tiers.items()}
+    _gateway(stack, flood, blocks * 2)
+    time.sleep(_REST_S)
+    return [
+        Row(f"memory of the {name} after a flood", resident_bytes(tier) / 1e6, "MB", "before it",
+            before[name] / 1e6, before[name] / resident_bytes(tier), 1 / _GROWTH,
+            resident_bytes(tier) <= _GROWTH * before[name])
+        for name, tier in tiers.items()
+    ]  # fmt: skip
 
 
 def _rows(found: dict[str, list[tuple[float, float]]], latency: float) -> list[Row]:

@@ -55,3 +55,9 @@ def cpu_seconds(running: Running) -> float:
     assert running.process is not None
     times = psutil.Process(running.process.pid).cpu_times()
     return float(times.user + times.system)
+
+
+def resident_bytes(running: Running) -> int:
+    """What a process has of the memory."""
+    assert running.process is not None
+    return int(psutil.Process(running.process.pid).memory_info().rss)

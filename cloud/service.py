@@ -23,6 +23,7 @@ from cloud.live.relay import relay
 from cloud.metrics import Metrics
 from cloud.privacy.keyholder import Keyholder
 from cloud.pyramid.keeping import keep_built
+from cloud.rest import rest
 from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
@@ -145,6 +146,7 @@ async def _serve(cloud: Cloud) -> None:
         group.create_task(watch(cloud, certificates, stopping), name="watch")
         group.create_task(retain(cloud, stopping), name="retention")
         group.create_task(keep_built(cloud, stopping), name="pyramid")
+        group.create_task(rest(cloud, stopping), name="rest")
         for listener in listeners:
             await listener.ready.wait()
         log.info(

@@ -19,11 +19,12 @@ class Uploads:
 
     Attributes:
         used: Bytes that are held now.
+        taken: Bytes that were ever held.
     """
 
     def __init__(self, most: int) -> None:
         self._most = most
-        self.used = 0
+        self.used = self.taken = 0
 
     @contextmanager
     def hold(self, size: int) -> Iterator[None]:
@@ -38,6 +39,7 @@ class Uploads:
                 f"fit into {self._most} (gateways.uploads_bytes); try again in a moment"
             )
         self.used += size
+        self.taken += size
         try:
             yield
         finally:

@@ -34,6 +34,7 @@ class Store:
     Attributes:
         place: The file, or the server's URL.
         clock: Gives UTC ns.
+        readers: Most connections that read.
         ledger: What the writer remembers of what is stored.
         writer: The thread that writes.
     """
@@ -53,6 +54,7 @@ class Store:
         """
         self.place = place
         self.clock = clock
+        self.readers = readers
         self.ledger = Ledger()
         self._writing = writing_engine(place)
         self._reading = reading_engine(place, readers=readers)
@@ -118,6 +120,19 @@ class Store:
         if self.writer.fault is not None:
             self.write(lambda _: None).result(timeout=30)
 
+    def shrink(self) -> None:
+        """Give up what SQLite's connections keep of the file in memory, up to 32 MiB each.
+
+        Raises:
+            StoreError: The store cannot be used.
+        """
+        if not isinstance(self.place, Path):
+            return
+        self.write(_shrink).result(timeout=30)
+        for _ in range(self.readers):  # the pool gives the one that rested longest
+            with self.read() as connection:
+                _shrink(connection)
+
     def close(self) -> None:
         """Write what waits, then close the file."""
         self.writer.close()
@@ -131,6 +146,10 @@ class Store:
     def _dispose(self) -> None:
         self._writing.dispose()
         self._reading.dispose()
+
+
+def _shrink(connection: Connection) -> None:
+    connection.exec_driver_sql("PRAGMA shrink_memory")
 
 
 def _touch(connection: Connection) -> None:

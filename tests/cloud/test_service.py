@@ -15,6 +15,7 @@ import httpx
 import pytest
 
 from cloud.access import create_login_code
+from cloud.listener import bind
 from cloud.settings import CloudSettings
 from cloud.store import Store
 from eskin.errors import SettingsError
@@ -29,6 +30,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tests.identities import Identities
+
+
+def test_body_of_an_answer_does_not_wait_until_its_head_is_acknowledged() -> None:
+    with (
+        bind("people", "127.0.0.1", 0) as listening,
+        socket.create_connection(listening.getsockname()[:2], timeout=20),
+        listening.accept()[0] as accepted,
+    ):
+        assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
 
 @pytest.fixture

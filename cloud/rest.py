@@ -1,0 +1,44 @@
+"""After a load is gone, what it took of the memory is given back."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import StoreError
+from eskin.memory import give_back
+
+if TYPE_CHECKING:
+    from cloud.state import Cloud
+
+log = logging.getLogger(__name__)
+
+_INTERVAL: Final = 5.0
+MUCH: Final = 8_388_608
+"""Bytes taken in since the last time, for which it is worth while."""
+_LITTLE: Final = 1_048_576
+"""Bytes in an interval that are no load."""
+
+
+async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTERVAL) -> None:
+    """Look every few seconds, until told to stop."""
+    seen = rested = cloud.uploads.taken
+    while not stopping.is_set():
+        taken = cloud.uploads.taken
+        if taken - seen < _LITTLE and taken - rested >= MUCH:
+            rested = taken
+            await _shrink(cloud)
+        seen = taken
+        try:
+            await asyncio.wait_for(stopping.wait(), interval)
+        except TimeoutError:
+            continue
+
+
+async def _shrink(cloud: Cloud) -> None:
+    try:
+        await asyncio.to_thread(cloud.store.shrink)
+    except StoreError as error:
+        log.warning("store keeps its memory: reason=%s", error)
+    await asyncio.to_thread(give_back)

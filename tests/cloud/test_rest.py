@@ -1,0 +1,75 @@
+"""A load that is gone leaves no memory taken, and a steady one is not disturbed."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING
+from unittest.mock import Mock
+
+from cloud.ingest.uploads import Uploads
+from cloud.rest import MUCH, rest
+from cloud.store import Store
+from eskin.errors import StoreError
+from eskin.memory import give_back
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+
+def shrunk(loads: Sequence[int], *, fault: Exception | None = None) -> list[int]:
+    """Which interval began with a shrinking, where so many bytes came before each."""
+    uploads, stopping, found = Uploads(1 << 40), asyncio.Event(), []
+    waiting = iter(loads)
+    turn = 0
+
+    def shrink() -> None:
+        found.append(turn)
+        if fault is not None:
+            raise fault
+
+    class Steps(asyncio.Event):
+        """Ends each interval at once, and with the last one the task."""
+
+        async def wait(self) -> bool:  # type: ignore[override]
+            nonlocal turn
+            turn += 1
+            load = next(waiting, None)
+            if load is None:
+                stopping.set()
+                self.set()
+                return True
+            with uploads.hold(load):
+                pass
+            raise TimeoutError
+
+    cloud = Mock(uploads=uploads)
+    cloud.store.shrink = shrink
+    asyncio.run(rest(cloud, Steps(), interval=60.0))
+    return found
+
+
+def test_memory_is_given_back_once_after_a_load_is_gone() -> None:
+    assert shrunk([MUCH, MUCH, 0, 0, 0]) == [3]
+
+
+def test_steady_load_and_a_trickle_are_left_alone() -> None:
+    assert shrunk([MUCH // 2] * 6) == []
+    assert shrunk([10] * 6) == []
+
+
+def test_trickle_after_a_load_hinders_nothing() -> None:
+    assert shrunk([MUCH, 10, 10, 10]) == [2]
+
+
+def test_store_that_cannot_shrink_ends_nothing() -> None:
+    assert shrunk([MUCH, 0, MUCH, 0, 0], fault=StoreError("full")) == [2, 4]
+
+
+def test_store_that_gave_its_memory_back_goes_on(tmp_path: Path) -> None:
+    with Store(tmp_path / "store.sqlite") as store:
+        store.check()
+        store.shrink()
+        give_back()
+        store.check()
+        assert store.write(lambda _: 7).result(timeout=30) == 7
