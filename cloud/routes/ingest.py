@@ -10,7 +10,7 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState
 from cloud.ingest.batch import read_batch
-from cloud.ingest.reception import received
+from cloud.ingest.reception import apart, received
 from cloud.ingest.warrant import Warrant
 from cloud.problems import documented
 from cloud.routes.answers import as_json
@@ -46,7 +46,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
 
 
 async def _store(cloud: Cloud, warrant: Warrant, body: bytes) -> Outcome:
-    items = await asyncio.to_thread(read_batch, body)
+    items = await apart(len(body), lambda: read_batch(body))
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(connection: Connection) -> Outcome:
