@@ -76,6 +76,17 @@ def test_header_that_is_not_as_most_are_is_left_to_the_general_way(
     assert read_ordinary(envelope) is None
 
 
+def test_numbers_behind_bytes_that_look_like_held_are_not_held(identities: Identities) -> None:
+    sealer = Sealer(identities.node, identities.site.certificate)
+    parts = read_parts(sealer.seal(bytes(300), topic=TOPIC, held=Position(1, 2)))
+    header = cbor2.loads(parts[0]) | {-99: [cbor2.dumps(-70_001) + b"\x82", 7, 8]}
+    envelope = cbor2.dumps(cbor2.CBORTag(16, [cbor2.dumps(header), parts[1], parts[2]]))
+    general = generally(envelope)
+    assert general is not None
+    assert general.header.held == Position(1, 2)
+    assert read_ordinary(envelope) in (None, general)
+
+
 def test_envelope_that_is_too_long_is_left_to_the_general_way(identities: Identities) -> None:
     sealer = Sealer(identities.node, identities.site.certificate)
     envelope = sealer.seal(bytes(65_500), topic=TOPIC, held=Position(1, 2))

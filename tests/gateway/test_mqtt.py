@@ -16,6 +16,7 @@ from gateway.backoff import Backoff
 from gateway.buffered_socket import BufferedSocket
 from gateway.inbox import Inbox
 from gateway.mqtt import MqttBroker
+from gateway.packets import write_publication
 from gateway.settings import BrokerSection
 
 if TYPE_CHECKING:
@@ -66,6 +67,39 @@ def test_acknowledgement_of_an_earlier_connection_is_not_sent_on_this_one(
     own = Mock(spec=BufferedSocket, clogged=False)
     assert not broker._write(own)
     own.send.assert_called_once_with(b"\x40\x02\x00\x08")
+
+
+def holding(data: bytes) -> Mock:
+    """A socket at which bytes wait."""
+    own = Mock(spec=BufferedSocket, at_hand=(data, 0))
+    own.fill.return_value = True
+    return own
+
+
+def test_messages_are_taken_off_the_front_as_far_as_there_is_room(broker: MqttBroker) -> None:
+    packet = write_publication("t", b"body", retain=False, five=False)
+    own = holding(packet * 17)
+    assert broker._arrivals.take(own)
+    own.skip.assert_called_once_with(16 * len(packet))
+    assert broker._inbox.statistics.depth == 16
+    assert broker._inbox.statistics.refused == 0
+
+
+def test_other_packet_at_the_front_stays_for_paho(broker: MqttBroker) -> None:
+    packet = write_publication("t", b"body", retain=False, five=False)
+    own = holding(b"\xd0\x00" + packet)
+    assert not broker._arrivals.take(own)
+    own.skip.assert_called_once_with(0)
+    assert broker._inbox.statistics.depth == 0
+
+
+def test_ordinary_message_that_is_too_long_takes_no_more_than_the_longest(
+    broker: MqttBroker,
+) -> None:
+    packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, five=False)
+    assert broker._arrivals.take(holding(packet))
+    (arrival,) = broker._inbox.take(1, linger_s=0, wait_s=0)
+    assert len(arrival.payload) == MOST_ENVELOPE + 1
 
 
 def test_message_that_is_too_long_takes_no_more_than_the_longest(broker: MqttBroker) -> None:
