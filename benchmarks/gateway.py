@@ -54,6 +54,9 @@ def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
         stack.identities.make(IdentityKind.GATEWAY, NAME)
         found: dict[str, list[tuple[float, float]]] = {"gateway": [], "relay": [], "subscriber": []}
         far: dict[str, list[Relayed]] = {"bridge": [], "thingsboard": []}
+        _gateway(stack, flood, _WARM)
+        time.sleep(_REST_S)
+        idle = resident_bytes(stack.cloud)
         with Upstream(stack) as upstream:
             for _ in range(_ROUNDS):
                 _gateway(stack, flood, _WARM)
@@ -66,7 +69,7 @@ def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
                 stack.start_gateway()
         flood.introduce()
         latency = _latency(stack, flood)
-        memory = _memory(stack, flood, blocks)
+        memory = _memory(stack, flood, blocks, idle)
     return _rows(found, latency) + memory + _far_rows(found["gateway"], far)
 
 
@@ -129,11 +132,11 @@ def _latency(stack: RealStack, flood: Flood) -> float:
     return float(np.median(stored[:, 1] - sent[stored[:, 0]])) / 1e6
 
 
-def _memory(stack: RealStack, flood: Flood, blocks: int) -> list[Row]:
-    """Memory some seconds after a flood, beside that before it."""
+def _memory(stack: RealStack, flood: Flood, blocks: int, idle: int) -> list[Row]:
+    """Memory some seconds after a flood, beside that before it; of the cloud, before any."""
     tiers = {"gateway": stack.gateway, "cloud": stack.cloud}
     time.sleep(_REST_S)
-    before = {name: resident_bytes(tier) for name, tier in tiers.items()}
+    before = {"gateway": resident_bytes(stack.gateway), "cloud": idle}
     _gateway(stack, flood, blocks * 2)
     time.sleep(_REST_S)
     return [
