@@ -250,7 +250,9 @@ def _thingsboard(stack: RealStack, upstream: Upstream) -> Running:
         }],
     })  # fmt: skip
     log = folder / "thingsboard-gateway.log"
-    return Running([str(THINGSBOARD)], log=log, env={"TB_GW_CONFIG_DIR": str(folder)})
+    # It writes logs of its own to where it runs.
+    argv = ["env", f"--chdir={folder}", str(THINGSBOARD)]
+    return Running(argv, log=log, env={"TB_GW_CONFIG_DIR": str(folder)})
 
 
 def _folder(stack: RealStack, peer: str) -> Path:
