@@ -85,9 +85,9 @@ export class BandChart {
     this.resizing.observe(this.host);
   }
 
-  /** The width of the plot area in CSS pixels. */
+  /** The width of the plot area in CSS pixels; it asks nothing of the page, which would lay it out anew. */
   get width(): number {
-    return Math.max(1, this.plot.over.clientWidth);
+    return Math.max(1, this.plot.bbox.width / uPlot.pxRatio);
   }
 
   get busy(): boolean {
