@@ -22,7 +22,8 @@ export class Ticker {
     this.handle = requestAnimationFrame(this.tick);
     if (at < this.next) return;
     const begin = performance.now();
-    this.onFrame(begin);
+    // The frame's own time is even, whenever in it we come to paint: so the picture moves evenly, too.
+    this.onFrame(at);
     const cost = performance.now() - begin;
     this.next = at - 4 + Math.max(this.calm.matches ? CALM_FRAME_MS : 0, cost / SHARE);
   };
