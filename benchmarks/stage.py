@@ -21,6 +21,7 @@ from tests.cloud.clouds import put
 from tests.cloud.messages import block
 from tests.cloud.service import Service
 from tests.identities import Identities
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,6 +73,9 @@ class Stage:
         self._stack.enter_context(self.service)
         self.token = self.service.token()
         self._source.start()
+        with self.service.people(self.token) as client:
+            place = f"/api/v1/nodes/{LIVE}"
+            wait_until(lambda: client.get(place).is_success, f"{LIVE} is live")
         return self
 
     def __exit__(
