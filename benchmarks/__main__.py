@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rich.console import Console
 
+from benchmarks.dashboard import measure_dashboard
 from benchmarks.envelope import measure_envelope
 from benchmarks.fleet import measure_emulation, measure_fleet
 from benchmarks.gateway import measure_gateway
@@ -17,7 +18,9 @@ from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
 from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
+from benchmarks.pixels import measure_pixels
 from benchmarks.report import Row, as_table, write_json
+from benchmarks.viewers import measure_viewers
 
 
 def main() -> None:
@@ -52,6 +55,12 @@ def main() -> None:
             rows += measure_emulation(data, nodes=10_000)
         with console.status(f"latency in a demo of {options.seconds:g} s …"):
             rows += measure_latency(data / "demo", seconds=options.seconds)
+        with console.status("from the sample to the pixel in a browser …"):
+            rows += measure_pixels(data / "pixels", seconds=options.seconds)
+        with console.status("the live stream to 200 viewers …"):
+            rows += measure_viewers(data / "viewers", seconds=options.seconds)
+        with console.status("the dashboard's frames, and its pictures of months …"):
+            rows += measure_dashboard(data / "stage", seconds=20.0, samples=30_000_000)
     console.print(as_table(rows))
     write_json(rows, Path("build/bench.json"))
 

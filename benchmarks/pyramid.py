@@ -54,14 +54,14 @@ def measure_pyramid(
         questions: How many at each size.
         processor: Count the thread's time on the processor alone, where others use it, too.
     """
-    patterns = list(islice(_patterns(), _PATTERNS))
+    said = list(islice(patterns(), _PATTERNS))
     found: dict[int, tuple[float, float]] = {}
     with Store(place) as store:
         standing = 0
         put(store, block(0, boot=2, dt=_DT))
         for size in (samples // 100, samples):
             begun = time.perf_counter()
-            _fill(store, patterns, standing, size // _SAMPLES)
+            fill(store, said, standing, size // _SAMPLES)
             filled = time.perf_counter()
             build(store)
             built = time.perf_counter()
@@ -84,12 +84,13 @@ def _rows(found: dict[int, tuple[float, float]]) -> Iterator[Row]:
         yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
 
 
-def _patterns() -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
+def patterns(dt: int = _DT) -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
+    """Blocks as the store reads and keeps them, of samples ``dt`` ns apart."""
     random = np.random.default_rng(1)
     for number in count():
         lo = np.sin(np.arange(_SAMPLES) / 50 + number) + random.normal(0, 0.01, _SAMPLES)
-        made = block(number, lo, lo + 0.05, dt=_DT, time=(START, START), encoding=Encoding.Q16)
-        row = {"node": NODE, "boot": 1, "channel": CHANNEL, "error": 0, "dt": _DT, "n": _SAMPLES}
+        made = block(number, lo, lo + 0.05, dt=dt, time=(START, START), encoding=Encoding.Q16)
+        row = {"node": NODE, "boot": 1, "channel": CHANNEL, "error": 0, "dt": dt, "n": _SAMPLES}
         row |= {"lo": made.bounds[0], "hi": made.bounds[1], "coverage": 1.0, "received": START}
         data = made.encode()
         summary = decode_summary(data)
@@ -97,22 +98,23 @@ def _patterns() -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
         yield summary, row | {"data": data}
 
 
-def _fill(
-    store: Store, patterns: list[tuple[BlockSummary, dict[str, Any]]], standing: int, end: int
+def fill(
+    store: Store, said: list[tuple[BlockSummary, dict[str, Any]]], standing: int, end: int
 ) -> None:
     """Write blocks as ingest does, without reading messages again."""
-    span = _SAMPLES * _DT
+    dt = said[0][1]["dt"]
+    span = _SAMPLES * dt
     for first in range(standing, end, _BATCH):
         numbers = range(first, min(first + _BATCH, end))
         rows = []
         for number in numbers:
             t = START + number * span
-            place = {"sequence": number, "cursor": number, "t": t, "t_end": t + span - _DT}
-            rows.append(patterns[number % _PATTERNS][1] | place | {"t_lo": t, "t_hi": t})
+            place = {"sequence": number, "cursor": number, "t": t, "t_end": t + span - dt}
+            rows.append(said[number % len(said)][1] | place | {"t_lo": t, "t_hi": t})
 
         def keep(connection: Any, rows: list[dict[str, Any]] = rows) -> None:
             insert_many(connection, blocks, rows)
-            add_block(connection, store.ledger, NODE, patterns[0][0])
+            add_block(connection, store.ledger, NODE, said[0][0])
             row = store.ledger.row(connection, channels, NODE, CHANNEL)
             assert row is not None
             row["t_last"] = rows[-1]["t_end"]

@@ -38,6 +38,12 @@ class Row:
     met: bool | None = None
 
 
+def at_most(name: str, value: float, unit: str, most: float) -> Row:
+    """A figure that must not exceed a bound; its ratio is how far it stays below."""
+    ratio = most / value if value else None
+    return Row(name, value, unit, ratio=ratio, target=1.0, met=value <= most)
+
+
 def write_json(rows: Sequence[Row], path: Path) -> None:
     """Write all rows as a JSON list."""
     path.parent.mkdir(parents=True, exist_ok=True)

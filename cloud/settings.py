@@ -237,7 +237,7 @@ class RetentionSection(Section):
 class LiveSection(Section):
     """The live stream."""
 
-    subscribers: int = Field(default=100, ge=1, le=10_000, description="streams at once")
+    subscribers: int = Field(default=256, ge=1, le=10_000, description="streams at once")
     recent: int = Field(
         default=2_000, ge=1, le=1_000_000, description="messages kept in memory for all streams"
     )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import json
+import socket
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Final
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _STALLED_S: Final = 30.0
 """For so long somebody may read nothing of an answer."""
+_UNSENT_BYTES: Final = 16_384
+"""What waits to be sent lies with who makes it, who may still think better of it."""
 _DETAILS: Final = {
     400: "this is no HTTP/1.1 request",
     408: "the request came too slowly",
@@ -79,6 +82,10 @@ class GuardedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
+        transport.set_write_buffer_limits(_UNSENT_BYTES)
+        transport.get_extra_info("socket").setsockopt(
+            socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT_BYTES
+        )
         others = [getattr(other, "client", None) for other in self.connections]
         same = sum(1 for other in others if other and self.client and other[0] == self.client[0])
         if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:

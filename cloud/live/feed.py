@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 
+from cloud.live.printing import Press
 from cloud.store.entry import Entry
 from cloud.store.schema import blocks, events, feed
 from cloud.store.sealed import veiled
@@ -36,6 +37,7 @@ class Feed:
         recent_bytes: Their bytes, at most.
 
     Attributes:
+        press: Writes entries for all streams.
         closed: Whether streams should end.
         subscribers: How many streams there are.
     """
@@ -49,6 +51,7 @@ class Feed:
             self._last = self._floor = last_cursor(connection)
         self._recent: deque[Entry] = deque()
         self._news = asyncio.Event()
+        self.press = Press()
         self.closed = False
         self.subscribers = 0
 

@@ -8,16 +8,11 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
-
-from cloud.query.series import Series, reduce_samples, union_coverage
-from cloud.query.span import Samples
-from cloud.shapes import dump, event_shape, series_shape
+from cloud.live.printing import event, print_joined
 from eskin.errors import StoreError
-from eskin.messages import Block
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Callable
+    from collections.abc import AsyncIterator, Callable, Sequence
 
     from cloud.live.feed import Feed
     from cloud.store.entry import Entry
@@ -25,6 +20,9 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _AT_ONCE: Final = 64
+_PATIENCE_S: Final = 0.2
+"""Whoever takes longer to make room for more is slow."""
+_JOINED: Final = 2000
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +62,9 @@ async def stream(
 ) -> AsyncIterator[bytes]:
     """Tell what comes after a cursor until the feed closes or access ends.
 
+    What was missed before the stream began is told in full. Whoever then reads more slowly than
+    there is to tell is not told of the past: what came meanwhile is joined to wider hulls.
+
     Args:
         feed: Where it is read.
         selection: What is told.
@@ -74,18 +75,25 @@ async def stream(
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
     """
     feed.subscribers += 1
+    present, slow = feed.last, False
     try:
         yield b"retry: 2000\n: connected\n\n"
         due = time.monotonic() + heartbeat
         while not feed.closed:
             if feed.last - cursor > backlog:
                 missed, cursor = cursor, feed.last - backlog
-                yield _event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
-            found, cursor = await feed.after(cursor, _AT_ONCE)
-            for entry in found:
-                shown = reveal(entry) if selection.takes(entry) else None
-                if shown is not None:
-                    yield render(shown, selection.points)
+                yield event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
+            begun = cursor
+            found, cursor = await feed.after(cursor, _JOINED if slow else _AT_ONCE)
+            said = _choose(found, selection, reveal)
+            if said:
+                if slow:
+                    yield print_joined([entry for entry, _ in said], begun)
+                else:
+                    yield feed.press.print(said, selection.points)
+                asked = time.monotonic()
+                yield b""  # goes on once there is room for more
+                slow = begun >= present and time.monotonic() - asked > _PATIENCE_S
             if time.monotonic() >= due:
                 if not await asyncio.to_thread(allowed):
                     return
@@ -98,39 +106,9 @@ async def stream(
         feed.subscribers -= 1
 
 
-def render(entry: Entry, points: int) -> bytes:
-    """An entry as an event of the stream."""
-    if entry.block is not None:
-        series = reduce_block(entry.node, Block.decode(entry.block), points)
-        return _event("block", entry.cursor, series_shape(series))
-    row = entry.event or {}
-    return _event(str(row["kind"]), entry.cursor, event_shape(row))
-
-
-def reduce_block(node: str, block: Block, points: int) -> Series:
-    """A block as a series of at most ``points`` entries."""
-    tube = block.tube
-    samples = Samples(
-        tube.moments,
-        np.full(len(tube), tube.dt, np.int64),
-        tube.values.inf,
-        tube.values.sup,
-    )
-    reduced, stride, largest = reduce_samples(samples, points)
-    return Series(
-        node=node,
-        channel=block.channel,
-        unit=tube.unit,
-        coverage=tube.coverage if stride == 1 else union_coverage(tube.coverage, largest),
-        resolution="sample" if stride == 1 else "hull",
-        t0=tube.first_moment,
-        t=reduced.t - tube.first_moment,
-        lo=reduced.lo,
-        hi=reduced.hi,
-        dt=tube.dt * stride,
-        time_error=tube.time_error,
-    )
-
-
-def _event(kind: str, cursor: int, data: object) -> bytes:
-    return b"event: %b\nid: %d\ndata: %b\n\n" % (kind.encode(), cursor, dump(data))
+def _choose(
+    found: Sequence[Entry], selection: Selection, reveal: Callable[[Entry], Entry | None]
+) -> list[tuple[Entry, bool]]:
+    """What is told of them, and whether others may be given the same."""
+    shown = [(entry, reveal(entry)) for entry in found if selection.takes(entry)]
+    return [(said, said is entry) for entry, said in shown if said is not None]

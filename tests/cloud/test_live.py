@@ -10,17 +10,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cloud.live.stream import Selection, reduce_block, stream
+from cloud.live.printing import reduce_block
+from cloud.live.stream import Selection, stream
 from cloud.settings import LiveSection
 from cloud.store.intake import Outcome
 from eskin.messages import Block
+from eskin.moment import format_moment
 from tests.cloud.clouds import batch, problem, put, standing
-from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
+from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
     from pathlib import Path
 
+    from cloud.query.series import Series
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -40,6 +43,12 @@ def parse(piece: bytes) -> dict[str, Any]:
     return found
 
 
+def events_of(piece: bytes) -> list[dict[str, Any]]:
+    """The events of a piece of a stream, without comments."""
+    parsed = [parse(one) for one in piece.split(b"\n\n") if one]
+    return [event for event in parsed if "event" in event]
+
+
 def listen(
     stand: Stand, cursor: int = 0, selection: Selection = _ALL, **options: Any
 ) -> AsyncIterator[bytes]:
@@ -55,11 +64,9 @@ async def take(stand: Stand, count: int, **options: Any) -> list[dict[str, Any]]
     found: list[dict[str, Any]] = []
     async with asyncio.timeout(20):
         async for piece in listen(stand, **options):
-            event = parse(piece)
-            if "event" in event:
-                found.append(event)
-            if len(found) == count:
-                return found
+            found += events_of(piece)
+            if len(found) >= count:
+                return found[:count]
     return found
 
 
@@ -124,11 +131,73 @@ async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
             for number in range(50):
                 await stand.ingest(batch(*(peak(10 * number + k) for k in range(10))))
                 if number % 10 == 0:
-                    heard.append(parse(await anext(slow)))
+                    heard += events_of(await anext(slow))
             while len(heard) < 500:
-                heard.append(parse(await anext(slow)))
-        assert [int(event["id"]) for event in heard] == list(range(1, 501))
+                heard += events_of(await anext(slow))
+        assert [event["data"]["sequence"] for event in heard] == list(range(500))
+        assert int(heard[-1]["id"]) == 500
         assert len(stand.cloud.feed._recent) == 10
+
+
+async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cloud.live.stream._PATIENCE_S", -1.0)  # however quickly it reads
+
+    def said(first: int, moment: int) -> Block:
+        lo = np.random.default_rng(first).normal(size=10)
+        return block(first, lo, lo + 1, time=(START + moment * DT,) * 2, coverage=0.999)
+
+    told = [said(n, 10 * n) for n in range(5)] + [said(6, 10 * 6)]  # the sixth is missing
+    other = block(7, [3.0], [4.0], channel="t02.capacitance")
+    async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
+        await anext(slow)
+        await stand.ingest(batch(said(8, -10)))
+        assert [event["id"] for event in events_of(await anext(slow))] == ["1"]
+        assert await anext(slow) == b""  # there is room, after a while
+        await stand.ingest(batch(*told[:3], peak(9), other))
+        await stand.ingest(batch(*told[3:]))
+        heard = events_of(await anext(slow))
+    hulls = [event["data"] for event in heard if event["event"] == "block"]
+    assert [hull["channel"] for hull in hulls] == [CHANNEL, "t02.capacitance", CHANNEL]
+    assert [event["event"] for event in heard] == ["block"] * 3 + ["peak"]
+    # Whoever breaks off before the last is told all of it again.
+    assert [event["id"] for event in heard] == ["1", "1", "1", "9"]
+    for hull, blocks in ((hulls[0], told[:5]), (hulls[2], told[5:])):
+        assert (hull["resolution"], hull["t"]) == ("hull", [0])
+        assert hull["t0"] == format_moment(blocks[0].tube.first_moment)
+        assert hull["dt"] == 10 * DT * len(blocks)
+        assert hull["lo"] == [min(one.bounds[0] for one in blocks)]
+        assert hull["hi"] == [max(one.bounds[1] for one in blocks)]
+        assert hull["coverage"] <= 1 - 10 * len(blocks) * 0.001
+        assert hull["coverage"] == pytest.approx(1 - 10 * len(blocks) * 0.001)
+
+
+async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cloud.live.stream._PATIENCE_S", -1.0)
+    await stand.ingest(batch(*(block(n) for n in range(200))))
+    heard = await take(stand, 200)
+    assert [int(event["id"]) for event in heard] == list(range(1, 201))
+
+
+async def test_many_subscribers_cost_one_reduction_each_block(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reduced: list[tuple[str, int]] = []
+
+    def counting(node: str, said: Block, points: int) -> Series:
+        reduced.append((said.channel, points))
+        return reduce_block(node, said, points)
+
+    monkeypatch.setattr("cloud.live.printing.reduce_block", counting)
+    await stand.ingest(batch(*(block(n, [1.0] * 4, [2.0] * 4) for n in range(3))))
+    few = Selection(frozenset(), frozenset(), 2)
+    first, *others = [await take(stand, 3) for _ in range(5)]
+    assert all(heard == first for heard in others)
+    assert [len(event["data"]["t"]) for event in await take(stand, 3, selection=few)] == [2, 2, 2]
+    assert sorted(reduced) == [(CHANNEL, 2)] * 3 + [(CHANNEL, 50)] * 3
 
 
 async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:

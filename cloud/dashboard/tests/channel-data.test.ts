@@ -52,7 +52,7 @@ describe("the seam between store and stream", () => {
   test("what was stored after the first answer and before the first block is asked for", async () => {
     const data = dataOf(channel(1000), [[0, 5000]]);
     const first = fill(data, { x0: 0, x1: data.end! });
-    const { hole } = data.take(series(1500, 1750), 0, true);
+    const { hole } = data.take(series(1500, 1750), 0, 0);
     expect(hole).toEqual({ x0: 1000 * MS, x1: 1500 * MS });
     await first;
     await fill(data, hole);
@@ -61,20 +61,20 @@ describe("the seam between store and stream", () => {
 
   test("a block that follows at once needs nothing", () => {
     const data = dataOf(channel(1000), []);
-    expect(data.take(series(1000, 1250), 0, true).hole).toBeNull();
-    expect(data.take(series(1250, 1500), 0, true).hole).toBeNull();
+    expect(data.take(series(1000, 1250), 0, 0).hole).toBeNull();
+    expect(data.take(series(1250, 1500), 0, 0).hole).toBeNull();
   });
 
   test("what the store lists anew does not stand for what the stream has not told", () => {
     const data = dataOf(channel(1000), []);
-    data.take(series(1000, 1250), 0, true);
+    data.take(series(1000, 1250), 0, 0);
     data.channel = channel(2000);
-    expect(data.take(series(2000, 2250), 0, true).hole).toEqual({ x0: 1250 * MS, x1: 2000 * MS });
+    expect(data.take(series(2000, 2250), 0, 0).hole).toEqual({ x0: 1250 * MS, x1: 2000 * MS });
   });
 
   test("blocks that came while nobody looked are left to the store", () => {
     const data = dataOf(channel(1000), []);
-    data.take(series(1000, 1250), 0, false);
+    data.take(series(1000, 1250), 0, null);
     expect(data.rolling.t.length).toBe(0);
     expect(data.end).toBe(1250 * MS);
   });
@@ -83,8 +83,8 @@ describe("the seam between store and stream", () => {
 describe("silence", () => {
   test("a true hole is marked as missing", async () => {
     const data = dataOf(channel(1000), [[0, 1000]]);
-    data.take(series(1000, 1250), 0, true);
-    await fill(data, data.take(series(2000, 2250), 0, true).hole);
+    data.take(series(1000, 1250), 0, 0);
+    await fill(data, data.take(series(2000, 2250), 0, 0).hole);
     const at = data.rolling.t.indexOf(1250 * MS);
     expect(data.rolling.lo[at]).toBeNaN();
     expect(data.rolling.width[at]).toBe(750 * MS);
@@ -92,8 +92,8 @@ describe("silence", () => {
 
   test("a hole after a reduced block is marked from its last sample on", async () => {
     const data = dataOf(channel(1000), [[0, 1250]]);
-    data.take({ ...series(1000, 1250), resolution: "hull" }, 0, true);
-    await fill(data, data.take(series(2000, 2250), 0, true).hole);
+    data.take({ ...series(1000, 1250), resolution: "hull" }, 0, 0);
+    await fill(data, data.take(series(2000, 2250), 0, 0).hole);
     const at = data.rolling.t.indexOf(1250 * MS);
     expect(data.rolling.lo[at]).toBeNaN();
     expect(data.rolling.width[at]).toBe(750 * MS);
@@ -103,11 +103,11 @@ describe("silence", () => {
   test("the pauses of a channel that measures in bursts are asked for once", async () => {
     const data = dataOf(channel(1040, 80), [[1000, 1040]]);
     expect(data.facts.bursts).toBe(true);
-    const { hole } = data.take(series(2000, 2040), 0, true);
+    const { hole } = data.take(series(2000, 2040), 0, 0);
     await fill(data, hole);
     expect(hole).not.toBeNull();
-    expect(data.take(series(3000, 3040), 0, true).hole).toBeNull();
-    expect(data.take(series(6000, 6040), 0, true).hole).not.toBeNull();
+    expect(data.take(series(3000, 3040), 0, 0).hole).toBeNull();
+    expect(data.take(series(6000, 6040), 0, 0).hole).not.toBeNull();
   });
 });
 

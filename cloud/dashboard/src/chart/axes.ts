@@ -1,4 +1,4 @@
-import type uPlot from "uplot";
+import uPlot from "uplot";
 import { formatTicks } from "../interval/format";
 import { tickLabel, tickPositions, tickStep } from "../time/ticks";
 import type { Timeline } from "../time/timeline";
@@ -17,6 +17,11 @@ export interface AxesOptions {
   readonly onUnit: (unit: string) => void;
 }
 
+/** In CSS pixels, without having the page laid out. */
+function widthOf(plot: uPlot): number {
+  return Math.max(1, plot.bbox.width / uPlot.pxRatio);
+}
+
 function timeAxis(options: AxesOptions): uPlot.Axis {
   let step = 1e9;
   return {
@@ -27,12 +32,12 @@ function timeAxis(options: AxesOptions): uPlot.Axis {
     grid: { stroke: () => options.palette.colour("grid"), width: 1 },
     ticks: { show: false },
     splits: (plot, _axis, min, max) => {
-      step = tickStep(((max - min) * LABEL_WIDTH) / Math.max(1, plot.over.clientWidth));
+      step = tickStep(((max - min) * LABEL_WIDTH) / widthOf(plot));
       return tickPositions(options.timeline, min, max, step);
     },
     values: (plot, ticks) => {
       const { min, max } = plot.scales["x"] ?? {};
-      const last = (max ?? 0) - (((max ?? 0) - (min ?? 0)) * EDGE) / Math.max(1, plot.over.clientWidth);
+      const last = (max ?? 0) - (((max ?? 0) - (min ?? 0)) * EDGE) / widthOf(plot);
       return ticks.map((tick) => (tick > last ? "" : tickLabel(options.timeline, tick, step)));
     },
   };

@@ -1,7 +1,7 @@
 import uPlot from "uplot";
 import type { Range } from "../state/window";
 import type { Timeline } from "../time/timeline";
-import { NOTHING, type Entries } from "../tube/entries";
+import { endOf, NOTHING, type Entries } from "../tube/entries";
 import { element, setText } from "../view/element";
 import { makeAxes } from "./axes";
 import { halfMarkFor, reduceToColumns } from "./columns";
@@ -85,9 +85,9 @@ export class BandChart {
     this.resizing.observe(this.host);
   }
 
-  /** The width of the plot area in CSS pixels. */
+  /** The width of the plot area in CSS pixels; it asks nothing of the page, which would lay it out anew. */
   get width(): number {
-    return Math.max(1, this.plot.over.clientWidth);
+    return Math.max(1, this.plot.bbox.width / uPlot.pxRatio);
   }
 
   get busy(): boolean {
@@ -213,6 +213,8 @@ export class BandChart {
     data["plotHeight"] = String(map.height / ratio);
     data["pixelRatio"] = String(ratio);
     data["entries"] = String(this.entries.t.length);
+    const end = endOf(this.entries);
+    data["newest"] = end === null ? "" : timeline.toInstant(Math.min(end, map.xMax)).toString();
   }
 
   private resize(): void {

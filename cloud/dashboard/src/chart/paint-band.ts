@@ -10,38 +10,45 @@ export interface Canvas {
 
 const ARROW_PITCH = 14;
 
-function fillPath(columns: Columns): Path2D {
-  const path = new Path2D();
-  const { top, bottom } = columns;
+/** Whole rectangles of pixels are painted one by one: many in one path would have to be smoothed. */
+function paintFill(context: CanvasRenderingContext2D, { top, bottom }: Columns): void {
   for (let start = 0; start < top.length; ) {
     let stop = start + 1;
     while (stop < top.length && top[stop] === top[start] && bottom[stop] === bottom[start]) stop += 1;
-    if (bottom[start]! > top[start]!) path.rect(start, top[start]!, stop - start, bottom[start]! - top[start]!);
+    const height = bottom[start]! - top[start]!;
+    if (height > 0) context.fillRect(start, top[start]!, stop - start, height);
     start = stop;
   }
-  return path;
+}
+
+function isPresent({ top, bottom }: Columns, i: number): boolean {
+  return i >= 0 && i < top.length && bottom[i]! > top[i]!;
+}
+
+/** How far down the upper edge reaches in a column: to its neighbours' upper edges, within the column. */
+function topReach(columns: Columns, i: number, line: number): number {
+  const { top, bottom } = columns;
+  let reach = top[i]! + line;
+  for (let n = i - 1; n <= i + 1; n += 2) if (isPresent(columns, n)) reach = Math.max(reach, Math.min(top[n]!, bottom[i]!));
+  return reach;
+}
+
+function bottomReach(columns: Columns, i: number, line: number): number {
+  const { top, bottom } = columns;
+  let reach = bottom[i]! - line;
+  for (let n = i - 1; n <= i + 1; n += 2) if (isPresent(columns, n)) reach = Math.min(reach, Math.max(bottom[n]!, top[i]!));
+  return reach;
 }
 
 /** The outline, drawn inside the band: one row along each bounded edge, joined by upright steps. */
-function edgePath(columns: Columns, line: number): Path2D {
-  const path = new Path2D();
+function paintEdges(context: CanvasRenderingContext2D, columns: Columns, line: number): void {
   const { top, bottom, open } = columns;
-  const present = (i: number): boolean => i >= 0 && i < top.length && bottom[i]! > top[i]!;
   for (let i = 0; i < top.length; i += 1) {
-    if (!present(i)) continue;
-    const high = top[i]!;
-    const low = bottom[i]!;
-    const neighbours = [i - 1, i + 1].filter(present);
-    if (!(open[i]! & OPEN_TOP)) {
-      const reach = Math.max(high + line, ...neighbours.map((n) => Math.min(top[n]!, low)));
-      path.rect(i, high, 1, reach - high);
-    }
-    if (!(open[i]! & OPEN_BOTTOM)) {
-      const reach = Math.min(low - line, ...neighbours.map((n) => Math.max(bottom[n]!, high)));
-      path.rect(i, reach, 1, low - reach);
-    }
+    if (!isPresent(columns, i)) continue;
+    if (!(open[i]! & OPEN_TOP)) context.fillRect(i, top[i]!, 1, topReach(columns, i, line) - top[i]!);
+    const reach = bottomReach(columns, i, line);
+    if (!(open[i]! & OPEN_BOTTOM)) context.fillRect(i, reach, 1, bottom[i]! - reach);
   }
-  return path;
 }
 
 /** Marks the unbounded sides: arrow heads at the plot's edge, wherever the band runs out of it. */
@@ -71,9 +78,9 @@ function arrowPath(columns: Columns, height: number, ratio: number): Path2D {
 export function paintBand(canvas: Canvas, columns: Columns, height: number): void {
   const { context, palette, ratio } = canvas;
   context.fillStyle = palette.colour("band");
-  context.fill(fillPath(columns));
+  paintFill(context, columns);
   context.fillStyle = palette.colour("band-edge");
-  context.fill(edgePath(columns, Math.max(1, Math.floor(ratio))));
+  paintEdges(context, columns, Math.max(1, Math.floor(ratio)));
   if (!columns.open.some((open) => open !== 0)) return;
   context.strokeStyle = palette.colour("band-edge");
   context.lineWidth = 1.5 * ratio;

@@ -8,6 +8,7 @@ import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { readSeries } from "../tube/decode";
 import { clipEnd, endOf, hullWithin, NOTHING, type Entries } from "../tube/entries";
+import { thin } from "../tube/thin";
 import { Tube } from "../tube/tube";
 import type { LiveEdge } from "./edge";
 
@@ -110,9 +111,10 @@ export class ChannelData {
   /**
    * Takes a live block; returns the stretch before it that neither stream nor store has told of yet.
    *
-   * @param show false for a chart that nobody sees: the block is not kept, the store will tell it again
+   * @param grain the finest that can be seen, in ns; null for a chart that nobody sees: the block is not kept, the
+   * store will tell it again
    */
-  take(block: SeriesAnswer, at: number, show: boolean): { block: Range | null; hole: Range | null } {
+  take(block: SeriesAnswer, at: number, grain: number | null): { block: Range | null; hole: Range | null } {
     const run = readSeries(block, this.options.timeline);
     const end = endOf(run);
     if (end === null) return { block: null, hole: null };
@@ -121,9 +123,9 @@ export class ChannelData {
     // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
     this.told = Math.max(before, block.resolution === "hull" ? run.t.at(-1)! : end + block.dt);
     this.options.edge.observe(end, at);
-    if (!show) return { block: null, hole: null };
+    if (grain === null) return { block: null, hole: null };
     this.note(block);
-    this.tube.merge(run);
+    this.tube.merge(thin(run, grain));
     const silence = start - before;
     const usual = this.pause === Infinity ? 0 : PAUSE_SLACK * this.pause;
     const hole = silence > Math.max(2 * run.reach, 3 * this.latest.dt, usual);

@@ -1,5 +1,5 @@
 const SETTLE_MS = 500;
-const KEPT = 24;
+const KEPT = 64;
 const SLOWEST = 1e4;
 const FASTEST = 1e9;
 /** Data so many times further ahead than the pace explains is a node's return, not its pace. */
@@ -7,7 +7,8 @@ const LEAP = 20;
 
 /**
  * The moving right edge of the live windows of one node. Blocks come in jumps; the edge moves smoothly
- * behind them, at the pace of the node's own clock (which may run faster than ours in a simulation).
+ * ahead of them, at the pace of the node's own clock (which may run faster than ours in a simulation), so
+ * that a block is painted as soon as it is there: what is still under way is an empty strip at the edge.
  */
 export class LiveEdge {
   private readonly seen: { at: number; end: number }[] = [];
@@ -56,9 +57,7 @@ export class LiveEdge {
     const last = this.seen.at(-1);
     if (!last) return null;
     const pace = this.pace();
-    const ahead = pace * Math.max(0, at - last.at - this.rhythm());
-    const behind = pace * Math.max(0, this.rhythm() - (at - last.at));
-    const target = Math.min(last.end + ahead - behind, last.end + span / 2);
+    const target = Math.min(last.end + pace * Math.max(0, at - last.at), last.end + span / 2);
     const passed = at - this.shownAt;
     const jump = this.shown === null || Math.abs(target - this.shown) > Math.max(span / 2, 3e9) || passed > 2000;
     if (jump || this.shown === null) this.shown = target;

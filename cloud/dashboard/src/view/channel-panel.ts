@@ -1,5 +1,6 @@
 import { messageOf, isAbort } from "../api/failure";
 import type { ChannelItem, SeriesAnswer } from "../api/contract";
+import { Turns } from "../api/turns";
 import { BandChart, type Marks } from "../chart/band-chart";
 import type { PeakMark } from "../chart/peak-groups";
 import type { Segment } from "../chart/segments";
@@ -26,7 +27,6 @@ export interface PanelOptions {
   readonly onPeak: (mark: PeakMark) => void;
 }
 
-const SETTLE_MS = 120;
 const REFRESH_MS = 2_000;
 const READOUT_MS = 200;
 const MOST_POINTS = 20_000;
@@ -43,8 +43,12 @@ export class ChannelPanel {
   private readonly notices = new NoticeBoard();
   private view: View;
   private visible = false;
-  private loading: AbortController | null = null;
-  private timer: ReturnType<typeof setTimeout> | null = null;
+  private filling = new AbortController();
+  private readonly turns = new Turns({
+    ask: (signal) => this.load(signal),
+    onIdle: () => this.root.classList.remove("busy"),
+    now: () => performance.now(),
+  });
   private drawnEdge = Number.NaN;
   private dirty = true;
   private readAt = 0;
@@ -98,12 +102,12 @@ export class ChannelPanel {
     }
     if (before.kind === "live") this.data.freeze();
     this.showHistory();
-    this.loadSoon(SETTLE_MS);
+    this.ask();
   }
 
   /** Takes a live block of this channel. */
   take(block: SeriesAnswer, at: number): void {
-    const { block: range, hole } = this.data.take(block, at, this.visible);
+    const { block: range, hole } = this.data.take(block, at, this.visible ? this.grain() : null);
     if (!this.visible) return;
     if (this.view.kind === "live") {
       this.dirty = true;
@@ -111,7 +115,7 @@ export class ChannelPanel {
       if (hole) this.fillHole(hole);
     } else if (range && this.touchesView(range) && at - this.reloadAt > REFRESH_MS) {
       this.reloadAt = at;
-      this.loadSoon(SETTLE_MS);
+      this.ask();
     }
   }
 
@@ -150,9 +154,14 @@ export class ChannelPanel {
 
   destroy(): void {
     this.watcher.disconnect();
-    this.loading?.abort();
-    if (this.timer !== null) clearTimeout(this.timer);
+    this.turns.stop();
+    this.filling.abort();
     this.chart.destroy();
+  }
+
+  /** The finest that a live chart can show, in ns: half a pixel. */
+  private grain(): number {
+    return this.view.kind === "live" ? this.view.span / this.chart.width / 2 : 0;
   }
 
   private setVisible(visible: boolean): void {
@@ -162,13 +171,14 @@ export class ChannelPanel {
     else if (this.view.kind === "live") this.startLive();
     else {
       this.showHistory();
-      this.loadSoon(0);
+      this.ask();
     }
   }
 
   private stopLive(): void {
-    this.loading?.abort();
-    this.loading = null;
+    this.turns.stop();
+    this.filling.abort();
+    this.filling = new AbortController();
     this.root.classList.remove("busy");
     this.data.clear();
     this.drawnEdge = Number.NaN;
@@ -194,8 +204,7 @@ export class ChannelPanel {
     const { span } = this.view;
     const range = { x0: Math.max(hole.x0, hole.x1 - span), x1: hole.x1 };
     const points = Math.max(2, Math.ceil((this.chart.width * (range.x1 - range.x0)) / span));
-    this.loading ??= new AbortController();
-    this.data.backfill(range, points, this.loading.signal).then(
+    this.data.backfill(range, points, this.filling.signal).then(
       () => {
         this.options.edge.observe(range.x1, performance.now());
         this.dirty = true;
@@ -215,35 +224,27 @@ export class ChannelPanel {
     this.value.title = "The hull of everything in this window";
   }
 
-  private loadSoon(delay: number): void {
-    if (this.timer !== null) clearTimeout(this.timer);
+  /** Asks the store for the window. */
+  private ask(): void {
     this.root.classList.add("busy");
-    this.timer = setTimeout(() => void this.load(), delay);
+    this.turns.ask();
   }
 
-  private async load(): Promise<void> {
-    this.timer = null;
+  private async load(signal: AbortSignal): Promise<void> {
     const range = this.range();
     if (range === null || this.view.kind !== "history") return;
-    this.loading?.abort();
-    const loading = new AbortController();
-    this.loading = loading;
     if (!this.loaded) this.notices.say("loading", "Loading…", "");
     try {
       const points = Math.min(MOST_POINTS, Math.max(2, Math.round(this.chart.width)));
-      await this.data.load(range, points, loading.signal);
+      await this.data.load(range, points, signal);
+      if (this.view.kind !== "history") return;
       this.loaded = true;
       if (!this.chart.busy) this.chart.resetValues();
       this.chartRoot.dataset["resolution"] = this.data.resolution;
       this.showHistory();
       this.sayWhatIsThere(range);
     } catch (error) {
-      this.fail(error, () => this.loadSoon(0));
-    } finally {
-      if (this.loading === loading) {
-        this.loading = null;
-        if (this.timer === null) this.root.classList.remove("busy");
-      }
+      this.fail(error, () => this.ask());
     }
   }
 

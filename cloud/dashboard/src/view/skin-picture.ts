@@ -15,6 +15,9 @@ const STALE_MS = 4_000;
 const SETTLE_MS = 250;
 /** In the past, what is shown is what was measured in so many ns before the window's end. */
 const LOOK_BACK = 250_000_000n;
+/** A taxel is drawn no larger, so that few of them leave room for the charts. */
+const TAXEL_PX = 80;
+
 interface Known {
   readonly interval: Interval;
   readonly at: number;
@@ -123,6 +126,7 @@ export class SkinPicture {
   private draw(): SVGSVGElement {
     const { spots, width, height } = layOut(this.taxels);
     const svg = drawing(width, height);
+    svg.style.maxWidth = `${Math.ceil(TAXEL_PX * (width / PITCH))}px`;
     svg.setAttribute("aria-label", `The skin of ${this.node}: ${spots.length} taxels`);
     this.marks.clear();
     for (const { taxel, x, y } of spots) {

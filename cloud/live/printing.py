@@ -1,0 +1,190 @@
+"""Entries of the feed as events of a stream; each is written once for all who look on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+
+from cloud.query.series import Series, reduce_samples, union_coverage
+from cloud.query.span import Samples
+from cloud.shapes import dump, event_shape, series_shape
+from eskin.messages import Block, BlockSummary, decode_summary
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from cloud.store.entry import Entry
+
+_KEPT: Final = 512
+
+
+class Press:
+    """Prints entries, and keeps the latest ones for the next who asks for the same.
+
+    What was sealed is not kept.
+    """
+
+    def __init__(self) -> None:
+        self._kept = lru_cache(_KEPT)(_of_block)
+
+    def print(self, said: Sequence[tuple[Entry, bool]], points: int) -> bytes:
+        """Entries as events of the stream.
+
+        Args:
+            said: Each with whether others may be given the same bytes.
+            points: Entries that a block is reduced to at most.
+        """
+        return b"".join(self._event(entry, points, keep=keep) for entry, keep in said)
+
+    def _event(self, entry: Entry, points: int, *, keep: bool) -> bytes:
+        if entry.block is None:
+            return _of_row(entry.cursor, entry.event or {})
+        write = self._kept if keep else _of_block
+        return write(entry.cursor, entry.node, entry.block, points)
+
+
+def event(kind: str, cursor: int, data: object) -> bytes:
+    """One event of a stream."""
+    return b"event: %b\nid: %d\ndata: %b\n\n" % (kind.encode(), cursor, dump(data))
+
+
+def _of_row(cursor: int, row: dict[str, Any]) -> bytes:
+    return event(str(row["kind"]), cursor, event_shape(row))
+
+
+def _of_block(cursor: int, node: str, data: bytes, points: int) -> bytes:
+    return event("block", cursor, series_shape(reduce_block(node, Block.decode(data), points)))
+
+
+def reduce_block(node: str, block: Block, points: int) -> Series:
+    """A block as a series of at most ``points`` entries."""
+    tube = block.tube
+    samples = Samples(
+        tube.moments,
+        np.full(len(tube), tube.dt, np.int64),
+        tube.values.inf,
+        tube.values.sup,
+    )
+    reduced, stride, largest = reduce_samples(samples, points)
+    return Series(
+        node=node,
+        channel=block.channel,
+        unit=tube.unit,
+        coverage=tube.coverage if stride == 1 else union_coverage(tube.coverage, largest),
+        resolution="sample" if stride == 1 else "hull",
+        t0=tube.first_moment,
+        t=reduced.t - tube.first_moment,
+        lo=reduced.lo,
+        hi=reduced.hi,
+        dt=tube.dt * stride,
+        time_error=tube.time_error,
+    )
+
+
+def print_joined(entries: Sequence[Entry], begun: int) -> bytes:
+    """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
+
+    Blocks of a channel that follow each other without a gap become one hull; all else is told as
+    it is. Only the last event carries the last entry's cursor, so that whoever breaks off before it
+    is told all of them again.
+
+    Args:
+        entries: In order of their cursors, at least one.
+        begun: The cursor before them.
+    """
+    told = [("block", series_shape(run.series)) for run in _runs(entries)]
+    rows = [entry.event for entry in entries if entry.block is None and entry.event]
+    told += [(str(row["kind"]), event_shape(row)) for row in rows]
+    cursors = [begun] * (len(told) - 1) + [entries[-1].cursor]
+    return b"".join(event(kind, at, data) for (kind, data), at in zip(told, cursors, strict=True))
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Blocks of one channel without a gap between them.
+
+    Attributes:
+        node: Who sent them.
+        first: The first of them.
+        start: Middle of the first sample's moment, UTC ns.
+        end: One period after that of the last sample.
+        n: All samples.
+        lo: The least of their lower bounds.
+        hi: The greatest of their upper bounds.
+        coverage: The least of theirs.
+        time_error: The greatest of theirs, in ns.
+    """
+
+    node: str
+    first: BlockSummary
+    start: int
+    end: int
+    n: int
+    lo: float
+    hi: float
+    coverage: float
+    time_error: int
+
+    @classmethod
+    def of(cls, node: str, block: BlockSummary) -> Run:
+        """One block."""
+        earliest, latest = block.time
+        start = (earliest + latest) // 2
+        end = start + block.n * block.dt
+        error = (latest - earliest + 1) // 2
+        return cls(node, block, start, end, block.n, *block.bounds, block.coverage, error)
+
+    def joined(self, other: Run) -> Run | None:
+        """With those that come next; ``None`` if they do not follow at once, or are others."""
+        mine, theirs = self.first, other.first
+        same = (mine.dt, mine.unit) == (theirs.dt, theirs.unit)
+        # Half a period late is no gap yet, as everywhere (`cloud.query.span.longest_step`).
+        if not same or abs(other.start - self.end) > mine.dt // 2:
+            return None
+        return replace(
+            self,
+            end=other.end,
+            n=self.n + other.n,
+            lo=min(self.lo, other.lo),
+            hi=max(self.hi, other.hi),
+            coverage=min(self.coverage, other.coverage),
+            time_error=max(self.time_error, other.time_error),
+        )
+
+    @property
+    def series(self) -> Series:
+        """Their hull."""
+        return Series(
+            node=self.node,
+            channel=self.first.channel,
+            unit=self.first.unit,
+            coverage=union_coverage(self.coverage, self.n),
+            resolution="hull",
+            t0=self.start,
+            t=np.zeros(1, np.int64),
+            lo=np.array([self.lo]),
+            hi=np.array([self.hi]),
+            dt=self.end - self.start,
+            time_error=self.time_error,
+        )
+
+
+def _runs(entries: Iterable[Entry]) -> list[Run]:
+    found: list[Run] = []
+    latest: dict[tuple[str, str], int] = {}
+    for entry in entries:
+        block = None if entry.block is None else decode_summary(entry.block)
+        if not isinstance(block, BlockSummary):
+            continue
+        run, place = Run.of(entry.node, block), (entry.node, block.channel)
+        at = latest.get(place)
+        joined = None if at is None else found[at].joined(run)
+        if at is None or joined is None:
+            latest[place] = len(found)
+            found.append(run)
+        else:
+            found[at] = joined
+    return found
