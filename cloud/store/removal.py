@@ -62,12 +62,13 @@ def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, n
         now: UTC ns.
     """
     gone = 0
-    if sweep.reason is Reason.AGE:
-        _open_packs(connection, sweep)
     for table, where in _places(sweep):
         keys = list(table.primary_key.columns)
         query = select(*keys, *_counted(table)).where(*where).limit(most - gone)
         rows = connection.execute(query).all() if gone < most else []
+        # Only then are few left to look through.
+        if table is blocks and gone + len(rows) < most and _open_packs(connection, sweep):
+            rows = connection.execute(query).all()
         if rows:
             found = [tuple(row)[: len(keys)] for row in rows]
             connection.execute(delete(table).where(tuple_(*keys).in_(found)))
@@ -112,15 +113,17 @@ def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
     ]
 
 
-def _open_packs(connection: Connection, sweep: Sweep) -> None:
+def _open_packs(connection: Connection, sweep: Sweep) -> bool:
     """Put blocks in the place of packs of which a part is too old, so that it alone goes."""
     b = blocks.c
     here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
     here += [b.t < sweep.before, b.t_end + b.error >= sweep.before]
-    for row in connection.execute(select(blocks).where(*here)).mappings().all():
+    found = connection.execute(select(blocks).where(*here)).mappings().all()
+    for row in found:
         key = [column == row[column.name] for column in blocks.primary_key.columns]
         connection.execute(delete(blocks).where(*key))
         insert_many(connection, blocks, part(dict(row)))
+    return bool(found)
 
 
 def _messages(removed: Any) -> int:

@@ -26,7 +26,7 @@ from eskin.kernels.instructions import load
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from eskin.interval import Floats
+    from eskin.kernels.arithmetic import Floats
 
 _Run: TypeAlias = "tuple[Any, Any, Any, Any]"
 """A run that is being read: where its next width and its next bits are, its value, its slope."""
