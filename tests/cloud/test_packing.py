@@ -260,12 +260,12 @@ async def test_cloud_packs_in_the_background_but_not_where_it_is_told_not_to(
     for on in (False, True):
         folder = tmp_path / str(on)
         folder.mkdir()
-        rules = {"packing": PackingSection(on=on), "live": LiveSection(backlog=1)}
-        with standing(folder, identities, **rules) as stand:
+        section, live = PackingSection(on=on), LiveSection(backlog=1)
+        with standing(folder, identities, packing=section, live=live) as stand:
             put(stand.cloud.store, *map(said, range(45)))
             stopping = asyncio.Event()
             task = asyncio.create_task(keep_packed(stand.cloud, stopping))
-            while on and sum(packs(stand.cloud.store)) < 42:
+            while on and sum(packs(stand.cloud.store)) < 42:  # noqa: ASYNC110 - code under test
                 await asyncio.sleep(0.02)
             stopping.set()
             await task
