@@ -72,8 +72,10 @@ def find_packable(store: Store, behind: int) -> list[tuple[str, str]]:
     here = and_(b.node == c.node, b.channel == c.channel, b.t >= since, b.packed.is_(None))
     with store.read() as connection:
         old = _horizon(connection, behind)
-        found = select(b.t).where(here, b.cursor <= old).exists()
-        rows = connection.execute(select(c.node, c.channel).where(c.blocks > 0, found)).all()
+        # The first one only: where it is young, so are those after it, and they may be many.
+        first = select(b.cursor).where(here).order_by(b.t).limit(1).correlate(channels)
+        query = select(c.node, c.channel).where(c.blocks > 0, first.scalar_subquery() <= old)
+        rows = connection.execute(query).all()
     return [(node, channel) for node, channel in rows]
 
 
