@@ -16,6 +16,7 @@ from benchmarks.icm import measure_icm
 from benchmarks.ingest import measure_ingest
 from benchmarks.latency import measure_latency
 from benchmarks.models import measure_models
+from benchmarks.packing import measure_packing
 from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.pixels import measure_pixels
@@ -39,6 +40,8 @@ def main() -> None:
         rows += measure_icm()
     with console.status("peaks of a tube against scipy's find_peaks …"):
         rows += measure_peaks()
+    with console.status("packs beside the blocks that they are made of …"):
+        rows += measure_packing()
     with tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with console.status("sealing and opening envelopes …"):

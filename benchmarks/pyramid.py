@@ -91,7 +91,13 @@ def patterns(dt: int = _DT) -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
         lo = np.sin(np.arange(_SAMPLES) / 50 + number) + random.normal(0, 0.01, _SAMPLES)
         made = block(number, lo, lo + 0.05, dt=dt, time=(START, START), encoding=Encoding.Q16)
         row = {"node": NODE, "boot": 1, "channel": CHANNEL, "error": 0, "dt": dt, "n": _SAMPLES}
-        row |= {"lo": made.bounds[0], "hi": made.bounds[1], "coverage": 1.0, "received": START}
+        row |= {
+            "lo": made.bounds[0],
+            "hi": made.bounds[1],
+            "coverage": 1.0,
+            "received": START,
+            "packed": None,
+        }
         data = made.encode()
         summary = decode_summary(data)
         assert isinstance(summary, BlockSummary)

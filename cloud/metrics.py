@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
+from cloud.store.disk import measure_disk
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -59,6 +61,15 @@ class Metrics:
         self._gauge("waiting", "Gateways that wait for commands.", lambda: board.waiting)
         self._gauge("feed_cursor", "Latest place in the feed.", lambda: feed.last)
         self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
+        self._gauge(
+            "store_bytes", "What the store takes of the disk.", lambda: measure_disk(store).taken
+        )
+        self._gauge(
+            "store_free_bytes",
+            "Of these, what is free for what comes next; 0 where the server does not tell.",
+            lambda: measure_disk(store).free,
+        )
+        self._gauge("samples", "Samples in the store.", lambda: measure_disk(store).samples)
         self._gauge("commits", "Commits since the start.", lambda: store.writer.commits)
         self._gauge(
             "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)

@@ -49,7 +49,7 @@ async def sweep(cloud: Cloud) -> int:
     total = 0
     for due in await asyncio.to_thread(_due, cloud):
         removed = most = cloud.settings.retention.at_once
-        while removed == most:
+        while removed >= most:
             removed = await _step(cloud, due)
             total += removed
             await asyncio.sleep(_PAUSE_S)

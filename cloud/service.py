@@ -21,6 +21,7 @@ from cloud.listener import Certificate, Listener, bind
 from cloud.live import Feed
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
+from cloud.packing import keep_packed
 from cloud.privacy.keyholder import Keyholder
 from cloud.pyramid.keeping import keep_built
 from cloud.rest import rest
@@ -147,6 +148,7 @@ async def _serve(cloud: Cloud) -> None:
         group.create_task(retain(cloud, stopping), name="retention")
         group.create_task(keep_built(cloud, stopping), name="pyramid")
         group.create_task(rest(cloud, stopping), name="rest")
+        group.create_task(keep_packed(cloud, stopping), name="packing")
         for listener in listeners:
             await listener.ready.wait()
         log.info(

@@ -234,6 +234,15 @@ class RetentionSection(Section):
         return value
 
 
+class PackingSection(Section):
+    """Blocks of which a live stream is no more resumed are packed: the same bytes in a third."""
+
+    on: bool = Field(default=True, description="whether they are")
+    every_s: float = Field(
+        default=60.0, gt=0, le=86_400, description="seconds between two looks for them"
+    )
+
+
 class LiveSection(Section):
     """The live stream."""
 
@@ -269,6 +278,7 @@ class CloudSettings(Settings):
     limits: LimitsSection = LimitsSection()
     live: LiveSection = LiveSection()
     retention: RetentionSection = RetentionSection()
+    packing: PackingSection = PackingSection()
     keys: KeysSection = KeysSection()
     renewal: RenewalSection = RenewalSection()
     log: LogSection = LogSection()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain, repeat
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -12,10 +13,11 @@ from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
 from cloud.query.span import touching
 from cloud.query.window import Window
 from cloud.store.schema import blocks
+from eskin.messages.pack import Pack, is_pack
 from eskin.messages.stored import read_bounds
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from sqlalchemy import ColumnElement, Connection, RowMapping
 
@@ -25,7 +27,9 @@ DECODED: Final = tuple(blocks.c[name] for name in ("t", "dt", "n", "error", "cov
 """What of a block's row tells of its samples."""
 _AT_ONCE: Final = 256
 _FEW: Final = 600
-"""So many blocks are decoded, whatever is asked of them."""
+"""So many blocks are decoded, whatever is asked of them, …"""
+_FEW_SAMPLES: Final = 300_000
+"""… if they hold no more than this, as packs might."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +65,10 @@ def decode(rows: Sequence[Any], window: Window) -> Pieces:
     """
     if not rows:
         return EMPTY
-    first, period, n, errors, coverages, data = zip(*rows, strict=True)
-    found = [read_bounds(each) for each in data]
+    found = [read_bounds(data) for *_, data in rows]
     lo, hi = (np.concatenate([each[side] for each in found]) for side in (0, 1))
+    columns = zip(*chain.from_iterable(map(_blocks, rows)), strict=True)
+    first, period, n, errors, coverages = columns
     begun, dt, error = (np.repeat(np.array(e, np.int64), n) for e in (first, period, errors))
     number = np.concatenate([np.arange(each, dtype=np.int64) for each in n])
     t = begun + dt * number
@@ -72,8 +77,18 @@ def decode(rows: Sequence[Any], window: Window) -> Pieces:
     pieces = Pieces(t, t, none + 1, none, dt, none, error, lo, hi, lo, hi, coverage)
     order = np.flatnonzero((t >= window.start) & (t < window.end))
     if np.any(np.diff(t[order]) < 0):
-        order = order[np.argsort(t[order], kind="stable")]
+        order = order[np.lexsort((begun[order], t[order]))]
     return pieces[order]
+
+
+def _blocks(row: Sequence[Any]) -> Iterable[tuple[Any, ...]]:
+    """What a row's columns but ``data`` say of each of its blocks."""
+    *block, data = row
+    if not is_pack(data):
+        return [tuple(block)]
+    pack = Pack.read(data)
+    first = (pack.column("t_lo") + pack.column("t_hi")) // 2
+    return zip(first, repeat(block[1]), pack.n, pack.errors, repeat(block[4]), strict=False)
 
 
 def read_samples(connection: Connection, channel: RowMapping, window: Window) -> Pieces:
@@ -118,8 +133,8 @@ def _bounded(rows: Sequence[Any]) -> Pieces:
 
 
 def _are_few(connection: Connection, here: ColumnElement[bool]) -> bool:
-    found = connection.execute(select(blocks.c.t).where(here).limit(_FEW + 1)).all()
-    return len(found) <= _FEW
+    n = connection.execute(select(blocks.c.n).where(here).limit(_FEW + 1)).scalars().all()
+    return len(n) <= _FEW and sum(n) <= _FEW_SAMPLES
 
 
 def _decoded(connection: Connection, where: ColumnElement[bool], window: Window) -> Pieces:

@@ -7,17 +7,19 @@ length takes constant memory and no transaction stays open while a slow client r
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, repeat
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from sqlalchemy import select, tuple_
+import numpy as np
+from sqlalchemy import and_, case, or_, select, tuple_
 
 from cloud.query.span import clip, count, touching
-from cloud.store.schema import blocks
+from cloud.store.schema import blocks, channels
 from eskin.messages import Block
+from eskin.messages.pack import Pack
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from contextlib import AbstractContextManager
 
     from sqlalchemy import ColumnElement, Connection, RowMapping, Select
@@ -25,9 +27,9 @@ if TYPE_CHECKING:
     from cloud.query.window import Window
 
 _AT_ONCE: Final = 128
-"""Blocks in one part: 128,000 samples at most."""
+"""Blocks in one part: 128,000 samples at most; rows that are read for it."""
 _MARKS: Final = 4096
-"""Blocks that are counted at a time."""
+"""Rows that are counted at a time."""
 
 
 class Mark(NamedTuple):
@@ -85,7 +87,7 @@ class Export:
         total = 0
         for source in self.sources:
             with source.open() as connection:
-                total += count(connection, source.channel, self.window)
+                total += count(connection, _as_it_is(connection, source.channel), self.window)
         return total
 
     def find_end(self, limit: int) -> Mark | None:
@@ -95,43 +97,63 @@ class Export:
         """
         left = limit
         last: Mark | None = None
-        b = blocks.c
         for index, begin in self._marks():
-            rows = self._rows(
-                select(b.t, b.boot, b.sequence, b.n, b.dt), index, begin, None, _MARKS
-            )
-            for t, boot, sequence, n, dt in chain.from_iterable(rows):
+            for found in chain.from_iterable(self._pages(index, begin, None, whole=False)):
                 if left <= 0:
                     return last
-                first, final = clip(t, dt, n, self.window)
+                first, final = clip(found.place[0], found.dt, found.n, self.window)
                 left -= max(0, final - first + 1)
-                last = Mark(index, t, boot, sequence)
+                last = Mark(index, *found.place)
         return None
 
     def read(self, until: Mark | None) -> Iterator[Part]:
         """Decode blocks in order, up to and with ``until``."""
-        b = blocks.c
         for index, begin in self._marks():
             if until is not None and index > until.channel:
                 return
-            chosen = select(b.t, b.boot, b.sequence, b.data)
-            for rows in self._rows(chosen, index, begin, until, _AT_ONCE):
-                yield Part(self.sources[index].channel, [Block.decode(data) for *_, data in rows])
+            for page in self._pages(index, begin, until, whole=True):
+                for k in range(0, len(page), _AT_ONCE):
+                    decoded = [Block.decode(found.data) for found in page[k : k + _AT_ONCE]]
+                    yield Part(self.sources[index].channel, decoded)
 
-    def _rows(
-        self, query: Select[Any], index: int, after: Mark | None, until: Mark | None, most: int
-    ) -> Iterator[Sequence[Any]]:
-        """A channel's blocks, so many at a time; the query begins with their marks."""
+    def _pages(
+        self, index: int, after: Mark | None, until: Mark | None, *, whole: bool
+    ) -> Iterator[Sequence[_Found]]:
+        """A channel's blocks in order, some at a time; ``whole`` with their bytes.
+
+        Each page goes on behind the last block of the one before, whatever was packed meanwhile.
+        """
+        most = _AT_ONCE if whole else _MARKS
         while True:
             with self.sources[index].open() as connection:
-                asked = self._ordered(query, index, after, until).limit(most)
-                rows = connection.execute(asked).all()
-            if rows:
-                yield rows
-            if len(rows) < most:
+                query = self._ordered(connection, index, after, until, whole=whole)
+                rows = connection.execute(query.limit(most)).all()
+            full = len(rows) == most
+            # Behind the last row others begin, and blocks of packs before it may lie among them.
+            last = Mark(index, *rows[-1][:3]) if full else _later(until, index)
+            page = self._between(rows, after, min(last, _later(until, index)), whole=whole)
+            if page:
+                yield page
+                after = Mark(index, *page[-1].place)
+            elif full:
+                most *= 2
+            if not full:
                 return
-            t, boot, sequence, *_ = rows[-1]
-            after = Mark(index, t, boot, sequence)
+
+    def _between(
+        self, rows: Sequence[Any], after: Mark | None, last: Mark, *, whole: bool
+    ) -> list[_Found]:
+        """The blocks of rows that lie behind a mark, up to another one, and in the window."""
+        found = (block for row in rows for block in _blocks(row, whole=whole))
+        chosen = [
+            block
+            for block in found
+            if (after is None or block.place > after[1:])
+            and block.place <= last[1:]
+            and block.place[0] < self.window.end
+            and block.place[0] + (block.n - 1) * block.dt >= self.window.start
+        ]
+        return sorted(chosen)
 
     def _marks(self) -> Iterator[tuple[int, Mark | None]]:
         """The channels that are left, each with the block behind which it begins."""
@@ -140,13 +162,58 @@ class Export:
             yield index, self.after if index == first else None
 
     def _ordered(
-        self, query: Select[Any], index: int, after: Mark | None, until: Mark | None
+        self,
+        connection: Connection,
+        index: int,
+        after: Mark | None,
+        until: Mark | None,
+        *,
+        whole: bool,
     ) -> Select[Any]:
         b = blocks.c
         key = tuple_(b.t, b.boot, b.sequence)
-        where: list[ColumnElement[bool]] = [touching(self.sources[index].channel, self.window)]
+        channel = _as_it_is(connection, self.sources[index].channel)
+        where: list[ColumnElement[bool]] = [touching(channel, self.window)]
         if after is not None:
-            where += [b.t >= after.t, key > after[1:]]
+            reaching = and_(b.packed.is_not(None), b.t_end >= after.t)
+            where += [b.t >= after.t - channel["longest"], or_(key > after[1:], reaching)]
         if until is not None and until.channel == index:
             where += [b.t <= until.t, key <= until[1:]]
+        data = b.data if whole else case((b.packed.is_not(None), b.data), else_=None)
+        query = select(b.t, b.boot, b.sequence, b.n, b.dt, b.packed, data)
         return query.where(*where).order_by(b.t, b.boot, b.sequence)
+
+
+class _Found(NamedTuple):
+    """A block: middle of its first moment, boot and sequence; its samples; its bytes."""
+
+    place: tuple[int, int, int]
+    n: int
+    dt: int
+    data: bytes
+
+
+def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_Found]:
+    """The blocks of a row, as `Export._ordered` asks for it."""
+    t, boot, sequence, n, dt, packed, data = row
+    if packed is None:
+        return [_Found((t, boot, sequence), n, dt, data)]
+    pack = Pack.read(data)
+    counts, sequences = pack.n.tolist(), pack.column("sequence").tolist()
+    times = (t + dt * (np.cumsum(pack.n) - pack.n)).tolist()
+    places = zip(times, repeat(boot), sequences, strict=False)
+    each = [kept.data for kept in pack.blocks()] if whole else repeat(b"", packed)
+    return map(_Found, places, counts, repeat(dt), each)
+
+
+def _later(until: Mark | None, index: int) -> Mark:
+    """The last mark of a channel that is wanted."""
+    if until is not None and until.channel == index:
+        return until
+    return Mark(index, 2**63, 0, 0)
+
+
+def _as_it_is(connection: Connection, channel: RowMapping) -> RowMapping:
+    """The channel's row in this state of the store: rows may have become longer since."""
+    here = (channels.c.node == channel["node"]) & (channels.c.channel == channel["channel"])
+    return connection.execute(select(channels).where(here)).mappings().one()

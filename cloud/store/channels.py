@@ -71,6 +71,8 @@ def add_block(connection: Connection, ledger: Ledger, node: str, block: BlockSum
         row["grain"] = grain_of(block.dt)
     if row["built"] is not None and first < row["built"]:
         ledger.outdate(row, first, first + span)
+    if row["packed"] is not None:
+        row["packed"] = min(row["packed"], first)
     row["blocks"] += 1
     row["samples"] += block.n
     row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], first + span)
@@ -110,4 +112,5 @@ def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
         "hi": None,
         "grain": None,
         "built": None,
+        "packed": None,
     }

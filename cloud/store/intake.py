@@ -182,7 +182,7 @@ def _store(batch: _Batch, node: str, message: Summary | Veiled, data: bytes) -> 
         batch.tell(back)
     if isinstance(message, BlockSummary):
         cursor = batch.ledger.next_cursor(batch.connection)
-        batch.blocks.append(_block_row(node, message, data, cursor, batch.now))
+        batch.blocks.append(block_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, data, None))
         add_block(batch.connection, batch.ledger, node, message)
     elif isinstance(message, Veiled):
@@ -206,7 +206,8 @@ def _tell_if_any(batch: _Batch, row: Row | None) -> None:
         batch.tell(row)
 
 
-def _block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: int) -> Row:
+def block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: int) -> Row:
+    """A block's row in the store."""
     first = block.first_moment
     (t_lo, t_hi), (lo, hi) = block.time, block.bounds
     return {
@@ -227,6 +228,7 @@ def _block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: in
         "coverage": block.coverage,
         "received": now,
         "data": data,
+        "packed": None,
     }
 
 

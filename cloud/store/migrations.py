@@ -98,8 +98,15 @@ def _tenth(connection: Connection) -> None:
             connection.execute(text(f"ALTER TABLE {name} SET (toast_tuple_target = 8160)"))
 
 
+def _eleventh(connection: Connection) -> None:
+    """Rows may hold packs from now on, which earlier programs cannot read."""
+    _add_columns(connection, blocks, ("packed",))
+    _add_columns(connection, channels, ("packed",))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth, _tenth),
+    _eleventh,
 )
 CURRENT: Final = len(MIGRATIONS)
 

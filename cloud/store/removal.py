@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import delete, func, insert, select, tuple_, update
 
+from cloud.store.bulk import insert_many
+from cloud.store.packs import part
 from cloud.store.schema import blocks, channels, events
 from cloud.store.sealed import erased_subjects, removals, veiled
 
@@ -50,6 +52,8 @@ class Sweep:
 def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, now: int) -> int:
     """Remove some of what a sweep is for; gives how many messages, fewer than ``most`` at its end.
 
+    Packs go as a whole, so there may be some more.
+
     Args:
         connection: The writing thread's, in a transaction.
         ledger: The writing thread's.
@@ -62,11 +66,14 @@ def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, n
         keys = list(table.primary_key.columns)
         query = select(*keys, *_counted(table)).where(*where).limit(most - gone)
         rows = connection.execute(query).all() if gone < most else []
+        # Only then are few left to look through.
+        if table is blocks and gone + len(rows) < most and _open_packs(connection, sweep):
+            rows = connection.execute(query).all()
         if rows:
             found = [tuple(row)[: len(keys)] for row in rows]
             connection.execute(delete(table).where(tuple_(*keys).in_(found)))
             _count(connection, ledger, sweep, table, rows)
-            gone += len(rows)
+            gone += sum(map(_messages, rows))
     if gone:
         ledger.save(connection)
         _explain(connection, sweep, gone, now)
@@ -106,10 +113,28 @@ def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
     ]
 
 
+def _open_packs(connection: Connection, sweep: Sweep) -> bool:
+    """Put blocks in the place of packs of which a part is too old, so that it alone goes."""
+    b = blocks.c
+    here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
+    here += [b.t < sweep.before, b.t_end + b.error >= sweep.before]
+    found = connection.execute(select(blocks).where(*here)).mappings().all()
+    for row in found:
+        key = [column == row[column.name] for column in blocks.primary_key.columns]
+        connection.execute(delete(blocks).where(*key))
+        insert_many(connection, blocks, part(dict(row)))
+    return bool(found)
+
+
+def _messages(removed: Any) -> int:
+    """How many messages a removed row was."""
+    return getattr(removed, "packed", None) or 1
+
+
 def _counted(table: Table) -> list[Column[Any]]:
     """What of a removed row counts in its channel's sums."""
     if table is blocks:
-        return [table.c.n, table.c.t, table.c.t_end]
+        return [table.c.packed, table.c.n, table.c.t, table.c.t_end]
     return [table.c.kind] if table is veiled else []
 
 
@@ -121,7 +146,7 @@ def _count(
         return
     here = (table.c.node == sweep.node) & (table.c.channel == sweep.channel)
     if table is blocks:
-        row["blocks"] -= len(rows)
+        row["blocks"] -= sum(map(_messages, rows))
         row["samples"] -= sum(removed.n for removed in rows)
         if row["built"] is not None:
             for removed in rows:

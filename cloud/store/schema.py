@@ -97,10 +97,12 @@ channels = Table(
     Column("hi", Double),
     Column("grain", Integer),
     Column("built", BigInteger),
+    Column("packed", BigInteger),
 )
-"""Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a block.
+"""Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a row.
 
-``grain`` is the lowest level of its pyramid, and ``built`` up to when there is one, UTC ns.
+``grain`` is the lowest level of its pyramid, and ``built`` up to when there is one, UTC ns; before
+``packed``, blocks were packed where that is possible.
 """
 
 blocks = Table(
@@ -123,6 +125,7 @@ blocks = Table(
     Column("coverage", Double, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
+    Column("packed", Integer),
     Index("blocks_by_cursor", "cursor"),
     # Holds all that bounds are answered from, so that no block's bytes are touched for them.
     Index(
@@ -139,7 +142,7 @@ blocks = Table(
         "dt",
     ),
 )
-"""Blocks byte for byte.
+"""Blocks byte for byte, or ``packed`` of them in one row, see `cloud.store.packs`.
 
 ``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
 first sample's moment; ``error`` is how far a moment may lie from its middle.

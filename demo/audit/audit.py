@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, pairwise
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
 
+from cloud.store.packs import bytes_of
 from cloud.store.place import Place, reading_engine
 from cloud.store.schema import blocks as table
 from demo.audit.channel import ChannelAudit
@@ -18,7 +19,7 @@ from eskin.messages import Block, Position
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from sqlalchemy import Connection
@@ -87,7 +88,8 @@ def _audit(
     connection: Connection,
     progress: Callable[[int, int], None],
 ) -> list[ChannelAudit]:
-    counts = select(table.c.node, func.count()).group_by(table.c.node).order_by(table.c.node)
+    messages = func.sum(func.coalesce(table.c.packed, 1))
+    counts = select(table.c.node, messages).group_by(table.c.node).order_by(table.c.node)
     nodes = {row[0]: int(row[1]) for row in connection.execute(counts)}
     sealed = count_sealed(connection)
     total, done = sum(nodes.values()) + sum(sealed.values()), 0
@@ -121,19 +123,25 @@ def _audit(
     return [found[key] for key in sorted(found)]
 
 
-def _columns_of(block: Block) -> tuple[object, ...]:
-    """What the store's columns, from which queries are answered first, must say of a block."""
-    tube = block.tube
-    first, last = tube.first_moment, int(tube.moments[-1])
+def _columns_of(blocks: Sequence[Block]) -> tuple[object, ...]:
+    """What the store's columns, from which queries are answered first, must say of a row's blocks.
+
+    A pack's blocks follow each other in even steps.
+    """
+    tubes = [block.tube for block in blocks]
+    even = all(a.moments[-1] + a.dt == b.first_moment for a, b in pairwise(tubes))
+    (channel,) = {block.channel for block in blocks}
+    (dt,) = {tube.dt for tube in tubes}
     return (
-        block.channel,
-        first,
-        last,
-        *tube.time,
-        tube.dt,
-        len(tube),
-        *block.bounds,
-        tube.coverage,
+        channel if even else None,
+        tubes[0].first_moment,
+        int(tubes[-1].moments[-1]),
+        *tubes[0].time,
+        dt,
+        sum(map(len, tubes)),
+        min(block.bounds[0] for block in blocks),
+        max(block.bounds[1] for block in blocks),
+        min(tube.coverage for tube in tubes),
     )
 
 
@@ -142,7 +150,7 @@ def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool
     last = Position(-1, -1)
     while True:
         query = (
-            select(table.c.data, *_COLUMNS)
+            select(table.c.boot, table.c.sequence, table.c.packed, table.c.data, *_COLUMNS)
             .where(table.c.node == node)
             .where(
                 (table.c.boot > last.boot)
@@ -151,13 +159,13 @@ def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool
             .order_by(table.c.boot, table.c.sequence)
             .limit(_PAGE)
         )
-        rows = connection.execute(query).all()
-        blocks = [Block.decode(bytes(row[0])) for row in rows]
-        page = [
-            (block, tuple(row[1:]) == _columns_of(block))
-            for block, row in zip(blocks, rows, strict=True)
-        ]
-        if not page:
+        rows = connection.execute(query).mappings().all()
+        if not rows:
             return
+        page = []
+        for row in rows:
+            blocks = [Block.decode(data) for data in bytes_of(row)]
+            fits = tuple(row[column.name] for column in _COLUMNS) == _columns_of(blocks)
+            page += [(block, fits) for block in blocks]
         yield page
-        last = page[-1][0].position
+        last = Position(rows[-1]["boot"], rows[-1]["sequence"])

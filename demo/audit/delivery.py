@@ -14,6 +14,7 @@ from cloud.store.schema import blocks, events, sequences
 from demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.messages import Gap, Position, decode_message
+from eskin.messages.pack import Pack
 from eskin.privacy import Veiled, is_veiled
 from eskin.sequences import SequenceRanges
 from sensor_node.truth import Truth
@@ -149,9 +150,15 @@ def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
 
 
 def _stored(node: str, connection: Connection) -> Sightings:
-    query = select(blocks.c.boot, blocks.c.sequence).where(blocks.c.node == node)
-    rows = connection.execute(query.order_by(blocks.c.boot, blocks.c.sequence))
+    b = blocks.c
+    query = select(b.boot, b.sequence).where(b.node == node, b.packed.is_(None))
+    rows = connection.execute(query.order_by(b.boot, b.sequence))
     found = Sightings((row[0], row[1]) for row in rows)
+    packs = select(b.data).where(b.node == node, b.packed.is_not(None))
+    for data in connection.execute(packs).scalars():
+        pack = Pack.read(data)
+        for sequence in pack.column("sequence").tolist():
+            found.span(pack.boot, sequence, sequence)
     for boot, sequence in sealed_positions(connection, node):
         found.span(boot, sequence, sequence)
     return found

@@ -190,6 +190,11 @@ def _typed(array: NDArray[np.generic], encoding: Encoding) -> cbor2.CBORTag:
     return cbor2.CBORTag(tag, array.astype(dtype).tobytes())
 
 
+def typed_codes(codes: NDArray[np.uint16]) -> cbor2.CBORTag:
+    """Codes of ``q16`` as a typed array."""
+    return _typed(codes, Encoding.Q16)
+
+
 def typed_floats(data: bytes, encoding: Encoding) -> Floats:
     """The numbers of a typed array of floats."""
     return np.frombuffer(data, dtype=_TYPES[encoding][0]).astype(np.float64)

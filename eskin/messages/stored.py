@@ -1,4 +1,4 @@
-"""Samples of blocks that were checked when they were stored: their bounds alone, and fast."""
+"""Samples of blocks that were checked when they were stored, also of packs: bounds alone, fast."""
 
 from __future__ import annotations
 
@@ -8,17 +8,20 @@ import cbor2
 import numpy as np
 
 from eskin.messages.encoding import ENCODINGS, Encoding, Scale, typed_floats
+from eskin.messages.pack import Pack, is_pack
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
 
 
 def read_bounds(data: bytes) -> tuple[Floats, Floats]:
-    """The lower and the upper bounds of a stored block's samples.
+    """The lower and the upper bounds of the samples of a stored block, or of a pack.
 
     Args:
-        data: A block's bytes, as `Block.decode` took them before.
+        data: A block's bytes, as `Block.decode` took them before, or what `pack` made of several.
     """
+    if is_pack(data):
+        return Pack.read(data).bounds()
     fields = cbor2.loads(data)
     encoding, lo, hi = ENCODINGS[fields[11]], fields[12].value, fields[13].value
     if encoding is Encoding.Q16:

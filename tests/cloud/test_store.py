@@ -63,6 +63,7 @@ def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
         "coverage": 0.5,
         "received": START,
         "data": said.encode(),
+        "packed": None,
     }
 
 

@@ -1,0 +1,74 @@
+"""Rows that hold several blocks as one pack, and the blocks' own rows again.
+
+A pack's row is that of one longer block: its samples follow each other in even steps, and its
+columns say of them what a block's columns say. So all that is asked of rows goes for packs, too.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from cloud.store.intake import block_row
+from eskin.errors import StoreError
+from eskin.messages.pack import Kept, Pack, pack
+from eskin.messages.scan import scan
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from sqlalchemy import RowMapping
+
+    from cloud.store.ledger import Row
+
+_ALIKE: Final = ("node", "channel", "boot", "dt", "coverage")
+
+
+def follows(before: Mapping[str, Any], row: Mapping[str, Any]) -> bool:
+    """Whether a block may stand behind another one in a pack."""
+    return (
+        row["t"] == before["t_end"] + before["dt"]
+        and row["sequence"] > before["sequence"]
+        and all(row[name] == before[name] for name in _ALIKE)
+    )
+
+
+def join(rows: Sequence[Mapping[str, Any]]) -> Row:
+    """The row of a pack of blocks, each of which `follows` the one before.
+
+    Raises:
+        MessageError: They are of a kind that is not packed.
+    """
+    first = rows[0]
+    return dict(first) | {
+        "cursor": max(row["cursor"] for row in rows),
+        "t_end": rows[-1]["t_end"],
+        "error": max(row["error"] for row in rows),
+        "n": sum(row["n"] for row in rows),
+        "lo": min(row["lo"] for row in rows),
+        "hi": max(row["hi"] for row in rows),
+        "received": max(row["received"] for row in rows),
+        "data": pack([Kept(row["data"], row["cursor"], row["received"]) for row in rows]),
+        "packed": len(rows),
+    }
+
+
+def part(row: Mapping[str, Any]) -> list[Row]:
+    """The rows of a pack's blocks, as they were.
+
+    Raises:
+        StoreError: The store's bytes are not what was written.
+    """
+    rows = []
+    for kept in Pack.read(row["data"]).blocks():
+        said = scan(kept.data)
+        if said is None:
+            raise StoreError(f"a pack of {row['node']}/{row['channel']} holds what is no block")
+        rows.append(block_row(row["node"], said, kept.data, kept.cursor, kept.received))
+    return rows
+
+
+def bytes_of(row: RowMapping) -> list[bytes]:
+    """The blocks that a row holds, byte for byte."""
+    if row["packed"] is None:
+        return [row["data"]]
+    return [kept.data for kept in Pack.read(row["data"]).blocks()]
