@@ -13,6 +13,7 @@ from cloud.problems import answer_problems
 from cloud.routes import (
     audit_log,
     commands,
+    comparison,
     dashboard,
     deliveries,
     events,
@@ -23,6 +24,7 @@ from cloud.routes import (
     login,
     nodes,
     notices,
+    prediction,
     series,
     subjects,
     tokens,
@@ -38,7 +40,8 @@ def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
-    for resource in (nodes, commands, series, export, events, live, tokens, audit_log, subjects):
+    asked = nodes, commands, series, comparison, prediction, export, events, live
+    for resource in (*asked, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)

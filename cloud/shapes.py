@@ -122,15 +122,15 @@ def occupancy_shape(found: Occupancy, window: Window, channel: Row) -> Json:
         "start": format_moment(window.start),
         "end": format_moment(window.end),
         "unit": channel["unit"],
-        "time_s": {"lo": _seconds(least, -math.inf), "hi": _seconds(most, math.inf)},
-        "unknown_s": _seconds(found.unknown, math.inf),
+        "time_s": {"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
+        "unknown_s": seconds(found.unknown, math.inf),
         "samples": {"lo": found.samples[0], "hi": found.samples[1]},
         "entries": {"lo": found.entries[0], "hi": found.entries[1]},
         "coverage": union_coverage(channel["coverage"], found.n),
     }
 
 
-def _seconds(nanoseconds: int, side: float) -> float:
+def seconds(nanoseconds: int, side: float) -> float:
     """As a float on its side of the exact value."""
     exact = Fraction(nanoseconds, 10**9)
     nearest = float(exact)

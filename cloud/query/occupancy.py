@@ -64,7 +64,7 @@ def sum_up(runs: Iterable[Run], window: Window) -> Occupancy:
             end = window.end if run is None else run.start
             held[last.answer] += last.held + max(0, min(end - last.end, last.dt))
             samples[last.answer] += last.n
-            entries.add(last)
+            entries.add(last.answer, last.n)
             if run is not None and not last.reaches(run):
                 entries.part()
         last = run
@@ -94,13 +94,13 @@ class Entries:
         self._few: tuple[int, int] = _OUTSIDE_FEW
         self._many: tuple[int, int] = _OUTSIDE_MANY
 
-    def add(self, run: Run) -> None:
-        """Go on by a run."""
-        (few_out, few_in), (many_out, many_in), n = self._few, self._many, run.n
-        if run.answer is Answer.CERTAIN:
+    def add(self, answer: Answer, n: int) -> None:
+        """Go on by a run of n signals with the same answer."""
+        (few_out, few_in), (many_out, many_in) = self._few, self._many
+        if answer is Answer.CERTAIN:
             self._few = _NEVER, min(few_in, few_out + 1)
             self._many = -_NEVER, max(many_in, many_out + 1)
-        elif run.answer is Answer.IMPOSSIBLE:
+        elif answer is Answer.IMPOSSIBLE:
             self._few = min(few_out, few_in), _NEVER
             self._many = max(many_out, many_in), -_NEVER
         else:

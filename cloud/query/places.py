@@ -43,7 +43,7 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
     return row
 
 
-def read_place(text: str) -> tuple[str, str]:
+def read_place(text: str, parameter: str = "channel") -> tuple[str, str]:
     """Node and channel of a parameter ``NODE/CHANNEL``.
 
     Raises:
@@ -52,6 +52,6 @@ def read_place(text: str) -> tuple[str, str]:
     node, slash, channel = text.partition("/")
     if not slash or not node or not channel:
         raise QueryError(
-            "channel", f"{text!r} is no NODE/CHANNEL such as fingertip/t01.capacitance"
+            parameter, f"{text!r} is no NODE/CHANNEL such as fingertip/t01.capacitance"
         )
     return node, channel

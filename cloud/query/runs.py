@@ -17,6 +17,7 @@ from cloud.store.schema import blocks
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from numpy.typing import NDArray
     from sqlalchemy import Connection, RowMapping
 
     from cloud.pyramid.pieces import Pieces
@@ -85,7 +86,7 @@ def find_runs(
     for part in descent.parts():
         if isinstance(part, tuple):
             pieces, answer = part
-            yield from _as_runs(pieces, [answer])
+            yield from as_runs(pieces, [answer])
         else:
             yield from _of_blocks(connection, channel, part, question)
 
@@ -159,14 +160,19 @@ def _samples(connection: Connection, cluster: list[RowMapping], window: Window) 
 def _of_samples(samples: Pieces, question: Question) -> Iterator[Run]:
     if len(samples) == 0:
         return
-    answers = question.answers(samples.lo, samples.hi)
-    broken = np.diff(samples.first) > longest_step(samples.dt[:-1])
+    yield from parted(samples, question.answers(samples.lo, samples.hi))
+
+
+def parted(pieces: Pieces, answers: NDArray[np.int8]) -> Iterator[Run]:
+    """Runs of pieces with the same answer and no gap between them; there is one at least."""
+    broken = pieces.first[1:] - pieces.last[:-1] > longest_step(pieces.dt[:-1])
     cut = np.concatenate([[False], (np.diff(answers) != 0) | broken])
-    grouped = samples.grouped(np.cumsum(cut, dtype=np.int64))
-    yield from _as_runs(grouped, answers[np.flatnonzero(np.diff(np.cumsum(cut), prepend=-1))])
+    grouped = pieces.grouped(np.cumsum(cut, dtype=np.int64))
+    yield from as_runs(grouped, answers[np.flatnonzero(np.diff(np.cumsum(cut), prepend=-1))])
 
 
-def _as_runs(pieces: Pieces, answers: Iterable[int]) -> Iterator[Run]:
+def as_runs(pieces: Pieces, answers: Iterable[int]) -> Iterator[Run]:
+    """A run for each piece, with its answer."""
     columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held)
     rows = zip(*(column.tolist() for column in columns), strict=True)
     for (first, last, dt, n, held), answer in zip(rows, answers, strict=True):

@@ -1,48 +1,28 @@
 """Series of a channel, in the format that is asked for, and questions for thresholds."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from itertools import islice
-from typing import Annotated, Final, Self
+from typing import Annotated, Self
 
 from fastapi import APIRouter, Header, Query
-from pydantic import BaseModel, ConfigDict, Field, model_validator
-from sqlalchemy import Connection, RowMapping
+from pydantic import Field, model_validator
 from starlette.responses import Response
 
-from cloud.dependencies import Access, CloudState, Reader
+from cloud.dependencies import CloudState, Reader
 from cloud.negotiation import choose
-from cloud.privacy.memory import unveiled
 from cloud.problems import ProblemError, documented
-from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.occupancy import measure_occupancy
 from cloud.query.places import find_channel
 from cloud.query.question import Question
-from cloud.query.runs import Run
 from cloud.query.series import read_series
 from cloud.query.threshold import find_segments
-from cloud.query.window import Window, make_window, read_window
 from cloud.routes.answers import as_json
 from cloud.routes.documents import REFUSALS_OF_PLACE, PageDocument
 from cloud.routes.series_documents import OccupancyDocument, SegmentDocument, SeriesDocument
+from cloud.routes.windows import WindowQuery, opened, paged, resumed, window_of
 from cloud.shapes import occupancy_shape, page, segment_shape
-from cloud.state import Cloud
 from cloud.tables import WRITERS
 from eskin.errors import QueryError
-from eskin.privacy import is_biometric
 
 router = APIRouter(tags=["series"])
-
-_TIME: Final = "RFC 3339, or integer nanoseconds since 1970"
-
-
-class WindowQuery(BaseModel):
-    """When; without both, the last minute of data."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    start: str | None = Field(default=None, max_length=100, description=f"included; {_TIME}")
-    end: str | None = Field(default=None, max_length=100, description=f"excluded; {_TIME}")
 
 
 class SeriesQuery(WindowQuery):
@@ -118,8 +98,8 @@ def get_series(
         raise ProblemError(406, f"{accept!r} is not offered; accept one of {', '.join(WRITERS)}")
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
-        window = _window(cloud, row, query)
-        with _source(cloud, access, connection, row, window) as (source, known):
+        window = window_of(cloud, row, query)
+        with opened(cloud, access, connection, row, window) as (source, known):
             series = read_series(source, known, window, points=query.points)
     return Response(WRITERS[media](series), media_type=media, headers={"Vary": "Accept"})
 
@@ -140,9 +120,10 @@ def get_threshold(
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         # A cursor holds the window, too: new data must not move a default one.
-        window = _window(cloud, row, query) if query.cursor is None else _resume(query.cursor)
-        with _source(cloud, access, connection, row, window) as (source, known):
-            found, following = _segments(source, known, window, query)
+        window = window_of(cloud, row, query) if query.cursor is None else resumed(query.cursor)
+        with opened(cloud, access, connection, row, window) as (source, known):
+            segments = find_segments(source, known, window, query.question)
+            found, following = paged(segments, window, query.limit)
     return as_json(page([segment_shape(segment, known) for segment in found], following))
 
 
@@ -159,43 +140,7 @@ def get_time(
     """For how long and how often the channel is in a state: intervals, and what is unknown."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
-        window = _window(cloud, row, query)
-        with _source(cloud, access, connection, row, window) as (source, known):
+        window = window_of(cloud, row, query)
+        with opened(cloud, access, connection, row, window) as (source, known):
             found = measure_occupancy(source, known, window, query.question)
     return as_json(occupancy_shape(found, window, known))
-
-
-@contextmanager
-def _source(
-    cloud: Cloud, access: Access, connection: Connection, row: RowMapping, window: Window
-) -> Iterator[tuple[Connection, RowMapping]]:
-    """Where a channel is read, and its row there: what tells of a person is opened in memory."""
-    if not is_biometric(row["channel"]):
-        yield connection, row
-        return
-    reader = cloud.keyholder.reader(access.holder.scopes)
-    with unveiled(connection, reader, row, window) as opened:
-        yield opened
-
-
-def _window(cloud: Cloud, row: RowMapping, query: WindowQuery) -> Window:
-    last = row["t_last"]
-    return read_window(query.start, query.end, last=cloud.clock() if last is None else last)
-
-
-def _resume(cursor: str) -> Window:
-    start, end = read_numbers(cursor, 2)
-    return make_window(start, end)
-
-
-def _segments(
-    connection: Connection, row: RowMapping, window: Window, query: ThresholdQuery
-) -> tuple[list[Run], str | None]:
-    """A page ends only where the next segment begins later than all before it have ended."""
-    segments = find_segments(connection, row, window, query.question)
-    found = list(islice(segments, query.limit))
-    for segment in segments:
-        if segment.start > found[-1].end:
-            return found, write_cursor(segment.start, window.end)
-        found.append(segment)
-    return found, None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from datetime import datetime, timedelta
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, Final, Self
 
@@ -14,7 +13,9 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from eskin.client.arrow import read_tubes
 from eskin.client.joining import joined
-from eskin.client.pages import Pages
+from eskin.client.moments import written_moments
+from eskin.client.pages import API, Pages
+from eskin.client.questions import Questions
 from eskin.errors import QueryError
 from eskin.identity import client_context
 
@@ -23,15 +24,11 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import TracebackType
 
+    from eskin.client.moments import Moment
     from eskin.tube import Tube
 
-_API: Final = "/api/v1"
 _ARROW: Final = "application/vnd.apache.arrow.stream"
 _TIMEOUT_S: Final = 60.0
-_EPOCH: Final = datetime.fromisoformat("1970-01-01T00:00:00+00:00")
-
-Moment = datetime | int | str
-"""A moment: with a time zone, as UTC ns since 1970, or in RFC 3339."""
 
 
 def connect(
@@ -70,7 +67,7 @@ def connect(
     return Client(Pages(http, retry_s=retry_s), page=page)
 
 
-class Client:
+class Client(Questions):
     """What a cloud knows, as tubes. A context manager; made by `connect`.
 
     Args:
@@ -79,7 +76,7 @@ class Client:
     """
 
     def __init__(self, pages: Pages, *, page: int) -> None:
-        self._pages = pages
+        super().__init__(pages)
         self._page = page
 
     def __enter__(self) -> Self:
@@ -103,7 +100,7 @@ class Client:
         Raises:
             CloudError: The cloud refused, or did not answer.
         """
-        return list(self._pages.items(f"{_API}/nodes"))
+        return list(self._pages.items(f"{API}/nodes"))
 
     def channels(self, node: str) -> list[dict[str, Any]]:
         """A node's channels, as ``GET /nodes/{node}/channels`` tells them.
@@ -111,7 +108,7 @@ class Client:
         Raises:
             CloudError: As `nodes`.
         """
-        return list(self._pages.items(f"{_API}/nodes/{node}/channels"))
+        return list(self._pages.items(f"{API}/nodes/{node}/channels"))
 
     def series(
         self,
@@ -163,13 +160,10 @@ class Client:
         end: Moment | None,
         advance: Callable[[int, int], None],
     ) -> Iterator[Tube]:
-        window = {"start": start, "end": end}
-        params: dict[str, Any] = {
-            name: _written(name, moment) for name, moment in window.items() if moment is not None
-        }
+        params: dict[str, Any] = written_moments(start=start, end=end)
         params |= {"channel": f"{node}/{channel}", "limit": self._page}
         total = 0
-        for answer in self._pages.following(f"{_API}/export", params, accept=_ARROW):
+        for answer in self._pages.following(f"{API}/export", params, accept=_ARROW):
             total = int(answer.headers.get("Eskin-Samples", total))
             with pa.ipc.open_stream(answer.content) as reader:
                 table = reader.read_all()
@@ -195,14 +189,6 @@ def _bar(name: str, *, wanted: bool | None) -> Iterator[Callable[[int, int], Non
         yield advance
     finally:
         bar.stop()
-
-
-def _written(parameter: str, moment: Moment) -> str:
-    if not isinstance(moment, datetime):
-        return str(moment)
-    if moment.tzinfo is None:
-        raise QueryError(parameter, f"{moment} has no time zone; give it one, such as UTC")
-    return str((moment - _EPOCH) // timedelta(microseconds=1) * 1000)
 
 
 def _is_loopback(host: str) -> bool:

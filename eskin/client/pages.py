@@ -12,6 +12,7 @@ from eskin.errors import CloudError
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+API: Final = "/api/v1"
 _TRIES: Final = 6
 _PASSING: Final = frozenset({429, 502, 503, 504})
 """Statuses that may be better a moment later."""
@@ -58,12 +59,12 @@ class Pages:
             fault = _detail(answer)
         raise CloudError(f"{self._http.base_url} did not answer in {_TRIES} tries: {fault}")
 
-    def items(self, path: str) -> Iterator[dict[str, Any]]:
+    def items(self, path: str, params: Mapping[str, Any] | None = None) -> Iterator[dict[str, Any]]:
         """All items of a list, page by page."""
         cursor: str | None = None
         while True:
-            params = {} if cursor is None else {"cursor": cursor}
-            body = self.get(path, params, accept="application/json").json()
+            asked = dict(params or {}) | ({} if cursor is None else {"cursor": cursor})
+            body = self.get(path, asked, accept="application/json").json()
             yield from body["items"]
             cursor = body["next"]
             if cursor is None:

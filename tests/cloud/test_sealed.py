@@ -84,6 +84,8 @@ async def test_sealed_channel_answers_as_the_same_channel_in_the_clear(
         ("", {"start": START + 100 * DT, "end": START + 300 * DT, "points": 3}),
         ("/threshold", WIDE | {"above": 0.5}),
         ("/threshold", WIDE | {"below": 0.0, "limit": 3}),
+        ("/comparison", WIDE | {"other": "twin/t01.capacitance"}),
+        ("/anomalies", WIDE | {"model": "constant", "parameter": "value:0:1"}),
     ):
         sealed = await ask(stand, token, SERIES + path, **params)
         plain = await ask(stand, token, f"/api/v1/series/twin/t01.capacitance{path}", **params)
@@ -110,6 +112,8 @@ async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, si
     for path, params in (
         (SERIES, {}),
         (f"{SERIES}/threshold", {"above": 0.0}),
+        (f"{SERIES}/comparison", {"other": f"{NODE}/{CHANNEL}"}),
+        (f"{SERIES}/anomalies/time", {"model": "constant", "parameter": "value:0:1"}),
         ("/api/v1/events", {"channel": CHANNEL}),
         ("/api/v1/live", {"channel": f"{NODE}/{CHANNEL}"}),
     ):

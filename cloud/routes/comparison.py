@@ -1,0 +1,149 @@
+"""Questions that compare two channels."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+from sqlalchemy import Connection, RowMapping
+from starlette.responses import Response
+
+from cloud.dependencies import Access, CloudState, Reader
+from cloud.query.around import Source
+from cloud.query.comparison import find_stretches
+from cloud.query.cursors import write_cursor
+from cloud.query.places import find_channel, read_place
+from cloud.query.question import Answer
+from cloud.query.standing import sum_up_stretches
+from cloud.query.stretches import Stretch
+from cloud.query.window import Window, read_window
+from cloud.routes.answers import as_json
+from cloud.routes.comparison_documents import (
+    StandingDocument,
+    StretchDocument,
+    standing_shape,
+    stretch_shape,
+)
+from cloud.routes.documents import REFUSALS_OF_PLACE, PageDocument
+from cloud.routes.windows import WindowQuery, opened, resumed
+from cloud.shapes import page
+from cloud.state import Cloud
+from eskin.errors import QueryError
+
+router = APIRouter(tags=["series"])
+
+
+class ComparisonQuery(WindowQuery):
+    """Which channel is compared with which; without a window, the last minute that both have."""
+
+    other: str = Field(max_length=200, description="the other channel, as NODE/CHANNEL")
+    state: Literal["above", "below"] = Field(
+        default="above", description="whether the channel is asked to be above the other, or below"
+    )
+
+
+class StretchesQuery(ComparisonQuery):
+    """Parameters of a comparison's stretches."""
+
+    limit: int = Field(default=1000, ge=1, le=10_000, description="stretches at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+
+@router.get(
+    "/series/{node}/{channel}/comparison",
+    response_model=PageDocument[StretchDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_comparison(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[StretchesQuery, Query()],
+) -> Response:
+    """When the channel is certainly, or possibly, above or below another one."""
+    with cloud.store.read() as connection:
+        rows = _rows(connection, node, channel, query)
+        window = _window(cloud, rows, query) if query.cursor is None else resumed(query.cursor)
+        with _sides(cloud, access, connection, rows, window) as (one, other):
+            found, following = _paged(_stretches(one, other, window, query), window, query.limit)
+    coverage = _coverage(rows)
+    return as_json(page([stretch_shape(stretch, coverage) for stretch in found], following))
+
+
+@router.get(
+    "/series/{node}/{channel}/comparison/time",
+    response_model=StandingDocument,
+    responses=REFUSALS_OF_PLACE,
+)
+def get_comparison_time(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[ComparisonQuery, Query()],
+) -> Response:
+    """For how long and how often the channel is above or below another one."""
+    with cloud.store.read() as connection:
+        rows = _rows(connection, node, channel, query)
+        window = _window(cloud, rows, query)
+        with _sides(cloud, access, connection, rows, window) as (one, other):
+            found = sum_up_stretches(_stretches(one, other, window, query))
+    return as_json(standing_shape(found, window, rows[0]["unit"], _coverage(rows)))
+
+
+def _rows(
+    connection: Connection, node: str, channel: str, query: ComparisonQuery
+) -> tuple[RowMapping, RowMapping]:
+    one = find_channel(connection, node, channel)
+    other = find_channel(connection, *read_place(query.other, "other"))
+    if one["unit"] != other["unit"]:
+        raise QueryError(
+            "other",
+            f"{query.other} is in {other['unit']}, {node}/{channel} in {one['unit']}; "
+            "compare channels of the same unit",
+        )
+    return one, other
+
+
+def _window(cloud: Cloud, rows: tuple[RowMapping, RowMapping], query: WindowQuery) -> Window:
+    lasts = [row["t_last"] for row in rows if row["t_last"] is not None]
+    return read_window(query.start, query.end, last=min(lasts, default=cloud.clock()))
+
+
+@contextmanager
+def _sides(
+    cloud: Cloud,
+    access: Access,
+    connection: Connection,
+    rows: tuple[RowMapping, RowMapping],
+    window: Window,
+) -> Iterator[list[Source]]:
+    with ExitStack() as stack:
+        yield [
+            Source(*stack.enter_context(opened(cloud, access, connection, row, window)))
+            for row in rows
+        ]
+
+
+def _stretches(
+    one: Source, other: Source, window: Window, query: ComparisonQuery
+) -> Iterator[Stretch]:
+    if query.state == "below":
+        one, other = other, one
+    return find_stretches(one, other, window)
+
+
+def _paged(
+    stretches: Iterator[Stretch], window: Window, limit: int
+) -> tuple[list[Stretch], str | None]:
+    told = (s for s in stretches if s.answer in {Answer.CERTAIN, Answer.POSSIBLE})
+    found = list(islice(told, limit))
+    following = next(told, None)
+    return found, None if following is None else write_cursor(following.start, window.end)
+
+
+def _coverage(rows: tuple[RowMapping, RowMapping]) -> float:
+    return float(min(row["coverage"] for row in rows))

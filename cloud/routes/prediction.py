@@ -1,0 +1,191 @@
+"""Questions that compare a channel with what a ³S model predicts for it."""
+
+from collections.abc import Iterator
+from typing import Annotated, Final, Literal
+
+import numpy as np
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, Field
+from sqlalchemy import RowMapping
+from starlette.responses import Response
+
+from cloud.dependencies import CloudState, Reader
+from cloud.pyramid.hulls import bucket_width
+from cloud.query.anomalies import find_anomalies
+from cloud.query.cursors import read_numbers
+from cloud.query.holding import after
+from cloud.query.occupancy import sum_up
+from cloud.query.places import find_channel
+from cloud.query.prediction import MODELS, Prediction
+from cloud.query.question import Answer
+from cloud.query.runs import Run, merge
+from cloud.query.window import make_window, read_moment
+from cloud.routes.answers import as_json
+from cloud.routes.documents import REFUSALS_OF_PLACE, Moment, PageDocument
+from cloud.routes.series_documents import OccupancyDocument, SegmentDocument
+from cloud.routes.windows import WindowQuery, opened, paged, window_of
+from cloud.shapes import occupancy_shape, page, segment_shape
+from eskin.errors import IntervalError, QueryError
+from eskin.interval import Interval
+from eskin.moment import format_moment
+
+router = APIRouter(tags=["series"])
+
+_MOST_PARAMETERS: Final = 20
+
+
+class PredictionQuery(WindowQuery):
+    """Which model predicts, and with which parameters."""
+
+    model: Literal[tuple(MODELS)] = Field(description="a quantity of a model")  # type: ignore[valid-type]
+    parameter: list[Annotated[str, Field(max_length=100)]] = Field(
+        default=[],
+        max_length=_MOST_PARAMETERS,
+        description="NAME:LO:HI or NAME:VALUE, in SI units; may be repeated",
+    )
+    origin: str | None = Field(
+        default=None, max_length=100, description="the model's time 0; else `start`"
+    )
+
+
+class TubeQuery(PredictionQuery):
+    """Parameters of a predicted tube."""
+
+    points: int = Field(default=1000, ge=1, le=20_000, description="buckets, at most")
+
+
+class AnomaliesQuery(PredictionQuery):
+    """Parameters of anomalies."""
+
+    limit: int = Field(default=1000, ge=1, le=10_000, description="segments at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+
+class PredictionDocument(BaseModel):
+    """A predicted tube: an enclosure of all that is predicted in each ``[t, t + dt]``."""
+
+    node: str
+    channel: str
+    model: str
+    unit: str
+    origin: Moment
+    t0: Moment
+    t: list[int]
+    lo: list[float | None]
+    hi: list[float | None]
+    dt: int
+
+
+@router.get(
+    "/series/{node}/{channel}/prediction",
+    response_model=PredictionDocument,
+    responses=REFUSALS_OF_PLACE,
+)
+def get_prediction(
+    cloud: CloudState, _: Reader, node: str, channel: str, query: Annotated[TubeQuery, Query()]
+) -> Response:
+    """What a model predicts for the channel: the hull of each of ``points`` buckets at most."""
+    with cloud.store.read() as connection:
+        row = find_channel(connection, node, channel)
+    window = window_of(cloud, row, query)
+    prediction = _prediction(query, row, window.start)
+    width = bucket_width(window.span, query.points)
+    t = width * np.arange(-(-window.span // width), dtype=np.int64)
+    begun = window.start + t
+    lo, hi = prediction.between(begun, after(begun, np.full_like(t, width)))
+    return as_json(
+        {
+            "node": node,
+            "channel": channel,
+            "model": query.model,
+            "unit": row["unit"],
+            "origin": format_moment(prediction.origin),
+            "t0": format_moment(window.start),
+            "t": t,
+            "lo": np.ascontiguousarray(lo),
+            "hi": np.ascontiguousarray(hi),
+            "dt": width,
+        }
+    )
+
+
+@router.get(
+    "/series/{node}/{channel}/anomalies",
+    response_model=PageDocument[SegmentDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_anomalies(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[AnomaliesQuery, Query()],
+) -> Response:
+    """When the channel is certainly, or possibly, not what a model predicts."""
+    with cloud.store.read() as connection:
+        row = find_channel(connection, node, channel)
+        if query.cursor is None:
+            window = window_of(cloud, row, query)
+            prediction = _prediction(query, row, window.start)
+        else:
+            start, end, origin = read_numbers(query.cursor, 3)
+            window = make_window(start, end)
+            prediction = _prediction(query, row, origin)
+        with opened(cloud, access, connection, row, window) as (source, known):
+            runs = merge(find_anomalies(source, known, window, prediction))
+            found, following = paged(_told(runs), window, query.limit, prediction.origin)
+    return as_json(page([segment_shape(run, known) for run in found], following))
+
+
+@router.get(
+    "/series/{node}/{channel}/anomalies/time",
+    response_model=OccupancyDocument,
+    responses=REFUSALS_OF_PLACE,
+)
+def get_anomalies_time(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[PredictionQuery, Query()],
+) -> Response:
+    """For how long and how often the channel is not what a model predicts."""
+    with cloud.store.read() as connection:
+        row = find_channel(connection, node, channel)
+        window = window_of(cloud, row, query)
+        prediction = _prediction(query, row, window.start)
+        with opened(cloud, access, connection, row, window) as (source, known):
+            found = sum_up(find_anomalies(source, known, window, prediction), window)
+    return as_json(occupancy_shape(found, window, known))
+
+
+def _told(runs: Iterator[Run]) -> Iterator[Run]:
+    return (run for run in runs if run.answer is not Answer.IMPOSSIBLE)
+
+
+def _prediction(query: PredictionQuery, row: RowMapping, start: int) -> Prediction:
+    model = MODELS[query.model]
+    if model.unit is not None and model.unit != row["unit"]:
+        raise QueryError(
+            "model",
+            f"{query.model} is in {model.unit}, {row['node']}/{row['channel']} in {row['unit']}; "
+            "take a model of the same unit",
+        )
+    parameters = dict(_parameter(text) for text in query.parameter)
+    if len(parameters) < len(query.parameter):
+        raise QueryError("parameter", "one is given twice; give each once")
+    model.require_parameters(parameters)
+    given = read_moment("origin", query.origin)
+    return Prediction(model, parameters, start if given is None else given)
+
+
+def _parameter(text: str) -> tuple[str, Interval]:
+    name, *bounds = text.split(":")
+    try:
+        lo, *rest = (float(bound) for bound in bounds)
+        (hi,) = rest or (lo,)
+        return name, Interval(lo, hi)
+    except (ValueError, IntervalError) as error:
+        raise QueryError(
+            "parameter", f"{text!r} is no NAME:LO:HI such as distance:0.9e-3:1.1e-3"
+        ) from error
