@@ -113,13 +113,14 @@ def _make_feed(settings: CloudSettings, store: Store) -> Feed:
     return Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
 
 
-async def _serve(cloud: Cloud) -> None:
+def _listeners(
+    cloud: Cloud, inner: Certificate, outer: Certificate | None
+) -> tuple[Listener, Listener]:
+    """For people and for gateways."""
     people, gateways = cloud.settings.people, cloud.settings.gateways
-    inner = Certificate("gateways.identity", gateways.identity)
     limits = cloud.settings.limits
     bounds = Bounds(connections=limits.connections, of_one=limits.connections_of_one)
-    outer = None if people.identity is None else Certificate("people.identity", people.identity)
-    listeners = (
+    return (
         Listener(
             people_application(cloud),
             bind("people", people.host, people.port),
@@ -133,6 +134,13 @@ async def _serve(cloud: Cloud) -> None:
             bounds=bounds,
         ),
     )
+
+
+async def _serve(cloud: Cloud) -> None:
+    people, gateways = cloud.settings.people, cloud.settings.gateways
+    inner = Certificate("gateways.identity", gateways.identity)
+    outer = None if people.identity is None else Certificate("people.identity", people.identity)
+    listeners = _listeners(cloud, inner, outer)
     stopping = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):

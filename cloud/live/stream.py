@@ -62,9 +62,6 @@ async def stream(
 ) -> AsyncIterator[bytes]:
     """Tell what comes after a cursor until the feed closes or access ends.
 
-    What was missed before the stream began is told in full. Whoever then reads more slowly than
-    there is to tell is not told of the past: what came meanwhile is joined to wider hulls.
-
     Args:
         feed: Where it is read.
         selection: What is told.
@@ -87,10 +84,7 @@ async def stream(
             found, cursor = await feed.after(cursor, _JOINED if slow else _AT_ONCE)
             said = _choose(found, selection, reveal)
             if said:
-                if slow:
-                    yield print_joined([entry for entry, _ in said], begun)
-                else:
-                    yield feed.press.print(said, selection.points)
+                yield _print(feed, said, selection.points, begun if slow else None)
                 asked = time.monotonic()
                 yield b""  # goes on once there is room for more
                 slow = begun >= present and time.monotonic() - asked > _PATIENCE_S
@@ -104,6 +98,18 @@ async def stream(
         log.warning("live stream ended: reason=%s", error)
     finally:
         feed.subscribers -= 1
+
+
+def _print(
+    feed: Feed, said: Sequence[tuple[Entry, bool]], points: int, slow_since: int | None
+) -> bytes:
+    """All of it; or its hulls, for whoever reads more slowly than there is to tell.
+
+    What was missed before a stream began is told in full.
+    """
+    if slow_since is None:
+        return feed.press.print(said, points)
+    return print_joined([entry for entry, _ in said], slow_since)
 
 
 def _choose(
