@@ -116,7 +116,7 @@ class RealStack:
 
     def stored_blocks(self) -> int:
         """How many blocks the cloud has stored."""
-        return int(ask(self.store, "SELECT count(*) FROM blocks")[0][0])
+        return int(ask(self.store, "SELECT coalesce(sum(blocks), 0) FROM channels")[0][0])
 
 
 def _await_ready(gateway: Running, starts: int) -> None:

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cloud.store import Store
+from cloud.store.packing import pack_some
+from eskin.messages import Encoding
 from tests.chaos.plan import Stroke
 from tests.chaos.verdict import Verdict, add_up, explain
 from tests.cloud.clouds import put
-from tests.cloud.messages import block, gap
+from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap
+from tests.files import ask
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -65,6 +68,18 @@ def test_hole_that_a_gap_names_is_none(burnt: Store) -> None:
     assert "holes: 2 ranges from 0" in fault
     put(burnt, naming(6, (1, 3, 4)))
     assert wrong(burnt, "cut") == []
+
+
+def test_packed_blocks_are_counted_one_by_one(tmp_path: Path) -> None:
+    span, ones = 100 * DT, [1.0] * 100
+    path = tmp_path / "store.sqlite"
+    with Store(path) as store:
+        for number in range(30):
+            time = START + number * span
+            put(store, block(number, ones, ones, time=(time, time), encoding=Encoding.Q16))
+        pack_some(store, (NODE, CHANNEL), 0)
+        assert ask(path, "SELECT count(*), max(packed) FROM blocks") == [(10, 21)]
+        assert wrong(store) == []
 
 
 def test_stroke_reads_well() -> None:

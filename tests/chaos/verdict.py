@@ -91,9 +91,14 @@ def explain(store: Place, verdict: Verdict, happened: set[str]) -> None:
 
 
 def add_up(store: Place, verdict: Verdict) -> None:
-    """Sums that are kept while blocks arrive must be those of the blocks: nothing counted twice."""
+    """Sums that are kept while blocks arrive must be those of the blocks: nothing counted twice.
+
+    A row may hold several blocks, packed.
+    """
     query = """
-        SELECT c.node || '/' || c.channel, c.blocks, c.samples, count(b.n), coalesce(sum(b.n), 0)
+        SELECT c.node || '/' || c.channel, c.blocks, c.samples,
+            coalesce(sum(CASE WHEN b.n IS NULL THEN 0 ELSE coalesce(b.packed, 1) END), 0),
+            coalesce(sum(b.n), 0)
         FROM channels AS c LEFT JOIN blocks AS b ON b.node = c.node AND b.channel = c.channel
         GROUP BY c.node, c.channel
     """
