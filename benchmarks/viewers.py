@@ -45,12 +45,14 @@ class Viewer:
     Attributes:
         stage: Whose.
         slow: Reads so many bytes a second; 0: as many as come.
-        last: The last event's id.
+        begun: The id of the event that is being read.
+        last: That of the last one that came whole, as the HTML standard has it (section 9.2.6).
         events: Blocks: id, first sample, end of the last one, arrival (ns), and the channel.
     """
 
     stage: Stage
     slow: int = 0
+    begun: str = ""
     last: str = ""
     events: list[tuple[int, int, int, int, str]] = field(default_factory=list)
 
@@ -83,13 +85,15 @@ class Viewer:
 
     def _take(self, line: bytes) -> None:
         if line.startswith(b"id: "):
-            self.last = line[4:].decode()
+            self.begun = line[4:].decode()
+        elif not line:
+            self.last = self.begun
         elif line.startswith(b"data: ") and b'"resolution"' in line:
             now, told = time.time_ns(), json.loads(line[6:])
             first = parse_moment(told["t0"])
             width = told["dt"] if told["resolution"] == "hull" else _PERIOD
             until = first + told["t"][-1] + width
-            self.events.append((int(self.last), first, until, now, told["channel"]))
+            self.events.append((int(self.begun), first, until, now, told["channel"]))
 
 
 def measure_viewers(folder: Path, *, seconds: float) -> list[Row]:
