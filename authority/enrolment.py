@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import contextlib
 from datetime import UTC, datetime
+from functools import partial
 from typing import TYPE_CHECKING
 
 from cryptography import x509
@@ -98,17 +99,16 @@ def enrol_fleet(
         IdentityError: The service refuses, or was away for too long.
     """
     with contextlib.closing(Connection(directory)) as connection:
+
+        def ask_for(own: Path) -> Identity:
+            return enrol(url, directory, own.name, own, stem=stem, client=connection.client())
+
         for name in numbered(stem, count):
             own = out / name
             if (own / CHAIN_FILE).exists():
                 yield Identity.load(own)
             else:
-                yield patiently(
-                    lambda own=own: enrol(  # type: ignore[misc]  # mypy infers no default
-                        url, directory, own.name, own, stem=stem, client=connection.client()
-                    ),
-                    patience,
-                )
+                yield patiently(partial(ask_for, own), patience)
 
 
 def renew(url: str, directory: Path) -> Identity:

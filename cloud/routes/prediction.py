@@ -37,7 +37,9 @@ _MOST_PARAMETERS: Final = 20
 class PredictionQuery(WindowQuery):
     """Which model predicts, and with which parameters."""
 
-    model: Literal[tuple(MODELS)] = Field(description="a quantity of a model")  # type: ignore[valid-type]
+    model: Literal[tuple(MODELS)] = Field(  # type: ignore[valid-type]  # the registry names them
+        description="a quantity of a model"
+    )
     parameter: list[Annotated[str, Field(max_length=100)]] = Field(
         default=[],
         max_length=_MOST_PARAMETERS,

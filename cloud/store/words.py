@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from sqlalchemy import String
 from sqlalchemy.types import TypeDecorator
@@ -23,7 +23,7 @@ class Words(TypeDecorator[str]):
 
     def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[Any]:
         """The type of a column."""
-        length = self.impl_instance.length  # type: ignore[attr-defined]  # impl is a String
+        length = cast("String", self.impl_instance).length
         collation = "C" if dialect.name == "postgresql" else None
         return dialect.type_descriptor(String(length, collation=collation))
 
