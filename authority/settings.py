@@ -9,14 +9,14 @@ from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind, numbered
-from eskin.settings import Section, Settings
+from eskin.settings import Host, Section, Settings
 
 
 class AuthoritySection(Section):
     """Where the CA lives and listens."""
 
     directory: Path = Field(description="folder of the CA's keys; nobody else needs it")
-    host: str = Field(default="127.0.0.1", description="address to listen on (HTTPS)")
+    host: Host = Field(default="127.0.0.1", description="address to listen on (HTTPS)")
     port: int = Field(default=8444, ge=1, le=65535, description="port to listen on")
     names: tuple[str, ...] = Field(
         default=("localhost", "127.0.0.1"),

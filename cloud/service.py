@@ -18,7 +18,7 @@ from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
 from cloud.listener import Certificate, Listener, bind
-from cloud.live import Feed
+from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
 from cloud.packing import keep_packed
@@ -97,6 +97,7 @@ def make_cloud(
         settings=settings,
         store=store,
         feed=feed,
+        onlookers=_make_onlookers(settings),
         board=board,
         verifier=verifier,
         uploads=Uploads(own.uploads_bytes),
@@ -111,6 +112,11 @@ def make_cloud(
 def _make_feed(settings: CloudSettings, store: Store) -> Feed:
     live = settings.live
     return Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
+
+
+def _make_onlookers(settings: CloudSettings) -> Onlookers:
+    live = settings.live
+    return Onlookers(most=live.watched_nodes, lasting=live.watched_s)
 
 
 def _listeners(

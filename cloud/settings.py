@@ -8,8 +8,8 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from cloud.loopback import is_loopback
 from cloud.store.place import Place, read_url, stays_here
-from eskin.errors import SettingsError
-from eskin.settings import KeysSection, RenewalSection, Section, Settings
+from eskin.errors import SettingsError, shown
+from eskin.settings import Host, KeysSection, RenewalSection, Section, Settings
 
 
 class StoreSection(Section):
@@ -55,7 +55,7 @@ class StoreSection(Section):
     def _one_place(cls, value: Path | None, info: ValidationInfo) -> Path | None:
         url = info.data.get("url")
         if "url" in info.data and (value is None) == (url is None):
-            what = "is missing" if value is None else f"stands beside store.url, {url!r}"
+            what = "is missing" if value is None else f"stands beside store.url, {shown(url)}"
             raise ValueError(f"{what}; name an SQLite file here, or a server in store.url")
         return value
 
@@ -65,7 +65,7 @@ class StoreSection(Section):
         url = info.data.get("url")
         if url is not None and value is None and not stays_here(read_url(url)):
             raise ValueError(
-                f"plaintext stays on loopback, and store.url is {url!r}; name the root "
+                f"plaintext stays on loopback, and store.url is {shown(url)}; name the root "
                 "certificate that the server's own leads to"
             )
         return value
@@ -102,7 +102,7 @@ def _read_secret(path: Path) -> str:
 class PeopleSection(Section):
     """The listener for people: REST, live, dashboard."""
 
-    host: str = Field(default="127.0.0.1", description="address to listen on")
+    host: Host = Field(default="127.0.0.1", description="address to listen on")
     port: int = Field(default=8080, ge=0, le=65535, description="port; 0 takes a free one")
     identity: Path | None = Field(
         default=None,
@@ -126,7 +126,7 @@ class PeopleSection(Section):
 class GatewaysSection(Section):
     """The listener for gateways: ingest, HTTPS only."""
 
-    host: str = Field(default="127.0.0.1", description="address to listen on")
+    host: Host = Field(default="127.0.0.1", description="address to listen on")
     port: int = Field(default=8443, ge=0, le=65535, description="port; 0 takes a free one")
     identity: Path = Field(
         description="folder of the server's identity; its root.pem is whom gateways must lead to"
@@ -230,7 +230,9 @@ class RetentionSection(Section):
     def _are_days(cls, value: dict[str, float]) -> dict[str, float]:
         for place, days in value.items():
             if "/" not in place or not 0 <= days <= 36_500:
-                raise ValueError(f"{place!r} = {days!r} is no NODE/CHANNEL with 0 to 36500 days")
+                raise ValueError(
+                    f"{shown(place)} = {days!r} is no NODE/CHANNEL with 0 to 36500 days"
+                )
         return value
 
 
@@ -258,6 +260,19 @@ class LiveSection(Section):
     )
     heartbeat_s: float = Field(
         default=10.0, gt=0, le=300, description="seconds between signs of life"
+    )
+    watched_nodes: int = Field(
+        default=32,
+        ge=0,
+        le=1000,
+        description="nodes that are asked for short blocks at once, because streams have chosen "
+        "them; and as many because streams are of everything",
+    )
+    watched_s: float = Field(
+        default=10.0,
+        ge=1,
+        le=60,
+        description="seconds for which one look keeps a node's blocks short",
     )
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from cloud.ingest.uploads import Uploads
     from cloud.ingest.warrant import Verifier
     from cloud.limiter import Limiter
-    from cloud.live import Feed
+    from cloud.live import Feed, Onlookers
     from cloud.metrics import Metrics
     from cloud.privacy.keyholder import Keyholder
     from cloud.settings import CloudSettings
@@ -28,6 +28,7 @@ class Cloud:
         settings: All settings.
         store: Keeps everything.
         feed: Tells what is stored as it comes.
+        onlookers: Knows which nodes somebody looks at.
         board: Wakes gateways that wait for commands.
         verifier: Checks gateways' tokens.
         uploads: Room for what gateways bring.
@@ -41,6 +42,7 @@ class Cloud:
     settings: CloudSettings
     store: Store
     feed: Feed
+    onlookers: Onlookers
     board: Board
     verifier: Verifier
     uploads: Uploads

@@ -1,12 +1,14 @@
-"""What the cloud looks after by itself: silent nodes, renewed certificates."""
+"""What the cloud looks after by itself: silent nodes, renewed certificates, who looks on."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from cloud.store.intake import Outcome
+from cloud.store.news import WATCHED, tell
 from cloud.store.presence import give_up
 from eskin.errors import StoreError
 from eskin.moment import SECOND
@@ -26,7 +28,7 @@ _INTERVAL: Final = 1.0
 
 async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asyncio.Event) -> None:
     """Look every second, until told to stop."""
-    begun = cloud.clock()
+    begun = due = cloud.clock()
     while not stopping.is_set():
         for certificate in certificates:
             _refresh(certificate)
@@ -34,10 +36,25 @@ async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asy
         # After a start, every node is first given the time to be heard.
         if cloud.clock() - begun >= silence:
             await _judge(cloud, silence)
+        if cloud.clock() >= due:
+            await _tell_onlookers(cloud)
+            due = cloud.clock() + int(cloud.settings.live.watched_s * SECOND / 3)
         try:
             await asyncio.wait_for(stopping.wait(), _INTERVAL)
         except TimeoutError:
             continue
+
+
+async def _tell_onlookers(cloud: Cloud) -> None:
+    """Let other processes know which nodes are looked at here."""
+    nodes = cloud.onlookers.nodes[: cloud.settings.live.watched_nodes]
+    if not nodes or isinstance(cloud.store.place, Path):
+        return
+    try:
+        written = cloud.store.write(lambda connection: tell(connection, WATCHED, *nodes))
+        await asyncio.wrap_future(written)
+    except StoreError as error:
+        log.warning("other processes do not hear who looks on: reason=%s", error)
 
 
 async def _judge(cloud: Cloud, silence: int) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticUndefined
@@ -30,6 +30,10 @@ if TYPE_CHECKING:
 ENVIRONMENT_PREFIX = "ESKIN_"
 _LONGEST_NAME: Final = 200
 """Of a setting as errors show it: a name may be anything."""
+
+
+Host = Annotated[str, Field(min_length=1, max_length=253)]
+"""A name or an address (RFC 1035, section 2.3.4)."""
 
 
 class Section(BaseModel):

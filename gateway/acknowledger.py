@@ -34,6 +34,7 @@ class Acknowledger:
         to: x509.Certificate,
         named: bytes,
         time: int,
+        watched: int = 0,
     ) -> tuple[str, bytes]:
         """Topic and sealed bytes of one acknowledgement.
 
@@ -43,11 +44,12 @@ class Acknowledger:
             to: The node's certificate.
             named: Its thumbprint.
             time: The gateway's clock, UTC ns.
+            watched: ms for which somebody is expected to look at the node's data.
         """
         boots: dict[int, SequenceRanges] = {}
         for position in positions:
             boots.setdefault(position.boot, SequenceRanges()).add(position.sequence)
         spans = tuple((boot, first, last) for boot in sorted(boots) for first, last in boots[boot])
         topic = node_topic(node, Stream.ACKS)
-        plaintext = Acknowledgement(time, spans).encode()
+        plaintext = Acknowledgement(time, spans, watched).encode()
         return topic, self._sealers.seal(plaintext, topic=topic, to=to, named=named)

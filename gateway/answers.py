@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from gateway.counters import Counters
     from gateway.discovery import Discovery
     from gateway.intake import Outcome
+    from gateway.onlookers import Onlookers
     from gateway.presence import Presence
     from gateway.senders import Senders
 
@@ -31,6 +32,7 @@ class Answers:
         senders: Knows their certificates.
         presence: Knows who is there.
         counters: What is counted.
+        onlookers: Know who is watched.
         discovery: Announces channels; ``None`` where nobody looks for them.
         senml: Whether hulls are published as SenML, too.
         clock: Monotonic seconds.
@@ -45,6 +47,7 @@ class Answers:
         senders: Senders,
         presence: Presence,
         counters: Counters,
+        onlookers: Onlookers,
         discovery: Discovery | None = None,
         senml: bool = False,
         clock: Callable[[], float] = time.monotonic,
@@ -55,6 +58,7 @@ class Answers:
         self._senders = senders
         self._presence = presence
         self._counters = counters
+        self._onlookers = onlookers
         self._discovery = discovery
         self._senml = senml
         self._clock = clock
@@ -97,7 +101,12 @@ class Answers:
             if named is None or certificate is None:
                 continue
             topic, sealed = self._acknowledger.seal(
-                node, positions, to=certificate, named=named, time=now
+                node,
+                positions,
+                to=certificate,
+                named=named,
+                time=now,
+                watched=self._onlookers.remaining(node),
             )
             self._counters.acknowledged.inc(len(positions))
             yield topic, sealed, False

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import ssl
     from collections.abc import Callable, Sequence
 
+    from gateway.onlookers import Onlookers
     from gateway.warrants import Warrants
 
 _MOST_ANSWER: Final = 4_194_304
@@ -58,6 +59,7 @@ class HttpsCloud:
     Args:
         url: The ingest.
         warrants: Prove who sends.
+        onlookers: Hear which nodes somebody looks at.
         context: Leads to our root.
         timeout_s: Seconds to wait.
         clock: Seconds since 1970.
@@ -68,12 +70,14 @@ class HttpsCloud:
         url: str,
         *,
         warrants: Warrants,
+        onlookers: Onlookers,
         context: ssl.SSLContext,
         timeout_s: float,
         clock: Callable[[], float] = time,
     ) -> None:
         self._url = url
         self._warrants = warrants
+        self._onlookers = onlookers
         self._clock = clock
         # The environment's proxies are no part of the way from a gateway to its cloud.
         self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
@@ -90,9 +94,12 @@ class HttpsCloud:
             with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
                 if answer.status_code != httpx.codes.OK:
                     raise self._refusal(answer)
-                return _answers(_read(answer), len(messages))
+                body = _read(answer)
         except httpx.HTTPError as error:
             raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
+        answers, watched = _answers(body, len(messages))
+        self._onlookers.note(watched)
+        return answers
 
     def _refusal(self, answer: httpx.Response) -> CloudError:
         return CloudError(
@@ -137,15 +144,17 @@ def _read(answer: httpx.Response) -> bytes:
     return bytes(body)
 
 
-def _answers(body: bytes, expected: int) -> list[Answer]:
+def _answers(body: bytes, expected: int) -> tuple[list[Answer], dict[str, float]]:
+    """What became of the messages; and nodes that are watched, and for how many seconds."""
     try:
-        items = orjson.loads(body)["items"]
-        answers = [_answer(item) for item in items]
-    except (orjson.JSONDecodeError, KeyError, TypeError) as error:
+        said = orjson.loads(body)
+        answers = [_answer(item) for item in said["items"]]
+        watched = {str(node): float(span) for node, span in said.get("watched", {}).items()}
+    except (orjson.JSONDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise CloudError(f"the cloud's answer is not as agreed: {body[:100]!r}") from error
     if len(answers) != expected:
         raise CloudError(f"the cloud answered for {len(answers)} of {expected} messages")
-    return answers
+    return answers, watched
 
 
 def _answer(item: dict[str, Any]) -> Answer:

@@ -33,6 +33,7 @@ from gateway.keyring import Keyring
 from gateway.monitor import Monitor
 from gateway.mqtt import MqttBroker
 from gateway.notices import HttpsNotices
+from gateway.onlookers import Onlookers
 from gateway.presence import Presence
 from gateway.records import Records
 from gateway.revocations import Revocations
@@ -121,13 +122,14 @@ class Gateway:
         self._presence.restore(self.spool, monotonic())
         self.commands = Commands(settings.commands.resend_s)
         self.broker = self._make_broker()
+        self._onlookers = Onlookers()
         self.worker = self._make_worker()
         reach: _Reach = {
             "warrants": self.keyring.warrants,
             "context": client_context(root),
             "timeout_s": settings.cloud.timeout_s,
         }
-        self.cloud = HttpsCloud(settings.cloud.url, **reach)
+        self.cloud = HttpsCloud(settings.cloud.url, onlookers=self._onlookers, **reach)
         self.forwarder = self._make_forwarder()
         self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
         self.notices = HttpsNotices(settings.cloud.url, **reach)
@@ -170,6 +172,7 @@ class Gateway:
             senders=senders,
             presence=self._presence,
             counters=self.counters,
+            onlookers=self._onlookers,
             discovery=self._make_discovery(senders),
             senml=self._settings.public.senml,
         )

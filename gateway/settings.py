@@ -8,14 +8,14 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from eskin.settings import KeysSection, RenewalSection, Section, Settings
+from eskin.settings import Host, KeysSection, RenewalSection, Section, Settings
 from eskin.topics import HOME_ASSISTANT
 
 
 class BrokerSection(Section):
     """The MQTT broker."""
 
-    host: str = Field(default="localhost", description="broker's name or address, as certified")
+    host: Host = Field(default="localhost", description="broker's name or address, as certified")
     port: int = Field(default=8883, ge=1, le=65535, description="broker's TLS port")
     protocol: Literal["3.1.1", "5"] = Field(default="3.1.1", description="MQTT version")
     keepalive_s: int = Field(default=15, ge=1, le=3600, description="seconds between pings")
@@ -109,7 +109,7 @@ class SiteKeysSection(KeysSection):
 class HttpSection(Section):
     """Health and figures."""
 
-    host: str = Field(default="127.0.0.1", description="loopback address to listen on")
+    host: Host = Field(default="127.0.0.1", description="loopback address to listen on")
     port: int = Field(default=9464, ge=0, le=65535, description="port; 0 takes a free one")
 
     @field_validator("host")

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from eskin.interval import Floats
+    from sensor_node.firmware.attention import Attention
     from sensor_node.firmware.record import Channel, Record, Scribe
     from sensor_node.firmware.schedule import Frame
     from sensor_node.firmware.selftest import SelfTest
@@ -73,15 +74,17 @@ class EmulatedTaxel:
         self._coverage = coverage
         self._clock = clock
 
-    def boot(self, number: int, scribe: Scribe) -> None:
+    def boot(self, number: int, scribe: Scribe, attention: Attention) -> None:
         """Start its control unit, with nothing in its RAM.
 
         Args:
             number: The boot's. It draws the noise: each frame's depends on its start alone.
             scribe: Writes the node's messages.
+            attention: Says how long its frames are while somebody looks on.
         """
         taxel = self._taxel
         self._boot = number
+        self._attention = attention
         self._scribe = scribe
         self._calibrated = CHAINS[taxel.chain](data_sheet(taxel, self._companions), self._functions)
         self.control_unit = ControlUnit(
@@ -89,7 +92,7 @@ class EmulatedTaxel:
             self._calibrated,
             schedule=build_schedule(taxel, self._sampling.block_samples),
             coverage=self._coverage,
-            prominences=_prominences(taxel),
+            prominences=taxel.prominences,
             longest=round(taxel.longest_region_s * BILLION),
             encoding=int(Encoding[self._sampling.encoding.upper()]),
             repeats=self._repeats,
@@ -144,7 +147,7 @@ class EmulatedTaxel:
                 true_blocks += truth
             else:
                 records += self._miss(part)
-        self.next = self.control_unit.schedule.frame(frame.number + 1)
+        self._go_on()
         return records, true_blocks
 
     def take(self) -> None:
@@ -177,13 +180,14 @@ class EmulatedTaxel:
         frame = self.next
         with self._watched():
             records = self.control_unit.tell()
-        self.next = self.control_unit.schedule.frame(frame.number + 1)
+        self._go_on()
         return records, self._told(frame, records, self._truth)
 
     def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
         self.reader.begin()
         random = np.random.default_rng((*self._seed, self._boot, frame.start))
-        return self.sensing.signals(self._seconds(frame), random), random
+        seconds = self._clock.seconds(frame, triggered=self.control_unit.schedule.burst > 0)
+        return self.sensing.signals(seconds, random), random
 
     def _measure(
         self, frame: Frame, signals: Signals, random: np.random.Generator
@@ -267,7 +271,7 @@ class EmulatedTaxel:
         lost = 0
         while self.next.start < ticks:
             lost += self.next.n
-            self.next = self.control_unit.schedule.frame(self.next.number + 1)
+            self._go_on()
         return self.control_unit.skip(lost), lost * len(self.channels)
 
     def missed(self, ticks: int) -> int:
@@ -280,21 +284,13 @@ class EmulatedTaxel:
         """The peaks that stay undecided at the end."""
         return self.control_unit.skip(0)
 
+    def _go_on(self) -> None:
+        """The next frame; a short one while somebody looks on and the supply allows it."""
+        unit = self.control_unit
+        begin = self.next.end
+        most = 0 if unit.shed else self._attention.most(begin, unit.schedule.dt)
+        self.next = unit.schedule.following(self.next, most)
+
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
         self.sensing.adjust(self.control_unit.adaptation)
-
-    def _seconds(self, frame: Frame) -> Floats:
-        """True seconds since the emulation began, or since the burst's trigger."""
-        ticks = frame.start + frame.dt * np.arange(frame.n, dtype=np.int64)
-        since = self._clock.elapsed(ticks)
-        if self.control_unit.schedule.burst:
-            since = since - self._clock.elapsed(np.asarray(frame.trigger))
-        else:
-            since = since + self._clock.lived
-        return np.asarray(since / BILLION)
-
-
-def _prominences(taxel: AnyTaxel) -> dict[str, float]:
-    found = {quantity: taxel.prominence(quantity) for quantity in taxel.units}
-    return {quantity: least for quantity, least in found.items() if least is not None}

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.errors import FirmwareError, FlashError
+from eskin.errors import FirmwareError
 from eskin.messages import Position
 from sensor_node.energy_keeper import keep_energy
 from sensor_node.examiner import Examiner
 from sensor_node.firmware import inversion, states
+from sensor_node.firmware.attention import Attention
 from sensor_node.firmware.reasons import ASLEEP, OVERRUN, RESET, TEXTS
 from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
@@ -22,6 +23,7 @@ from sensor_node.machine.machine import Machine
 from sensor_node.machine.sampling import Sampling
 from sensor_node.scan import Scan, build_taxels
 from sensor_node.skin_map import skin_map
+from sensor_node.tolerance import Tolerance
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -74,7 +76,7 @@ class Node:
         self._settings, self._clock, self._seed = settings, clock, seed
         self._outbox, self._truth = outbox, truth
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
-        self._failures = 0
+        self._tolerance = Tolerance()
         self._batch: Batch
         self._true_blocks: list[TrueBlock] = []
         self._working = threading.RLock()
@@ -106,7 +108,7 @@ class Node:
             while self.machine.starting or self.next_due <= time:
                 if self.machine.starting:
                     self._start_again()
-                with self._tolerant(), self._outbox.batch() as batch:
+                with self._tolerance.commit(), self._outbox.batch() as batch:
                     self._batch, self._true_blocks = batch, []
                     self.machine.run(time, _MOST_FRAMES)
                     # Before the flash's commit: every stored block has its truth.
@@ -143,10 +145,15 @@ class Node:
         """Hold sampling while taxels are set; takes what they say of it."""
         with self._working:
             said: list[Record] = []
-            with self._tolerant(), self._outbox.batch() as batch:
+            with self._tolerance.commit(), self._outbox.batch() as batch:
                 yield said
                 batch.take(said)
             self._line_up()
+
+    def attend(self, seconds: float) -> None:
+        """Cut blocks short, from the next ones on: somebody looks on for so many real seconds."""
+        span = round(seconds * self._settings.node.speed * BILLION)
+        self._attention.hold(self._clock.ticks(), span)
 
     def record_status(self) -> Position:
         """Put a status into flash.
@@ -159,11 +166,11 @@ class Node:
 
     def finish(self) -> None:
         """Say what stays undecided at the end."""
-        with self._tolerant(), self._outbox.batch() as batch:
+        with self._tolerance.commit(), self._outbox.batch() as batch:
             for taxel in self.taxels:
                 batch.take(taxel.finish())
         if self.energy is not None:
-            with self._tolerant():
+            with self._tolerance.commit():
                 self.energy.rest()
 
     def _record_status(self) -> Position:
@@ -191,8 +198,10 @@ class Node:
         if self.energy is not None:
             self.energy.boot()
         self.states = StateMachine()
+        sampling = self._settings.sampling
+        self._attention = Attention(round(sampling.watched_block_ms * 1e6))
         for taxel in self.taxels:
-            taxel.boot(self._outbox.boot, self._outbox.scribe)
+            taxel.boot(self._outbox.boot, self._outbox.scribe, self._attention)
         actions = [partial(self._sample, number) for number in range(len(self.taxels))]
         self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
         self._scan.boot()
@@ -209,11 +218,11 @@ class Node:
         begin = min(stopped, *(taxel.next.start for taxel in self.taxels))
         earliest = clock.known.enclosure(begin)[0]
         lost = sum(taxel.missed(again) for taxel in self.taxels)
-        with self._tolerant():
+        with self._tolerance.commit():
             self._outbox.restart()
         clock.restart(machine.now, np.random.default_rng((self._seed, self._outbox.boot)))
         self._boot()
-        with self._tolerant(), self._outbox.batch() as batch:
+        with self._tolerance.commit(), self._outbox.batch() as batch:
             time = earliest, clock.known.enclosure(0)[1]
             batch.take([self._outbox.scribe.gap(RESET + machine.cause, time, lost)])
         log.warning("machine starts: boot=%d samples_lost=%d", self._outbox.boot, lost)
@@ -259,7 +268,7 @@ class Node:
     def _pass_over(self, time: int) -> None:
         if time - self.sampling.due <= self._overrun:
             return
-        with self._tolerant(), self._outbox.batch() as batch:
+        with self._tolerance.commit(), self._outbox.batch() as batch:
             self._leave_out(batch, time - self.machine.booted, OVERRUN)
 
     def _leave_out(self, batch: Batch, ticks: int, reason: int) -> None:
@@ -284,17 +293,3 @@ class Node:
             return
         for number, taxel in enumerate(self.taxels):
             self.sampling.arm(number, taxel.next)
-
-    @contextmanager
-    def _tolerant(self) -> Iterator[None]:
-        """Let sampling go on when a commit fails; the next gap tells what was lost."""
-        try:
-            yield
-        except FlashError as error:
-            if self._failures == 0:
-                log.error("flash fails, sampling goes on: error=%s", error)  # noqa: TRY400 - says all
-            self._failures += 1
-            return
-        if self._failures:
-            log.warning("flash works again: failed_commits=%d", self._failures)
-            self._failures = 0

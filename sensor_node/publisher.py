@@ -24,8 +24,9 @@ from sensor_node.silence import Silence
 from sensor_node.uplink import Uplink
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
+    from sensor_node.callbacks import Callbacks
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.machine.radio import Radio
     from sensor_node.settings import BrokerSection, IdentitySection
@@ -36,6 +37,7 @@ _MOST_ACKNOWLEDGEMENTS: Final = 1000
 _MOST_COMMANDS: Final = 16
 _TURN_S: Final = 0.1
 _PAUSE_S: Final = 1.0
+_MS: Final = 1000
 
 
 class Publisher:
@@ -46,9 +48,7 @@ class Publisher:
 
     Args:
         outbox: Says what to send and when; its moments are ns of the monotonic clock.
-        record_status: Puts a fresh status into the outbox.
-        take_command: Takes a command that was sealed to this node; ``None``: it obeys none.
-        is_running: Whether the firmware runs; while it does not, nothing is sent or taken.
+        node: Says what it has to say, and hears what came.
         radio: The air that every message crosses.
         speed: Emulated seconds in a real one.
         broker: Where to publish.
@@ -62,9 +62,7 @@ class Publisher:
         self,
         outbox: Outbox,
         *,
-        record_status: Callable[[], object],
-        take_command: Callable[[bytes], None] | None = None,
-        is_running: Callable[[], bool] = lambda: True,
+        node: Callbacks,
         radio: Radio,
         speed: float,
         broker: BrokerSection,
@@ -72,17 +70,15 @@ class Publisher:
     ) -> None:
         self._keys = NodeKeys(identity.directory, identity.site)
         self._outbox = outbox
-        self._record_status = record_status
-        self._take_command = take_command
-        self._is_running = is_running
+        self._callbacks = node
         self._broker = broker
-        self._node = self._keys.own.name
-        self._acks_topic = node_topic(self._node, Stream.ACKS)
-        self._commands_topic = node_topic(self._node, Stream.COMMANDS)
+        name = self._keys.own.name
+        self._acks_topic = node_topic(name, Stream.ACKS)
+        self._commands_topic = node_topic(name, Stream.COMMANDS)
         self._inboxes: dict[str, queue.Queue[bytes]] = {
             self._acks_topic: queue.Queue(_MOST_ACKNOWLEDGEMENTS)
         }
-        if take_command is not None:
+        if node.take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
         self._fresh, self._wake = threading.Event(), threading.Event()
         self._until = float("inf")
@@ -92,7 +88,7 @@ class Publisher:
         self._uplink = Uplink(
             outbox,
             self._client,
-            node=self._node,
+            node=name,
             keys=self._keys,
             radio=radio,
             ahead=round(2 * _TURN_S * speed * BILLION),
@@ -120,7 +116,9 @@ class Publisher:
         self._wake.set()
 
     def _make_client(self) -> mqtt.Client:
-        client = mqtt.Client(CallbackAPIVersion.VERSION2, client_id=self._node, clean_session=True)
+        client = mqtt.Client(
+            CallbackAPIVersion.VERSION2, client_id=self._keys.own.name, clean_session=True
+        )
         client.tls_set_context(self._keys.context)
         client.max_inflight_messages_set(self._broker.window)
         client.max_queued_messages_set(4 * self._broker.window)
@@ -191,7 +189,7 @@ class Publisher:
         return self._ended
 
     def _turn(self) -> None:
-        if not self._is_running():
+        if not self._callbacks.is_running():
             return
         self._take_acknowledgements()
         self._take_commands()
@@ -237,22 +235,30 @@ class Publisher:
                 log.warning("%s rejected: reason=%s", what, error)
 
     def _take_commands(self) -> None:
-        if self._take_command is not None:
+        take = self._callbacks.take_command
+        if take is not None:
             for signed in self._opened(self._commands_topic, "command"):
-                self._take_command(signed)
+                take(signed)
 
     def _take_acknowledgements(self) -> None:
         durable: dict[int, SequenceRanges] = {}
+        watched = 0
         for plaintext in self._opened(self._acks_topic, "acknowledgement"):
             try:
-                for boot, first, last in Acknowledgement.decode(plaintext).spans:
+                said = Acknowledgement.decode(plaintext)
+                for boot, first, last in said.spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
+                # A copy is worth nothing: who carries it shall not keep a node awake.
+                if said.watched > watched and self._outbox.awaits(said.spans):
+                    watched = said.watched
             except MessageError as error:
                 log.warning("acknowledgement rejected: reason=%s", error)
         if durable:
             self._outbox.acknowledge(
                 [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
             )
+            if watched:
+                self._callbacks.attend(watched / _MS)
             self._silence.answered(time.monotonic())
 
     def _tell_status(self, now: int) -> None:
@@ -260,7 +266,7 @@ class Publisher:
         if not self._outbox.tell_status(now):
             return
         try:
-            self._record_status()
+            self._callbacks.record_status()
         except FlashError as error:
             # What waits must still go out: it makes the room that is missing.
             log.warning("status postponed: error=%s", error)

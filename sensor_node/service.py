@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.identity import Identity
+from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
 from sensor_node.controls import NodeControls
 from sensor_node.firmware.outbox import Outbox
@@ -141,9 +142,9 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
 
     publisher = Publisher(
         outbox,
-        record_status=node.record_status,
-        take_command=take_command,
-        is_running=lambda: node.machine.running,
+        node=Callbacks(
+            node.record_status, take_command, node.attend, is_running=lambda: node.machine.running
+        ),
         radio=Radio(
             settings.radio,
             now=clock.now,

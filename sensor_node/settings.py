@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
-from eskin.settings import RenewalSection, Section, Settings
+from eskin.settings import Host, RenewalSection, Section, Settings
 from sensor_node.machine.power.section import EnergySection
 from sensor_node.machine.sheet import coverage
 from sensor_node.neighbours import patches
@@ -54,6 +54,13 @@ class SamplingSection(Section):
     """How samples become blocks."""
 
     block_samples: int = Field(default=250, ge=1, le=1000, description="samples in a block")
+    watched_block_ms: float = Field(
+        default=50.0,
+        ge=0,
+        le=10_000,
+        description="a block's length while somebody looks at the node, if its own is longer; 0: "
+        "never shorter",
+    )
     encoding: Literal["f64", "f32", "q16"] = Field(
         default="q16", description="how a block writes its bounds: f64, f32 or q16"
     )
@@ -77,7 +84,7 @@ class FleetSection(Section):
 class BrokerSection(Section):
     """Where the node publishes, over TLS."""
 
-    host: str = Field(default="127.0.0.1", description="the broker's host")
+    host: Host = Field(default="127.0.0.1", description="the broker's host")
     port: int = Field(default=8883, ge=1, le=65535, description="the broker's TLS port")
     keepalive_s: int = Field(default=15, ge=1, le=3600, description="MQTT keep-alive in seconds")
     window: int = Field(

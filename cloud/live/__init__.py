@@ -3,5 +3,6 @@
 from __future__ import annotations
 
 from cloud.live.feed import Feed
+from cloud.live.onlookers import Onlookers
 
-__all__ = ["Feed"]
+__all__ = ["Feed", "Onlookers"]

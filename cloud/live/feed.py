@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections import deque
+from contextlib import contextmanager
 from itertools import takewhile
 from typing import TYPE_CHECKING
 
@@ -19,7 +20,7 @@ from cloud.store.schema import blocks, events, feed
 from cloud.store.sealed import veiled
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
     from concurrent.futures import Future
 
     from sqlalchemy import Connection
@@ -111,6 +112,15 @@ class Feed:
                 return last_cursor(connection)
 
         self.advance(await asyncio.to_thread(look))
+
+    @contextmanager
+    def subscribed(self) -> Iterator[None]:
+        """Count a stream while it is open."""
+        self.subscribers += 1
+        try:
+            yield
+        finally:
+            self.subscribers -= 1
 
     def close(self) -> None:
         """Have all streams end."""

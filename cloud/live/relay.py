@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import psycopg
 
-from cloud.store.news import CHANNEL, COMMANDS, FEED
+from cloud.store.news import CHANNEL, COMMANDS, FEED, WATCHED
 from cloud.store.postgresql import arguments
 from eskin.errors import StoreError
 
@@ -52,3 +52,5 @@ def hear(cloud: Cloud, text: str) -> None:
         cursor, writer = words
         if writer != cloud.store.ledger.name:
             cloud.feed.advance(int(cursor))
+    elif kind == WATCHED:
+        cloud.onlookers.hear(words)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable, Sequence
 
     from cloud.live.feed import Feed
+    from cloud.live.onlookers import Onlookers
     from cloud.store.entry import Entry
 
 log = logging.getLogger(__name__)
@@ -39,6 +40,11 @@ class Selection:
     channels: frozenset[tuple[str, str]]
     points: int
 
+    @property
+    def looked_at(self) -> frozenset[str]:
+        """The nodes that it is of; all if empty."""
+        return self.nodes | {node for node, _ in self.channels}
+
     def takes(self, entry: Entry) -> bool:
         """Whether an entry is asked for; what a node says of itself comes with its channels."""
         if self.nodes and entry.node not in self.nodes:
@@ -54,6 +60,7 @@ async def stream(
     feed: Feed,
     selection: Selection,
     *,
+    onlookers: Onlookers,
     cursor: int,
     backlog: int,
     heartbeat: float,
@@ -65,39 +72,38 @@ async def stream(
     Args:
         feed: Where it is read.
         selection: What is told.
+        onlookers: Hear that somebody looks at it.
         cursor: Where to begin.
         backlog: How far behind a stream may be; beyond, it is told ``lagging`` and moved on.
         heartbeat: Seconds between signs of life.
         allowed: Whether the one who asked still may; asked at every heartbeat.
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
     """
-    feed.subscribers += 1
     present, slow = feed.last, False
     try:
-        yield b"retry: 2000\n: connected\n\n"
-        due = time.monotonic() + heartbeat
-        while not feed.closed:
-            if feed.last - cursor > backlog:
-                missed, cursor = cursor, feed.last - backlog
-                yield event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
-            begun = cursor
-            found, cursor = await feed.after(cursor, _JOINED if slow else _AT_ONCE)
-            said = _choose(found, selection, reveal)
-            if said:
-                yield _print(feed, said, selection.points, begun if slow else None)
-                asked = time.monotonic()
-                yield b""  # goes on once there is room for more
-                slow = begun >= present and time.monotonic() - asked > _PATIENCE_S
-            if time.monotonic() >= due:
-                if not await asyncio.to_thread(allowed):
-                    return
-                yield b": heartbeat\n\n"
-                due = time.monotonic() + heartbeat
-            await feed.wait(cursor, max(0.0, due - time.monotonic()))
+        with feed.subscribed(), onlookers.looking(selection.looked_at):
+            yield b"retry: 2000\n: connected\n\n"
+            due = time.monotonic() + heartbeat
+            while not feed.closed:
+                if feed.last - cursor > backlog:
+                    missed, cursor = cursor, feed.last - backlog
+                    yield event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
+                begun = cursor
+                found, cursor = await feed.after(cursor, _JOINED if slow else _AT_ONCE)
+                said = _choose(found, selection, reveal)
+                if said:
+                    yield _print(feed, said, selection.points, begun if slow else None)
+                    asked = time.monotonic()
+                    yield b""  # goes on once there is room for more
+                    slow = begun >= present and time.monotonic() - asked > _PATIENCE_S
+                if time.monotonic() >= due:
+                    if not await asyncio.to_thread(allowed):
+                        return
+                    yield b": heartbeat\n\n"
+                    due = time.monotonic() + heartbeat
+                await feed.wait(cursor, max(0.0, due - time.monotonic()))
     except StoreError as error:  # whoever listens comes back, and then is told
         log.warning("live stream ended: reason=%s", error)
-    finally:
-        feed.subscribers -= 1
 
 
 def _print(

@@ -233,6 +233,9 @@ class IngestDocument(BaseModel):
     """What became of a batch, in its order."""
 
     items: list[ResultDocument]
+    watched: dict[str, float] = Field(
+        default={}, description="senders at which somebody looks, and for how many seconds from now"
+    )
 
 
 class SubjectDocument(BaseModel):

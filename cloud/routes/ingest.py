@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from collections import Counter
+from collections.abc import Sequence
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -16,7 +17,7 @@ from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
 from cloud.state import Cloud
-from cloud.store.intake import Outcome, take_in
+from cloud.store.intake import Item, Outcome, take_in
 from eskin.messages import Result
 
 router = APIRouter(tags=["ingest"])
@@ -34,19 +35,20 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
     """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
     async with received(cloud, request) as (warrant, body):
         with cloud.metrics.ingest_seconds.time():
-            outcome = await _store(cloud, warrant, body)
+            items = await apart(len(body), lambda: read_batch(body))
+            outcome = await _store(cloud, warrant, items)
     for kind, count in Counter(receipt.result for receipt in outcome.results).items():
         cloud.metrics.items.labels(kind).inc(count)
     for result in outcome.results:
         if result.reason is not None:
             log.warning("message rejected: gateway=%s reason=%s", warrant.gateway, result.reason)
     cloud.metrics.buried.inc(outcome.buried)
-    items = [{"result": result.result, "reason": result.reason} for result in outcome.results]
-    return as_json({"items": items})
+    results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
+    watched = cloud.onlookers.watched(dict.fromkeys(item.node for item in items))
+    return as_json({"items": results, "watched": dict.fromkeys(watched, cloud.onlookers.lasting)})
 
 
-async def _store(cloud: Cloud, warrant: Warrant, body: bytes) -> Outcome:
-    items = await apart(len(body), lambda: read_batch(body))
+async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outcome:
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(connection: Connection) -> Outcome:

@@ -72,6 +72,7 @@ async def get_live(
     told = stream(
         feed,
         selection,
+        onlookers=cloud.onlookers,
         cursor=cursor,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
@@ -82,10 +83,9 @@ async def get_live(
 
 
 def _require_known(cloud: Cloud, selection: Selection) -> None:
-    nodes = selection.nodes | {node for node, _ in selection.channels}
-    if nodes:
+    if selection.looked_at:
         with cloud.store.read() as connection:
-            for node in sorted(nodes):
+            for node in sorted(selection.looked_at):
                 find_node(connection, node)
 
 

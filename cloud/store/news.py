@@ -17,6 +17,8 @@ FEED: Final = "feed"
 """Something was stored; its last cursor follows, and who stored it."""
 COMMANDS: Final = "commands"
 """A command was issued or answered."""
+WATCHED: Final = "watched"
+"""Somebody looks at nodes, whose names follow."""
 
 
 def tell(connection: Connection, kind: str, *words: object) -> None:

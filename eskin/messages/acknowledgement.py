@@ -11,7 +11,8 @@ from eskin.messages.gap import read_span
 from eskin.messages.head import Kind
 
 MOST_SPANS: Final = 1000
-_FIELDS: Final = frozenset({1, 2, 3})
+MOST_WATCHED: Final = 60_000
+_FIELDS: Final = frozenset({1, 2, 3, 4})
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,15 +22,18 @@ class Acknowledgement:
     Attributes:
         time: The gateway's clock, UTC ns.
         spans: ``(boot, first, last)`` of the messages.
+        watched: ms for which somebody is expected to look at the node's data; 0: nobody does.
     """
 
     time: int
     spans: tuple[tuple[int, int, int], ...]
+    watched: int = 0
 
     def encode(self) -> bytes:
         """Write as CBOR."""
         spans = [list(span) for span in self.spans]
-        return dump({1: int(Kind.ACKNOWLEDGEMENT), 2: self.time, 3: spans})
+        fields: dict[int, object] = {1: int(Kind.ACKNOWLEDGEMENT), 2: self.time, 3: spans}
+        return dump(fields | ({4: self.watched} if self.watched else {}))
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -46,4 +50,5 @@ class Acknowledgement:
         return cls(
             time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
             spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),
+            watched=fields.integer(4, 1, MOST_WATCHED) if fields.has(4) else 0,
         )

@@ -239,6 +239,11 @@ class Outbox:
         with self._lock:
             self._window.note_left(position, now)
 
+    def awaits(self, spans: "Sequence[tuple[int, int, int]]") -> bool:
+        """Whether something is under way of what ``(boot, first, last)`` name."""
+        with self._lock:
+            return bool(self._window.named(spans))
+
     def acknowledge(self, spans: "Sequence[tuple[int, int, int]]") -> None:
         """Forget what a gateway has made durable: ``(boot, first, last)``.
 

@@ -88,6 +88,20 @@ class Schedule:
         first, start = burst * self.burst + before, trigger + before * self.dt
         return Frame(number, first, start, trigger, n, self.dt, closes=part == a_burst - 1)
 
+    def following(self, frame: Frame, most: int = 0) -> Frame:
+        """The frame behind another one, or what is left of it: so many samples of it at most.
+
+        Args:
+            frame: The one before, whole or a part.
+            most: Samples; 0: all that there are.
+        """
+        whole = self.frame(frame.number)
+        begin = frame.first + frame.n - whole.first
+        if begin >= whole.n:
+            whole, begin = self.frame(frame.number + 1), 0
+        end = whole.n if most == 0 else min(whole.n, begin + most)
+        return whole.part(begin, end)
+
     def before(self, ticks: int) -> int:
         """How many samples are due before a moment."""
         since = max(0, ticks - self.origin)

@@ -66,11 +66,17 @@ class Window:
         """It is gone."""
         self._left.pop(position, None)
 
+    def named(self, spans: "Sequence[tuple[int, int, int]]") -> "list[Position]":
+        """What is under way of all that ``(boot, first, last)`` name."""
+        found = []
+        for boot, first, last in spans:
+            found += [p for p in self._left if p[0] == boot and first <= p[1] <= last]
+        return found
+
     def acknowledge(self, spans: "Sequence[tuple[int, int, int]]") -> None:
         """Forget what ``(boot, first, last)`` name."""
-        for boot, first, last in spans:
-            for position in [p for p in self._left if p[0] == boot and first <= p[1] <= last]:
-                del self._left[position]
+        for position in self.named(spans):
+            self.forget(position)
 
     def clear(self) -> None:
         """Nothing is under way: the radio has lost its connection."""

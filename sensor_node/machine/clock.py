@@ -4,15 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sensor_node.firmware.clock import Clock as FirmwareClock
 from sensor_node.machine.crystal import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
     from numpy.typing import NDArray
 
+    from eskin.interval import Floats
+    from sensor_node.firmware.schedule import Frame
     from sensor_node.machine.crystal import Crystal
 
 
@@ -78,6 +81,18 @@ class Clock:
     def elapsed(self, ticks: NDArray[np.int64]) -> NDArray[np.int64]:
         """True ns since the machine's latest start."""
         return self._crystal.elapsed(ticks)
+
+    def seconds(self, frame: Frame, *, triggered: bool) -> Floats:
+        """True seconds of a frame's samples.
+
+        Args:
+            frame: Whose.
+            triggered: Whether they count from the trigger of its burst; else, from when the
+                emulation began.
+        """
+        since = self.elapsed(frame.start + frame.dt * np.arange(frame.n, dtype=np.int64))
+        origin = self.elapsed(np.asarray(frame.trigger)) if triggered else -self.lived
+        return np.asarray((since - origin) / BILLION)
 
     def true_time(self, ticks: int) -> int:
         """True UTC in ns; for the audit, not for the firmware."""

@@ -103,3 +103,9 @@ class TaxelSection(Section):
         """Least prominence of a peak, in the channel's unit; ``None``: peaks are not sought."""
         value: float | None = getattr(self, f"{quantity}_prominence")
         return value
+
+    @property
+    def prominences(self) -> dict[str, float]:
+        """Of each quantity in which peaks are sought."""
+        found = {quantity: self.prominence(quantity) for quantity in self.units}
+        return {quantity: least for quantity, least in found.items() if least is not None}

@@ -55,6 +55,7 @@ def listen(
     """A stream on a cloud's feed."""
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0, "allowed": lambda: True}
     chosen["reveal"] = lambda entry: entry
+    chosen["onlookers"] = stand.cloud.onlookers
     chosen |= options
     return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
 

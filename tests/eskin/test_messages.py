@@ -184,9 +184,17 @@ def test_faults_that_make_no_sense_are_refused(given: object) -> None:
         decode_message(cbor2.dumps(told, canonical=True))
 
 
-def test_acknowledgement_comes_back_equal() -> None:
-    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)))
+@pytest.mark.parametrize("watched", [0, 1, 60_000])
+def test_acknowledgement_comes_back_equal(watched: int) -> None:
+    ack = Acknowledgement(10**18, ((1, 0, 7), (2, 3, 3)), watched)
     assert Acknowledgement.decode(ack.encode()) == ack
+
+
+@pytest.mark.parametrize("watched", [0, -1, 60_001, "long"])
+def test_acknowledgement_that_says_somebody_looks_on_for_ever_is_refused(watched: object) -> None:
+    fields = cbor2.loads(Acknowledgement(10**18, ()).encode()) | {4: watched}
+    with pytest.raises(MessageError, match="field 4"):
+        Acknowledgement.decode(cbor2.dumps(fields, canonical=True))
 
 
 @given(data=st.binary(max_size=300))

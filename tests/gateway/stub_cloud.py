@@ -27,7 +27,8 @@ class StubCloud:
     """Stores in memory, each plaintext once.
 
     ``mode``: ok, error, busy, flooded, nonsense, short, slow, reject, large. ``commands`` are given
-    to the gateway, a node's id and bytes; ``held`` is what it said last that it has.
+    to the gateway, a node's id and bytes; ``held`` is what it said last that it has. ``watched`` is
+    what it says of onlookers.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -40,6 +41,7 @@ class StubCloud:
         self.stored: list[tuple[str, bytes]] = []
         self.duplicates = 0
         self.requests = 0
+        self.watched: object = {}
         self.faults: list[str] = []
         self.commands: dict[str, tuple[int, bytes]] = {}
         self.held: dict[tuple[str, int], bool] = {}
@@ -98,7 +100,8 @@ class StubCloud:
             return 413, b"too large"
         if mode == "short":
             return 200, orjson.dumps({"items": []})
-        return 200, orjson.dumps({"items": [self._store(node, data) for node, data in items]})
+        results = [self._store(node, data) for node, data in items]
+        return 200, orjson.dumps({"items": results, "watched": self.watched})
 
     def _deliver(self, body: bytes) -> tuple[int, bytes]:
         asked = cbor2.loads(body)

@@ -16,6 +16,7 @@ from gateway.batch import Batch, Entry
 from gateway.cloud import Answer, HttpsCloud, as_batch
 from gateway.counters import Counters
 from gateway.forwarder import Forwarder
+from gateway.onlookers import Onlookers
 from gateway.settings import CloudSection
 from gateway.spool import Spool
 from gateway.warrants import Warrants
@@ -73,10 +74,20 @@ class Setup:
         )
 
 
-def https(stub: StubCloud, identities: Identities, *, timeout_s: float = 5.0) -> HttpsCloud:
-    context = client_context(identities.gateway.directory / ROOT_FILE)
-    warrants = Warrants(identities.gateway)
-    return HttpsCloud(stub.url, warrants=warrants, context=context, timeout_s=timeout_s)
+def https(
+    stub: StubCloud,
+    identities: Identities,
+    *,
+    timeout_s: float = 5.0,
+    onlookers: Onlookers | None = None,
+) -> HttpsCloud:
+    return HttpsCloud(
+        stub.url,
+        warrants=Warrants(identities.gateway),
+        onlookers=onlookers or Onlookers(),
+        context=client_context(identities.gateway.directory / ROOT_FILE),
+        timeout_s=timeout_s,
+    )
 
 
 @pytest.fixture(params=["memory", "https"])
@@ -105,6 +116,28 @@ def test_all_messages_arrive_once_in_order(setup: Setup) -> None:
     assert setup.told.stored == MESSAGES
     assert setup.counters.value("messages_stored_total") == 10
     assert setup.forwarder.reachable is True
+
+
+def test_who_looks_on_is_heard_from_the_cloud(identities: Identities) -> None:
+    now = [1000.0]
+    onlookers = Onlookers(lambda: now[0])
+    with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as stub:
+        cloud = https(stub, identities, onlookers=onlookers)
+        stub.watched = {"fingertip": 10.0, "palm": 100.0}
+        cloud.send(MESSAGES[:2])
+        assert (onlookers.remaining("fingertip"), onlookers.remaining("palm")) == (10_000, 60_000)
+        assert onlookers.remaining("forearm") == 0
+        now[0] += 4.0
+        stub.watched = {"palm": 10.0}
+        cloud.send(MESSAGES[2:4])
+        assert (onlookers.remaining("fingertip"), onlookers.remaining("palm")) == (6_000, 10_000)
+        now[0] += 6.0
+        assert onlookers.remaining("fingertip") == 0
+        nonsense: tuple[object, ...] = [], {"palm": "long"}, "palm"
+        for stub.watched in nonsense:
+            with pytest.raises(CloudError, match="not as agreed"):
+                cloud.send(MESSAGES[4:5])
+        cloud.close()
 
 
 @pytest.mark.parametrize("mode", ["error", "busy", "nonsense", "short"])

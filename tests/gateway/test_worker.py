@@ -5,6 +5,8 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
+from eskin.envelope import Opener
+from eskin.messages import Acknowledgement
 from eskin.topics import Stream, live_topic, node_topic
 from tests.gateway.messages import CHANNEL, block, status
 from tests.processes import wait_until
@@ -16,6 +18,7 @@ if TYPE_CHECKING:
     from gateway.batch import Batch
     from tests.gateway.twins import Inside
     from tests.gateway.wire_node import Seal
+    from tests.identities import Identities
 
 ACKS = node_topic("fingertip", Stream.ACKS)
 
@@ -44,6 +47,19 @@ def test_nothing_is_said_before_the_commit(
     assert len(inside.broker.on(ACKS)) == 1
     assert len(inside.broker.on(live_topic("fingertip", CHANNEL))) == 1
     assert len(inside.broker.released) == 1
+
+
+def test_node_is_told_that_somebody_looks_on(
+    inside: Inside, seal: Seal, identities: Identities
+) -> None:
+    introduce(inside, seal)
+    opener = Opener([identities.node], sender=lambda _: identities.site.certificate)
+    inside.onlookers.note({"fingertip": 2.5, "palm": 9.0})
+    for number in 1, 2:
+        inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(number).encode()))
+        inside.clock.seconds += 3.0
+    told = [opener.open(sealed, topic=ACKS).plaintext for sealed in inside.broker.on(ACKS)]
+    assert [Acknowledgement.decode(each).watched for each in told] == [2500, 0]
 
 
 def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal: Seal) -> None:

@@ -24,6 +24,7 @@ from gateway.discovery import Discovery
 from gateway.dispatcher import Dispatcher
 from gateway.inbox import Inbox
 from gateway.intake import Intake
+from gateway.onlookers import Onlookers
 from gateway.presence import Presence
 from gateway.records import Records
 from gateway.revocations import Revocations
@@ -104,6 +105,7 @@ class Inside:
         self.clock = Clock()
         self.broker = MemoryBroker()
         self.counters = Counters()
+        self.onlookers = Onlookers(self.clock)
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
         self._make_keys(folder / "keys")
         self.trust = Trust(*identities.gateway.roots, clock=self.clock.now)
@@ -149,6 +151,7 @@ class Inside:
             senders=self.senders,
             presence=self.presence,
             counters=self.counters,
+            onlookers=self.onlookers,
             discovery=self._make_discovery() if homeassistant else None,
             clock=self.clock,
         )

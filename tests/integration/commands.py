@@ -22,6 +22,7 @@ from gateway.settings import (
     SpoolSection,
 )
 from gateway.settings import IdentitySection as GatewayIdentity
+from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
 from sensor_node.firmware.record import Channel
 from sensor_node.flash import Flash
@@ -68,8 +69,7 @@ class ObedientNode:
         commander.start()
         self._publisher = Publisher(
             self.outbox,
-            record_status=self._record_status,
-            take_command=commander.take,
+            node=Callbacks(self._record_status, commander.take),
             radio=Radio(
                 RadioSection(),
                 now=time.monotonic_ns,

@@ -20,6 +20,7 @@ from gateway.settings import (
     IdentitySection,
     SpoolSection,
 )
+from sensor_node.callbacks import Callbacks
 from sensor_node.publisher import Publisher
 from sensor_node.settings import BrokerSection as NodeBroker
 from sensor_node.settings import IdentitySection as NodeIdentity
@@ -50,7 +51,7 @@ def publisher(own: Identities, name: str, bench: Bench, port: int) -> Publisher:
         bench.outbox,
         radio=bench.radio(),
         speed=1.0,
-        record_status=bench.node.record_status,
+        node=Callbacks(bench.node.record_status),
         broker=NodeBroker(
             port=port, resend_s=0.3, status_s=0.5, drain_s=0.0, window=20, silence_s=5.0
         ),

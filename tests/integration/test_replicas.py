@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from contextlib import ExitStack
+from itertools import count
 from typing import TYPE_CHECKING
 
 import pytest
@@ -66,6 +67,23 @@ def test_token_of_a_gateway_serves_once_at_all_replicas(replicas: list[Service])
     authorization = replicas[0].authorize(body)
     answers = [service.ingest(body, authorization).status_code for service in replicas]
     assert answers == [200, 401]
+
+
+def test_who_looks_on_at_one_replica_is_known_at_the_other(replicas: list[Service]) -> None:
+    one, two = replicas
+    two.ingest(batch(block(0, boot=8, channel="t09.capacitance")))
+    with (
+        one.people(one.token()) as client,
+        client.stream("GET", "/api/v1/live", params={"node": NODE}) as answer,
+    ):
+        assert answer.is_success
+        numbers = count(1)
+
+        def told() -> bool:
+            said = batch(block(next(numbers), boot=8, channel="t09.capacitance"))
+            return NODE in two.ingest(said).json()["watched"]
+
+        wait_until(told, "the other one knows", seconds=60)
 
 
 def test_replicas_store_once_and_both_tell_all(replicas: list[Service]) -> None:

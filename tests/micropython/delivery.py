@@ -99,13 +99,15 @@ class Delivery:
         for sequence in range(first, last + 1):
             self.outbox.left((boot, sequence), self.now)
 
-    def acknowledge(self, *spans: "Sequence[int]") -> bool:
-        """A gateway has messages; gives whether the chip could forget them."""
+    def acknowledge(self, *spans: "Sequence[int]") -> "list[bool]":
+        """A gateway has messages; gives whether they were awaited, and could be forgotten."""
+        named = [(span[0], span[1], span[2]) for span in spans]
+        awaited = self.outbox.awaits(named)
         try:
-            self.outbox.acknowledge([(span[0], span[1], span[2]) for span in spans])
+            self.outbox.acknowledge(named)
         except OSError:
-            return False
-        return True
+            return [awaited, False]
+        return [awaited, True]
 
 
 def deliver(job: "Mapping[str, Any]") -> "list[Any]":

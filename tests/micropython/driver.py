@@ -16,6 +16,7 @@ from sensor_node.firmware.record import Scribe
 from sensor_node.firmware.schedule import Schedule
 from sensor_node.firmware.selftest import SelfTest
 from sensor_node.firmware.taxel import CHAINS
+from tests.micropython.cutting import cut
 from tests.micropython.delivery import deliver
 from tests.micropython.examination import examine
 
@@ -124,6 +125,8 @@ def run(job: "Table") -> "list[Any]":
     """Do what a job asks."""
     if "tubes" in job:
         return examine(job)
+    if "cut" in job:
+        return cut(job)
     return deliver(job) if "script" in job else say(job)
 
 

@@ -69,12 +69,14 @@ class Peer:
         self.client.disconnect()
         self.client.loop_stop()
 
-    def acknowledge(self, node: str, positions: list[Position], *, topic: str = "") -> None:
-        """Say that messages are durable."""
+    def acknowledge(
+        self, node: str, positions: list[Position], *, topic: str = "", watched: int = 0
+    ) -> None:
+        """Say that messages are durable, and that somebody looks on for some ms."""
         spans = tuple((p.boot, p.sequence, p.sequence) for p in positions)
         topic = topic or node_topic(node, Stream.ACKS)
         sealed = self._sealers[node].seal(
-            Acknowledgement(time.time_ns(), spans).encode(), topic=topic
+            Acknowledgement(time.time_ns(), spans, watched).encode(), topic=topic
         )
         self.client.publish(node_topic(node, Stream.ACKS), sealed, qos=1)
 

@@ -117,6 +117,49 @@ def test_no_peak_reaches_from_one_burst_into_the_next(tmp_path: Path) -> None:
     bench.close()
 
 
+def ticks_of(blocks: list[Block]) -> list[int]:
+    return [block.ticks + block.tube.dt * k for block in blocks for k in range(len(block.tube))]
+
+
+def test_blocks_are_short_while_somebody_looks_on(tmp_path: Path) -> None:
+    looked_at, alone = Bench(tmp_path / "looked_at", "palm"), Bench(tmp_path / "alone", "palm")
+    for bench in looked_at, alone:
+        bench.run_to(2.0)
+        if bench is looked_at:
+            bench.node.attend(1.0)
+        bench.run_to(5.0)
+    for channel in {block.channel for block in blocks_of(alone)}:
+        told, whole = (
+            [block for block in blocks_of(bench) if block.channel == channel]
+            for bench in (looked_at, alone)
+        )
+        # Each sample once, at its instant, whoever looks on.
+        assert ticks_of(told) == ticks_of(whole)
+        short = [block for block in told if 2.3 * SECOND < block.ticks < 3 * SECOND]
+        assert [len(block.tube) for block in short] == [50] * len(short) != []
+        assert {len(block.tube) for block in told if block.ticks > 3.3 * SECOND} == {250}
+    truth = Truth.read(looked_at.settings.truth.path, [b.position for b in blocks_of(looked_at)])
+    for block in blocks_of(looked_at):
+        assert np.all(block.tube.values.contains(truth[block.position].values))
+    looked_at.close()
+    alone.close()
+
+
+@pytest.mark.parametrize("shed", [0, 1])
+def test_blocks_stay_long_where_the_supply_is_short(tmp_path: Path, shed: int) -> None:
+    bench = Bench(tmp_path, "palm", sampling={"watched_block_ms": 100.0})
+    bench.run_to(1.0)
+    bench.node.taxels[0].control_unit.shed = shed
+    bench.node.taxels[0].control_unit.mode = "samples"
+    bench.node.attend(10.0)
+    before = bench.node.taxels[0].next.start
+    bench.run_to(3.0)
+    frame = bench.node.taxels[0].next
+    assert frame.start > before
+    assert frame.n == (250 if shed else 100)
+    bench.close()
+
+
 @pytest.mark.parametrize("profile", PROFILES)
 def test_peaks_are_certain_where_it_is_clean_and_no_flood_where_noise_rules(
     profile: str, tmp_path: Path

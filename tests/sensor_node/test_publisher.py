@@ -14,6 +14,7 @@ from eskin.envelope import MOST_ENVELOPE, Sealer
 from eskin.errors import FlashError
 from eskin.messages import Acknowledgement, Block, Peak, Position, Status
 from eskin.topics import Stream, node_topic
+from sensor_node.callbacks import Callbacks
 from sensor_node.publisher import Publisher
 from sensor_node.settings import IdentitySection
 from tests.processes import wait_until
@@ -52,7 +53,7 @@ def publishing(bench: Bench, identities: Identities, site_file: Path) -> Callabl
     def start() -> Iterator[Publisher]:
         publisher = Publisher(
             bench.outbox,
-            record_status=bench.node.record_status,
+            node=Callbacks(bench.node.record_status),
             radio=bench.radio(),
             speed=1.0,
             broker=bench.settings.broker,

@@ -6,6 +6,7 @@ import math
 from contextlib import closing
 from typing import TYPE_CHECKING
 
+from sensor_node.callbacks import Callbacks
 from sensor_node.keys import NodeKeys
 from sensor_node.publisher import Publisher
 from sensor_node.settings import IdentitySection
@@ -37,7 +38,7 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
         outbox = bench.outbox
         publisher = Publisher(
             outbox,
-            record_status=bench.node.record_status,
+            node=Callbacks(bench.node.record_status),
             radio=bench.radio(),
             speed=1.0,
             broker=bench.settings.broker,

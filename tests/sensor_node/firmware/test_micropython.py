@@ -37,6 +37,7 @@ from sensor_node.firmware.charge import write_charge
 from sensor_node.firmware.reasons import FAILED, FULL, TEXTS
 from sensor_node.firmware.record import GAP
 from sensor_node.scenario.file import scenario_text
+from tests.micropython.cutting import cut
 from tests.micropython.delivery import deliver
 from tests.micropython.examination import examine
 from tests.sensor_node.designs import SECOND, Bench, table
@@ -274,3 +275,13 @@ def test_same_energy_as_in_the_emulated_node(
     first, *rest = [each for each in told if each is not None]
     assert 0.4 < first.stored[0] < 0.5 < first.stored[1] < 1.0
     assert [each.shedding for each in rest] == [Shedding.ADAPTIVE] * 3
+
+
+@pytest.mark.parametrize("schedule", [[1_000_000, 250], [10_000, 250, 4000, 10**9]])
+def test_blocks_are_cut_the_same(schedule: list[int], tmp_path: Path) -> None:
+    draw = random.Random(5)  # noqa: S311 - to draw again
+    looks = [draw.choice([0, 0, 0, 10**8, 10**9]) for _ in range(300)]
+    job = {"cut": schedule, "length": 50_000_000, "looks": looks}
+    told = cut(job)
+    assert {n for _, _, _, n, _ in told} >= {250, 50} or schedule[0] == 10_000
+    assert under_micropython(job, tmp_path) == told

@@ -139,14 +139,17 @@ class Life(RuleBasedStateMachine):
     def acknowledge(self, data: st.DataObject, broken: bool) -> None:  # noqa: FBT001
         chosen = data.draw(st.sets(st.sampled_from(sorted(self.arrived))))
         spans = [(boot, number, number) for boot, number in sorted(chosen)]
-        before = self.waiting()
+        before, under_way = self.waiting(), self.with_radio | self.on_air.keys()
         if broken:
             self.node.wear_out()
-            assert not self.node.acknowledge(*spans)
+        awaited, done = self.node.acknowledge(*spans)
+        assert done is not broken
+        assert awaited <= bool(chosen & under_way), "what is not under way is a copy"
+        assert awaited >= bool(chosen & under_way & before.keys())
+        if broken:
             self.node.repair()
             assert self.waiting().keys() == before.keys()
             return
-        assert self.node.acknowledge(*spans)
         self.forgotten |= {p: before[p] for p in chosen & before.keys()}
         self.with_radio -= chosen
         for position in chosen:

@@ -1,0 +1,97 @@
+"""Which nodes are asked for short blocks: those at which somebody looks, and not too many."""
+
+from __future__ import annotations
+
+from contextlib import aclosing
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from cloud.live import Onlookers
+from cloud.live.stream import Selection, stream
+from tests.cloud.clouds import batch
+from tests.cloud.messages import CHANNEL, NODE, block, status
+
+if TYPE_CHECKING:
+    from tests.cloud.clouds import Stand
+
+NODES = [f"n{number}" for number in range(9)]
+
+
+@pytest.fixture
+def now() -> list[float]:
+    return [1000.0]
+
+
+@pytest.fixture
+def onlookers(now: list[float]) -> Onlookers:
+    return Onlookers(most=3, lasting=10.0, clock=lambda: now[0])
+
+
+def test_nobody_looks_at_anything_at_first(onlookers: Onlookers) -> None:
+    assert onlookers.watched(NODES) == []
+    assert onlookers.nodes == []
+
+
+def test_what_two_look_at_is_watched_until_both_have_gone(onlookers: Onlookers) -> None:
+    with onlookers.looking({"n1", "n2"}):
+        with onlookers.looking({"n1"}):
+            assert onlookers.watched(NODES) == ["n1", "n2"]
+        assert onlookers.watched(["n1"]) == ["n1"]
+        assert sorted(onlookers.nodes) == ["n1", "n2"]
+    assert onlookers.watched(NODES) == []
+
+
+def test_what_is_chosen_goes_before_what_comes_along(
+    onlookers: Onlookers, now: list[float]
+) -> None:
+    with onlookers.looking(()):
+        assert onlookers.watched(NODES) == ["n0", "n1", "n2"]
+        with onlookers.looking(NODES[3:]):
+            assert onlookers.watched(NODES) == NODES[:6]
+        # Places are held for as long as a look is good.
+        now[0] += 9.0
+        assert onlookers.watched(["n8", "n1"]) == ["n1"]
+        now[0] += 2.0
+        assert onlookers.watched(["n8", "n7", "n2"]) == ["n8", "n7"]
+        assert onlookers.watched(["n1", "n6"]) == ["n1"]
+
+
+def test_what_another_process_says_is_good_for_a_while(
+    onlookers: Onlookers, now: list[float]
+) -> None:
+    onlookers.hear(["n1", "n2"])
+    assert onlookers.watched(NODES) == ["n1", "n2"]
+    now[0] += 9.0
+    onlookers.hear(["n2"])
+    now[0] += 1.0
+    assert onlookers.watched(NODES) == ["n2"]
+
+
+@pytest.mark.anyio
+async def test_stream_has_the_gateway_told(stand: Stand) -> None:
+    async def watched(number: int) -> Any:
+        return (await stand.ingest(batch(block(number)))).json()["watched"]
+
+    await stand.ingest(batch(status(0)))
+    assert await watched(1) == {}
+    for selection, looked_at in (
+        (Selection(frozenset(), frozenset(), 50), True),
+        (Selection(frozenset({NODE}), frozenset(), 50), True),
+        (Selection(frozenset(), frozenset({(NODE, CHANNEL)}), 50), True),
+        (Selection(frozenset({"palm"}), frozenset(), 50), False),
+    ):
+        told = stream(
+            stand.cloud.feed,
+            selection,
+            onlookers=stand.cloud.onlookers,
+            cursor=0,
+            backlog=1000,
+            heartbeat=30.0,
+            allowed=lambda: True,
+            reveal=lambda entry: entry,
+        )
+        async with aclosing(told):  # type: ignore[type-var]  # a generator
+            await anext(told)
+            assert await watched(2) == ({NODE: 10.0} if looked_at else {})
+        assert await watched(3) == {}
