@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cloud.settings import CloudSettings
 from eskin.errors import (
     FlashError,
     MessageError,
@@ -148,3 +149,11 @@ def test_damaged_page_is_noticed_when_it_is_opened(tmp_path: Path) -> None:
 def test_damaged_ranges_are_noticed(ranges: bytes) -> None:
     with pytest.raises(MessageError):
         NodeRecord.restore(Position(0, 0), ranges, None, None)
+
+
+def test_host_without_end_is_refused_in_a_short_line(tmp_path: Path) -> None:
+    path = tmp_path / "cloud.toml"
+    path.write_text(f'[people]\nhost = "{"9" * 5000}"\n[gateways]\nidentity = "k"\n')
+    with pytest.raises(SettingsError) as error:
+        CloudSettings.load(path)
+    assert len(str(error.value)) < 500
