@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 from eskin.messages import Position
 from sensor_node.callbacks import Callbacks
+from sensor_node.firmware.attention import Attention
 from sensor_node.publisher import Publisher
 from sensor_node.settings import IdentitySection
 from tests.processes import wait_until
-from tests.sensor_node.designs import Bench
+from tests.sensor_node.designs import SECOND, Bench
 from tests.sensor_node.peer import Peer
 
 if TYPE_CHECKING:
@@ -18,6 +19,23 @@ if TYPE_CHECKING:
 
     from tests.brokers import Mosquitto
     from tests.identities import Identities
+
+MS = SECOND // 1000
+
+
+def test_one_word_is_good_for_a_minute_at_most_and_shortens_nothing_it_should_not() -> None:
+    attention = Attention(50 * MS)
+    assert attention.most(0, MS) == 0
+    attention.hold(SECOND, 3600 * SECOND)
+    assert attention.until == 61 * SECOND
+    attention.hold(2 * SECOND, SECOND)
+    assert attention.most(61 * SECOND - 1, MS) == 50
+    assert attention.most(61 * SECOND, MS) == 0
+    # A sample that takes longer than a short block is one.
+    assert attention.most(0, 80 * MS) == 1
+    never = Attention(0)
+    never.hold(0, SECOND)
+    assert never.most(0, MS) == 0
 
 
 def test_only_word_that_acknowledges_something_shortens_blocks(
