@@ -37,7 +37,8 @@ REBOOT: Final = BILLION
 """Emulated ns between the last sample of one boot and the first of the next, at least."""
 _OF_RADIO: Final = 0x7AD10
 """Tells the radio's random numbers from all others of a seed."""
-_SHORTEST_TICK_S: Final = 0.05
+_SHORTEST_TICK_S: Final = 0.005
+_SHORTEST_FAST_TICK_S: Final = 0.05
 """A fast emulation takes several frames in one commit."""
 
 
@@ -157,8 +158,9 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
     )
     publisher.start()
     log.info("running: node=%s boot=%d speed=%g", own.name, outbox.boot, own.speed)
+    shortest = _SHORTEST_TICK_S if own.speed <= 1.0 else _SHORTEST_FAST_TICK_S
     while not stop.is_set():
-        wait = max(clock.seconds_until(node.next_due), _SHORTEST_TICK_S)
+        wait = max(clock.seconds_until(node.next_due), shortest)
         if stop.wait(wait):
             break
         node.advance(clock.now())

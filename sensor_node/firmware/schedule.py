@@ -102,6 +102,10 @@ class Schedule:
         end = whole.n if most == 0 else min(whole.n, begin + most)
         return whole.part(begin, end)
 
+    def is_whole(self, frame: Frame) -> bool:
+        """Whether a frame is all that its number stands for."""
+        return frame.n == self.frame(frame.number).n
+
     def before(self, ticks: int) -> int:
         """How many samples are due before a moment."""
         since = max(0, ticks - self.origin)

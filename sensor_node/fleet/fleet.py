@@ -180,14 +180,14 @@ class Fleet:
         try:
             with self._storage.commit():
                 for member in heard:
-                    member.outbox.acknowledge(member.radio.spans)
+                    member.acknowledge()
         except FlashError as error:
             log.warning("acknowledgements are not taken, and will come again: error=%s", error)
             for member in heard:
                 member.outbox.look_again(now)
         for member in heard:
-            member.radio.spans = []
-            member.more = True
+            with self._tolerant(member):
+                member.heed()
 
     def _take_commands(self) -> None:
         for member in self.members:

@@ -44,7 +44,7 @@ class Gathering:
         """Change cohorts so that each key has one, of which half are there at least.
 
         Where something changed it looks once more: who came from another cohort may stand a frame
-        apart until both have sampled.
+        apart until both have sampled. So it does while somebody looks at one of them.
 
         Args:
             cohorts: All of the crew; changed.
@@ -70,7 +70,7 @@ class Gathering:
                 shares[key] = [each.share() for each in found] + shares.get(key, [])
         cohorts[:] = [cohort for cohort in cohorts if cohort.key not in shares]
         cohorts += [Cohort(self._crew, each, key.order) for key, each in shares.items()]
-        if shares:
+        if shares or any(node.looked_at for node in soloists.values()):
             self.await_more(now)
         return joined
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sensor_node.commands import Commander
 from sensor_node.fleet.controls import MemberControls
@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from sensor_node.fleet.radio import Radio
     from sensor_node.fleet.soloist import Soloist
     from sensor_node.fleet.squad import Squad
+
+
+_MS: Final = 1000
 
 
 class Member:
@@ -32,9 +35,10 @@ class Member:
         outbox: Where its messages wait.
         commander: Does what the cloud asks of it.
         more: Whether it has something to send.
+        watched: ms for which somebody looks on, as the last acknowledgements say.
     """
 
-    __slots__ = ("commander", "more", "name", "outbox", "radio", "row", "squad")
+    __slots__ = ("commander", "more", "name", "outbox", "radio", "row", "squad", "watched")
 
     def __init__(self, squad: Squad, row: int, radio: Radio, *, cloud: str) -> None:
         self.name = squad.names[row]
@@ -50,6 +54,7 @@ class Member:
             enclosure=lambda: squad.enclosure(row),
         )
         self.more = False
+        self.watched = 0
 
     @property
     def alone(self) -> Soloist | None:
@@ -79,6 +84,20 @@ class Member:
         meter.received, radio.received = meter.received + radio.received, 0
         node.catch_up()
         self.more = True
+
+    def acknowledge(self) -> None:
+        """Forget what gateways have; within the storage's transaction."""
+        # A copy, of which nothing is under way, tells of nobody who looks on.
+        looks = [each for each in self.radio.looks if self.outbox.awaits(each.spans)]
+        self.watched = max((each.watched for each in looks), default=0)
+        self.outbox.acknowledge(self.radio.spans)
+
+    def heed(self) -> None:
+        """They are done with; somebody may look on."""
+        self.radio.spans, self.radio.looks = [], []
+        self.more = True
+        if self.watched:
+            self.squad.attend(self.row, self.watched / _MS)
 
     def take_commands(self) -> None:
         """Do what it was asked.

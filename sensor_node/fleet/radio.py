@@ -43,6 +43,7 @@ class Radio:
     Attributes:
         keys: As given.
         spans: What gateways acknowledged since it was last looked at.
+        looks: Those words of theirs that told of somebody who looks on.
         commands: What came for it since, as the cloud signed it.
         fresh: Whether the broker took it and the outbox does not know it yet.
         online: Whether the broker has taken it.
@@ -52,14 +53,15 @@ class Radio:
     """
 
     __slots__ = (
-        "_client", "_name", "attempts", "commands", "fresh", "keys", "online", "received", "sent",
-        "spans",
+        "_client", "_name", "attempts", "commands", "fresh", "keys", "looks", "online", "received",
+        "sent", "spans",
     )  # fmt: skip
 
     def __init__(self, keys: NodeKeys, broker: BrokerSection) -> None:
         self.keys = keys
         self._name = keys.own.name
         self.spans: list[tuple[int, int, int]] = []
+        self.looks: list[Acknowledgement] = []
         self.commands: list[bytes] = []
         self.fresh = self.online = False
         self.attempts = self.sent = self.received = 0
@@ -159,7 +161,10 @@ class Radio:
                 if len(self.commands) < _MOST_COMMANDS:
                     self.commands.append(opened)
             elif len(self.spans) < _MOST_SPANS:
-                self.spans.extend(Acknowledgement.decode(opened).spans)
+                said = Acknowledgement.decode(opened)
+                self.spans.extend(said.spans)
+                if said.watched:
+                    self.looks.append(said)
         except (EnvelopeError, MessageError) as error:
             log.warning("message rejected: topic=%s reason=%s", message.topic, error)
 

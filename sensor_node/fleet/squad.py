@@ -103,6 +103,7 @@ class Squad:
             for row, chip in enumerate(chips)
         ]
         self._alone = require_alone(settings) is not None
+        self._cuts = settings.sampling.watched_block_ms > 0.0
         if self._alone:
             for row in range(len(names)):
                 self.part(row, self.apart(row))
@@ -127,6 +128,15 @@ class Squad:
             self.cohorts = [cohort for cohort in self.cohorts if len(cohort)]
         self.soloists[row] = node
         node.at_start = lambda: self.restarted(row)
+        self._gathering.await_more(self._monotonic())
+
+    def attend(self, row: int, seconds: float) -> None:
+        """A member cuts its blocks short, and samples alone: somebody looks on for some seconds."""
+        if not self._cuts:
+            return
+        if row not in self.soloists:
+            self.part(row, self.apart(row))
+        self.soloists[row].attend(seconds)
         self._gathering.await_more(self._monotonic())
 
     def gather(self, *, at_once: bool = False) -> None:

@@ -106,9 +106,10 @@ class Single:
         self.truth = Truth(folder / "truth.sqlite", limit=2**30)
         outbox = build_outbox(self.flash, capacity=2**30, broker=bench.settings.broker)
         design = bench.settings.model_copy(update={"node": own})
-        self.node, _ = build_node(design, outbox=outbox, truth=self.truth, start=START)
-        self.controls = NodeControls(self.node)
         self.ticks = 0
+        self.node, clock = build_node(design, outbox=outbox, truth=self.truth, start=START)
+        clock._monotonic, clock._origin = lambda: self.ticks, 0
+        self.controls = NodeControls(self.node)
 
     def run_to(self, seconds: float) -> None:
         end = round(seconds * SECOND)

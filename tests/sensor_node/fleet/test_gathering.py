@@ -28,16 +28,20 @@ COMMANDS: list[tuple[str, dict[str, Any]]] = [
     ("calibrate", {}),
     ("reset", {}),
 ]
-THRESHOLD, GAIN, SMOOTHING, RATE, PEAKS, ADAPTIVE, CALIBRATE, RESET = range(len(COMMANDS))
+THRESHOLD, GAIN, SMOOTHING, RATE, PEAKS, ADAPTIVE, CALIBRATE, RESET, LOOK = range(len(COMMANDS) + 1)
 
 
 def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], int]]) -> None:
-    """Give orders (fifth of a second, members, command) to members and to single nodes."""
+    """Give orders to members and to single nodes: fifth of a second, members, command or look."""
     for moment, rows, number in sorted(orders, key=lambda order: order[0]):
         bench.run_to(moment / 5)
-        name, arguments = COMMANDS[number]
         for row in rows:
             singles[row].run_to(moment / 5)
+            if number == LOOK:
+                bench.squad.attend(row, 1.5)
+                singles[row].node.attend(1.5)
+                continue
+            name, arguments = COMMANDS[number]
             state = singles[row].controls.apply(name, arguments)
             assert bench.controls(row).apply(name, arguments) == state
 
@@ -48,13 +52,14 @@ def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], 
         st.tuples(
             st.integers(1, 40),
             st.sets(st.sampled_from(ROWS), min_size=1),
-            st.integers(0, len(COMMANDS) - 1),
+            st.integers(0, LOOK),
         ),
         max_size=6,
     )
 )
 @example([(3, {0, 1, 2}, GAIN), (4, {1}, THRESHOLD), (30, {0, 2}, THRESHOLD)])
 @example([(3, {0}, RATE), (5, {0}, RESET), (9, {1}, SMOOTHING), (26, {1}, RESET)])
+@example([(3, {0}, LOOK), (6, {0, 2}, LOOK), (9, {0}, GAIN), (30, {1}, LOOK)])
 @example([(2, {0, 1}, CALIBRATE), (7, {0, 1}, ADAPTIVE), (8, {2}, PEAKS), (26, {1, 2}, RATE)])
 def test_members_set_in_any_order_say_what_single_nodes_say(
     orders: list[tuple[int, set[int], int]],
