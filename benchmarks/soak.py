@@ -14,6 +14,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
+import numpy as np
 import psutil
 from rich.console import Console
 from rich.table import Table
@@ -33,6 +34,7 @@ _AT_ONCE: Final = 100
 _SAMPLES: Final = 600
 """Most samples of memory; at least one a second where there is time for it."""
 _REST_S: Final = 10.0
+_STRETCHES: Final = 60
 
 
 def main() -> None:
@@ -65,7 +67,8 @@ def soak(folder: Path, *, duration: float, rate: float, rest: float = _REST_S) -
 
     Returns:
         ``sent``, ``missing``, the rate reached, and for each process its memory in bytes before,
-        under and after the load, the growth an hour as an interval, and the verdict.
+        under (also as medians of stretches of time) and after the load, the growth an hour as an
+        interval, and the verdict.
     """
     with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
         parts = {"broker": stack.broker, "gateway": stack.gateway, "cloud": stack.cloud}
@@ -136,6 +139,7 @@ def _process(seconds: list[float], used: list[int], idle: int, after: int) -> di
         "most": max(used),
         "after": after,
         "growth_an_hour": [trend.lo, trend.hi],
+        "stretches": [int(np.median(part)) for part in np.array_split(used, _STRETCHES)],
         "verdict": trend.verdict,
     }
 
