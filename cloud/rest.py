@@ -7,7 +7,7 @@ import logging
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import StoreError
-from eskin.memory import give_back
+from eskin.memory import MUCH, give_back
 
 if TYPE_CHECKING:
     from cloud.state import Cloud
@@ -15,8 +15,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _INTERVAL: Final = 5.0
-MUCH: Final = 8_388_608
-"""Bytes taken in since the last time, for which it is worth while."""
 _LITTLE: Final = 1_048_576
 """Bytes in an interval that are no load."""
 

@@ -3,6 +3,15 @@
 from __future__ import annotations
 
 import ctypes
+import time
+from typing import TYPE_CHECKING, Final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+MUCH: Final = 8_388_608
+"""Bytes taken in since the last time, for which it is worth while."""
+_EVERY_S: Final = 60.0
 
 
 def give_back() -> None:
@@ -13,3 +22,27 @@ def give_back() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+class Thrift:
+    """Gives memory back now and then, where much was taken in since the last time.
+
+    What came in a rush lies scattered afterwards, and would stay the process's for good.
+
+    Args:
+        clock: Monotonic seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._taken = 0
+        self._gave = clock()
+
+    def take(self, size: int) -> bool:
+        """So many bytes came and went; gives whether memory was given back."""
+        self._taken += size
+        if self._taken < MUCH or self._clock() - self._gave < _EVERY_S:
+            return False
+        give_back()
+        self._taken, self._gave = 0, self._clock()
+        return True

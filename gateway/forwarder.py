@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import httpx
 
 from eskin.errors import CloudError, SpoolError
+from eskin.memory import Thrift
 from gateway.batch import DeadLetter
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Forwarder:
         self._counters = counters
         self._now = now
         self._most = settings.batch_messages
+        self._thrift = Thrift()
         self._stopping = Event()
         self.reachable: bool | None = None
         self.fault: str | None = None
@@ -90,6 +92,7 @@ class Forwarder:
             if self._stopping.is_set() and (failed or not sent or time.monotonic() > deadline):
                 return
             if not sent and not failed:
+                self._thrift.take(0)
                 self._spool.filled.wait(_TICK_S)
 
     def forward(self) -> int:
@@ -112,6 +115,7 @@ class Forwarder:
                 raise
             return self._shrink(stored, error)
         self._note_success()
+        self._thrift.take(sum(len(message.body) for message in stored))
         self._settle(stored, answers)
         self._most = min(self._most * 2, self._settings.batch_messages)
         return len(stored)

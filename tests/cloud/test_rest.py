@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from unittest.mock import Mock
 
 from cloud.ingest.uploads import Uploads
-from cloud.rest import MUCH, rest
+from cloud.rest import rest
 from cloud.store import Store
 from eskin.errors import StoreError
-from eskin.memory import give_back
+from eskin.memory import MUCH, give_back
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -1,0 +1,43 @@
+"""Memory that a rush of messages took goes back to the system."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import psutil
+
+import eskin.memory
+from eskin.memory import MUCH, Thrift, give_back
+
+if TYPE_CHECKING:
+    import pytest
+
+
+def test_memory_is_given_back_once_a_minute_where_much_came(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    now, given = [1000.0], []
+    monkeypatch.setattr(eskin.memory, "give_back", lambda: given.append(now[0]))
+    thrift = Thrift(lambda: now[0])
+    assert not thrift.take(2 * MUCH)
+    now[0] += 60.0
+    assert thrift.take(0)
+    now[0] += 60.0
+    assert not thrift.take(MUCH - 1)
+    assert thrift.take(1)
+    now[0] += 30.0
+    assert not thrift.take(MUCH)
+    now[0] += 30.0
+    assert thrift.take(0)
+    assert given == [1060.0, 1120.0, 1180.0]
+
+
+def test_what_lies_scattered_is_given_back() -> None:
+    own = psutil.Process()
+    scattered = [bytes(1000 + number % 500) for number in range(100_000)]
+    kept = scattered[::50]
+    del scattered
+    before = own.memory_info().rss
+    give_back()
+    assert own.memory_info().rss < before - 50_000_000
+    assert len(kept) == 2000
