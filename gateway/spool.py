@@ -11,7 +11,7 @@ import hashlib
 import logging
 import sqlite3
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -94,24 +94,30 @@ class Spool:
         self._dropped = 0
         self.filled = Event()
         try:
-            self._owner = LockFile(path)
-            self._intake = connect(path, "FULL")
-            require_whole(self._intake)
-            migrate(self._intake)
-            self._outlet = connect(path, "NORMAL")
-            # Their nodes show new ones with each status.
-            self._intake.execute("DELETE FROM senders WHERE expires < ?", (int(time.time()),))
-            self._messages, self._used = self._intake.execute(
-                "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
-            ).fetchone()
-            self._reserve = Reserve(path.with_name(f"{path.name}.reserve"), size=RESERVE)
-            self._letters = self._intake.execute("SELECT count(*) FROM dead_letters").fetchone()[0]
+            with ExitStack() as opened:
+                self._open(path, opened)
+                opened.pop_all()
         except LockedError as error:
             raise SpoolError(
                 f"spool {path}: another gateway runs on it; stop it first, or give each its own"
             ) from error
         except (OSError, *UNREADABLE) as error:
             raise SpoolError(f"spool {path} cannot be opened: {error}") from error
+
+    def _open(self, path: Path, opened: ExitStack) -> None:
+        """Open all of it; what was opened before a failure is closed again."""
+        self._owner = opened.enter_context(LockFile(path))
+        self._intake = opened.enter_context(closing(connect(path, "FULL")))
+        require_whole(self._intake)
+        migrate(self._intake)
+        self._outlet = opened.enter_context(closing(connect(path, "NORMAL")))
+        # Their nodes show new ones with each status.
+        self._intake.execute("DELETE FROM senders WHERE expires < ?", (int(time.time()),))
+        self._messages, self._used = self._intake.execute(
+            "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
+        ).fetchone()
+        self._reserve = Reserve(path.with_name(f"{path.name}.reserve"), size=RESERVE)
+        self._letters = self._intake.execute("SELECT count(*) FROM dead_letters").fetchone()[0]
 
     def close(self) -> None:
         """Close the file; what was committed stays."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections import defaultdict
-from contextlib import closing, contextmanager, nullcontext
+from contextlib import ExitStack, closing, contextmanager, nullcontext
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
@@ -95,16 +95,16 @@ class Truth:
         self._path = path
         self._limit = limit
         try:
-            self._owner = LockFile(path)
-            self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute("PRAGMA synchronous = FULL")
-            self._db.executescript(_SCHEMA)
-            self._used = int(
-                self._db.execute(
-                    f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM truth"  # noqa: S608 - a constant
-                ).fetchone()[0]
-            )
+            with ExitStack() as opened:
+                self._owner = opened.enter_context(LockFile(path))
+                self._db = opened.enter_context(closing(_connect(path)))
+                self._db.executescript(_SCHEMA)
+                self._used = int(
+                    self._db.execute(
+                        f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM truth"  # noqa: S608 - a constant
+                    ).fetchone()[0]
+                )
+                opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another node keeps its truth here; stop it first") from error
         except (OSError, sqlite3.Error) as error:
@@ -287,3 +287,10 @@ def _row(node: str, block: TrueBlock) -> tuple[str, int, int, str, int, int, byt
     samples = block.values.astype("<f8").tobytes()
     place = node, block.position.boot, block.position.sequence
     return *place, block.channel, block.time, block.dt, samples
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    db.execute("PRAGMA journal_mode = WAL")
+    db.execute("PRAGMA synchronous = FULL")
+    return db

@@ -134,13 +134,12 @@ def main() -> None:
     parser.add_argument("--inputs", type=int, required=True)
     parser.add_argument("--seed", type=int, required=True)
     parser.add_argument("--folder", type=Path, required=True)
+    parser.add_argument("--scratch", type=Path, required=True, help="for the target's own files")
     options = parser.parse_args()
     corpus = options.folder / "corpus"
     corpus.mkdir(parents=True, exist_ok=True)
-    scratch = options.folder / "scratch"
-    scratch.mkdir()
     with atheris.instrument_imports(include=_OURS, exclude=_compiled()):
-        target = load(options.target, scratch)
+        target = load(options.target, options.scratch)
     for number, seed in enumerate(target.seeds):
         (corpus / f"seed-{number}").write_bytes(seed)
     trial = Trial(target, inputs=options.inputs, folder=options.folder)

@@ -7,15 +7,16 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 from tests.fuzz.current import CURRENT, read_current
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 MOST_GROWTH_MIB: Final = 96.0
 """Room for libFuzzer's own corpus, and for caches that were not full after a fifth of the run."""
@@ -24,6 +25,7 @@ HANGS_S: Final = 60.0
 _LOOK_S: Final = 0.5
 _MIB: Final = 2**20
 _COVERED: Final = re.compile(r"cov: (\d+) ft: (\d+) corp: (\d+)/")
+_MEMORY: Final = Path("/dev/shm")  # noqa: S108 - a folder of our own in it
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +83,10 @@ class Session:
         words = {"--target": self.target, "--inputs": self.inputs, "--seed": self._seed}
         argv = [sys.executable, "-m", "tests.fuzz.child", "--folder", str(self._folder)]
         argv += [str(word) for pair in words.items() for word in pair]
-        with log.open("wb") as output:
+        # In memory, where it is: a disk would rest at each commit of a store.
+        memory = _MEMORY if _MEMORY.is_dir() else None
+        with log.open("wb") as output, tempfile.TemporaryDirectory(dir=memory) as scratch:
+            argv += ["--scratch", scratch]
             child = subprocess.Popen(argv, stdout=output, stderr=subprocess.STDOUT)
             try:
                 while child.poll() is None and not self._hangs():

@@ -7,6 +7,8 @@ import sqlite3
 from typing import TYPE_CHECKING
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from cloud.settings import CloudSettings
@@ -28,7 +30,9 @@ from gateway.settings import GatewaySettings
 from gateway.spool import Spool
 from sensor_node.flash import Flash
 from sensor_node.replay.recording import read_recording
+from sensor_node.replay.rows import read_rows
 from sensor_node.scenario import read_scenario
+from sensor_node.truth import Truth
 from tests.fuzz.targets import enrolment, requests
 
 if TYPE_CHECKING:
@@ -157,3 +161,24 @@ def test_host_without_end_is_refused_in_a_short_line(tmp_path: Path) -> None:
     with pytest.raises(SettingsError) as error:
         CloudSettings.load(path)
     assert len(str(error.value)) < 500
+
+
+def test_file_that_cannot_be_opened_is_not_held(tmp_path: Path) -> None:
+    for name, make, error in (
+        ("spool", lambda path: Spool(path, capacity=1 << 20, letters=5), SpoolError),
+        ("truth", lambda path: Truth(path, limit=1 << 20), FlashError),
+    ):
+        path = tmp_path / name
+        path.write_bytes(b"no database" * 100)
+        with pytest.raises(error):
+            make(path)
+        path.unlink()
+        make(path).close()
+
+
+def test_parquet_whose_names_are_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "recording.parquet"
+    pq.write_table(pa.table({"tauiueux": [1.0], "value": [2.0]}), path)
+    path.write_bytes(path.read_bytes().replace(b"tauiueux", b"\xc3auiueux"))
+    with pytest.raises(RecordingError, match="no whole Parquet file"):
+        list(read_rows(path))
