@@ -228,7 +228,7 @@ def test_another_key_or_node_is_refused_with_remedy_and_harms_nothing(
     store.flash.close()
     for other in ({"key": bytes(32)}, {"node": "palm"}):
         with pytest.raises(FlashError, match=r"another key, or for another node.*keys\.directory"):
-            open_flash(path, **other)  # type: ignore[arg-type]  # one of them
+            open_flash(path, **other)
     again = Store(path)
     assert again.positions() == said
     assert again.gaps() == []
