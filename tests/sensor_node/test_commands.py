@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import sqlite3
 import time
-from contextlib import closing
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -23,7 +21,7 @@ from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.sensor_node.controls import SimpleControls
 from tests.sensor_node.designs import waiting
-from tests.sensor_node.flashes import change, open_flash
+from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -259,25 +257,6 @@ def test_full_disk_at_the_start_does_not_keep_the_node_from_living(
     assert "told later" in caplog.text
     rig.commander.take(rig.signed(7, {"rate": 5.0}))
     assert rig.results()[-1].command == 7
-
-
-def test_node_that_cannot_read_what_it_did_lives_and_takes_no_command(
-    rig: Rig, caplog: pytest.LogCaptureFixture
-) -> None:
-    asked = rig.signed(7, {"rate": 5.0})
-    rig.commander.take(asked)
-    with closing(sqlite3.connect(rig.path)) as db:
-        (before,) = db.execute("SELECT body FROM answer").fetchone()
-    change(rig.path, "UPDATE answer SET body = zeroblob(80)")
-    rig.restart()
-    assert "last result of fingertip does not open" in caplog.text
-    with pytest.raises(FlashError, match="takes no command; bring back a copy"):
-        rig.commander.take(asked)
-    assert rig.controls.calls == []
-    change(rig.path, "UPDATE answer SET body = ?", before)
-    rig.commander.take(asked)
-    rig.commander.take(rig.signed(8, {"rate": 6.0}))
-    assert rig.controls.calls == [("set", {"rate": 6.0})]
 
 
 def test_result_gives_way_last_in_a_full_flash(rig: Rig) -> None:
