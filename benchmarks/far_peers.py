@@ -1,8 +1,9 @@
 """The gateway's peers that bring messages to a second broker: their CPU and their rate.
 
-Mosquitto's own bridge, and thingsboard-gateway with its defaults (storage in memory), for which the
-second broker stands in for ThingsBoard. Both read from the site's broker and write to the second,
-over TLS at QoS 1. Neither opens, checks or acknowledges anything to a node.
+Mosquitto's own bridge, and thingsboard-gateway with its defaults (storage in memory) and with its
+SQLite storage, for which the second broker stands in for ThingsBoard. All read from the site's
+broker and write to the second, over TLS at QoS 1. None opens, checks or acknowledges anything to a
+node.
 """
 
 from __future__ import annotations
@@ -33,6 +34,27 @@ if TYPE_CHECKING:
     from tests.stacks import RealStack
 
 THINGSBOARD: Final = Path(sys.prefix) / "thingsboard" / "bin" / "thingsboard-gateway"
+FAR_PEERS: Final[dict[str, dict[str, object] | None]] = {
+    "Mosquitto bridge": None,
+    "thingsboard-gateway (memory)": {
+        "type": "memory",
+        "read_records_count": 100,
+        "max_records_count": 100_000,
+    },
+    # As its own configuration has it; WAL, synchronous = NORMAL: a power cut takes the last.
+    "thingsboard-gateway (SQLite)": {
+        "type": "sqlite",
+        "data_file_path": "./data/",
+        "messages_ttl_check_in_hours": 1,
+        "messages_ttl_in_days": 7,
+        "max_read_records_count": 1000,
+        "writing_batch_size": 1000,
+        "size_limit": 1024,
+        "max_db_amount": 10,
+        "oversize_check_period": 1,
+    },
+}
+"""By name; with its storage, where it has one."""
 _COUNTER: Final = "gateway.counter"
 _KEY: Final = "samples"
 _ASKED: Final = "v1/devices/me/rpc/request/"
@@ -153,9 +175,10 @@ class Upstream(Running):
 def measure_far(
     stack: RealStack, flood: Flood, upstream: Upstream, peer: str, messages: int
 ) -> Relayed:
-    """What ``bridge`` or ``thingsboard`` costs, and how fast it is."""
-    make = _bridge if peer == "bridge" else _thingsboard
-    with make(stack, upstream) as running:
+    """What one of `FAR_PEERS` costs, and how fast it is."""
+    storage = FAR_PEERS[peer]
+    made = _bridge(stack, upstream) if storage is None else _thingsboard(stack, upstream, storage)
+    with made as running:
         _await_flow(running, flood, upstream)
         before, used = upstream.count, cpu_seconds(running)
         running.signal(signal.SIGSTOP)
@@ -205,7 +228,7 @@ def _bridge(stack: RealStack, upstream: Upstream) -> Running:
     return Running([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
 
 
-def _thingsboard(stack: RealStack, upstream: Upstream) -> Running:
+def _thingsboard(stack: RealStack, upstream: Upstream, storage: dict[str, object]) -> Running:
     folder = _folder(stack, "thingsboard")
     own = Identity.load(stack.pki / NAME).directory
     root, key, chain = (str(own / file) for file in (ROOT_FILE, KEY_FILE, CHAIN_FILE))
@@ -219,7 +242,7 @@ def _thingsboard(stack: RealStack, upstream: Upstream) -> Running:
             "security": {"caCert": root, "privateKey": key, "cert": chain},
             "qos": 1,
         },
-        "storage": {"type": "memory", "read_records_count": 100, "max_records_count": 100_000},
+        "storage": storage,
         "grpc": {"enabled": False},
         "connectors": [{"type": "mqtt", "name": "site", "configuration": "mqtt.json"}],
     })  # fmt: skip

@@ -1,7 +1,7 @@
 """The gateway beside its peers: CPU of a message, messages a second, latency.
 
 The peers: a plain paho relay and a bare subscriber (`benchmarks.relay`), Mosquitto's bridge and
-thingsboard-gateway (`benchmarks.far_peers`).
+thingsboard-gateway with either of its storages (`benchmarks.far_peers`).
 
 Every subject is stopped while the broker fills with 1 kB blocks (TLS, QoS 1), and then let go: what
 is measured is the subject that takes them as fast as it can, with no sender beside it. Rounds
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from benchmarks.far_peers import Relayed, Upstream, measure_far
+from benchmarks.far_peers import FAR_PEERS, Relayed, Upstream, measure_far
 from benchmarks.flood import Flood
 from benchmarks.pipeline import cpu_seconds, resident_bytes
 from benchmarks.relay import NAME
@@ -53,7 +53,7 @@ def measure_gateway(folder: Path, *, blocks: int) -> list[Row]:
     with RealStack(folder) as stack, Flood(stack.pki, stack.broker.node_port) as flood:
         stack.identities.make(IdentityKind.GATEWAY, NAME)
         found: dict[str, list[tuple[float, float]]] = {"gateway": [], "relay": [], "subscriber": []}
-        far: dict[str, list[Relayed]] = {"bridge": [], "thingsboard": []}
+        far: dict[str, list[Relayed]] = {peer: [] for peer in FAR_PEERS}
         _gateway(stack, flood, _WARM)
         time.sleep(_REST_S)
         idle = resident_bytes(stack.cloud)
@@ -174,15 +174,15 @@ def _far_rows(own: list[tuple[float, float]], far: dict[str, list[Relayed]]) -> 
     """The same beside those that bring messages to a second broker."""
     cpu, rate = (median(figures) for figures in zip(*own, strict=True))
     rows: list[Row] = []
-    for peer, name in (("bridge", "Mosquitto bridge"), ("thingsboard", "thingsboard-gateway")):
-        their_cpu, their_rate, lost = (median(figures) for figures in zip(*far[peer], strict=True))
+    for name, storage in FAR_PEERS.items():
+        their_cpu, their_rate, lost = (median(figures) for figures in zip(*far[name], strict=True))
         # A bridge in C neither opens, checks, stores nor answers: no target, but the distance.
-        target, met = (None, None) if peer == "bridge" else (1.0, cpu <= their_cpu)
-        faster = None if peer == "bridge" else rate >= their_rate
+        target, met = (None, None) if storage is None else (1.0, cpu <= their_cpu)
+        faster = None if storage is None else rate >= their_rate
         rows += [
             Row("CPU of the gateway a block (flood)", cpu, "us", name, their_cpu,
                 their_cpu / cpu, target, met),
-            Row("blocks a gateway makes durable", rate, "blocks/s", f"{name} (volatile)",
+            Row("blocks a gateway makes durable", rate, "blocks/s", f"{name} (not durable)",
                 their_rate, rate / their_rate, target, faster),
             Row(f"messages that {name} lost without a fault", lost, "messages"),
         ]  # fmt: skip

@@ -14,7 +14,7 @@ import numpy as np
 from eskin.messages import Block, decode_message
 from sensor_node.flash import Flash
 from sensor_node.profile import Profile
-from sensor_node.service import build_node, build_outbox
+from sensor_node.service import build_node, build_outbox, chip_key
 from sensor_node.settings import NodeSettings
 from sensor_node.truth import Truth
 
@@ -50,7 +50,8 @@ def measured(folder: Path, changes: dict[str, Any]) -> dict[str, list[tuple[Inte
         "taxel": tables,
     }
     settings = NodeSettings(**given)
-    flash, truth = Flash(settings.flash.path, epoch=1), Truth(settings.truth.path, limit=2**31)
+    flash = Flash(settings.flash.path, node="hand", key=chip_key(settings), epoch=1)
+    truth = Truth(settings.truth.path, limit=2**31)
     outbox = build_outbox(flash, capacity=2**30, broker=settings.broker)
     node, _ = build_node(settings, outbox=outbox, truth=truth, start=0)
     node.run_until(_SECONDS * _BILLION)

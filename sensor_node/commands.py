@@ -80,6 +80,7 @@ class Commander:
         self._enclosure = enclosure
         self._firmware = commander.Commander(own.name, outbox, _Checked(controls))
         trust = Trust.following(own.directory / ROOT_FILE, clock=self._now)
+        self._started = False
         self._verifier = Verifier(trust, kind=IdentityKind.SERVER, name=cloud)
 
     def start(self) -> None:
@@ -89,7 +90,7 @@ class Commander:
             FlashError: Flash cannot be read.
         """
         try:
-            self._firmware.start(self._enclosure())
+            self._start()
         except FlashError as error:
             log.warning("the node's state is told later: error=%s", error)
         except ValueError as error:
@@ -105,6 +106,9 @@ class Commander:
             FlashError: Its result could not be kept. It was not answered, so it comes again, and
                 then only the result is written.
         """
+        if not self._started:
+            # It would not know what it has done already.
+            self._start()
         try:
             plaintext = self._verifier.verify(signed, topic=self._topic)
             done = self._firmware.take(plaintext, self._enclosure())
@@ -114,6 +118,11 @@ class Commander:
         if done is not None:
             number, name, outcome = done
             log.info("command %s: id=%d outcome=%s", name, number, Outcome(outcome).name.lower())
+
+    def _start(self) -> None:
+        self._started = False
+        self._firmware.start(self._enclosure())
+        self._started = True
 
     def _now(self) -> datetime:
         seconds = min(self._enclosure()[1] // SECOND, _MOST_SECONDS)

@@ -1,53 +1,78 @@
-"""A node's flash chip, emulated: messages in a file, each batch one synchronised commit."""
+"""A node's flash chip, emulated: messages in a file, each batch one synchronised commit.
+
+What is told of the skin is sealed before it reaches the file (`sensor_node.sealing`).
+"""
 
 from __future__ import annotations
 
-import sqlite3
+import logging
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
 from eskin.wholeness import UNREADABLE, require_whole
-from sensor_node.firmware.chip import Kept
+from sensor_node.cipher import Cipher
+from sensor_node.migration import connect, migrate
+from sensor_node.proof import PROOF, require_key
+from sensor_node.sealing import ANSWER, Row, Sealing, epitaph, kept_in_clear
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from sensor_node.firmware.chip import Position
+    from sensor_node.firmware.chip import Kept, Position
     from sensor_node.firmware.record import Record
 
-_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT;
-INSERT OR IGNORE INTO counter VALUES ('boot', 0), ('gaps', 0);
-CREATE TABLE IF NOT EXISTS message (
-    boot INTEGER NOT NULL,
-    sequence INTEGER NOT NULL,
-    weight INTEGER NOT NULL,   -- the shelf that the outbox put it on
-    earliest INTEGER NOT NULL, -- UTC ns
-    latest INTEGER NOT NULL,
-    samples INTEGER NOT NULL,
-    stands_for INTEGER NOT NULL, -- messages: itself, and those that a gap names
-    kind INTEGER NOT NULL,
-    body BLOB NOT NULL,
-    PRIMARY KEY (boot, sequence)
-) STRICT;
-CREATE TABLE IF NOT EXISTS answer ( -- the last result: by it no command is done twice
-    one INTEGER PRIMARY KEY CHECK (one = 1),
-    body BLOB NOT NULL
-) STRICT;
-CREATE TABLE IF NOT EXISTS charge ( -- what the last life knew of its supply
-    one INTEGER PRIMARY KEY CHECK (one = 1),
-    body BLOB NOT NULL
-) STRICT;
-CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence);
-"""
+log = logging.getLogger(__name__)
+
+_SCHEMA: Final = (
+    "CREATE TABLE IF NOT EXISTS counter (name TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT",
+    "INSERT OR IGNORE INTO counter VALUES ('boot', 0), ('gaps', 0), ('unreadable', 0)",
+    """CREATE TABLE IF NOT EXISTS message (
+        boot INTEGER NOT NULL,
+        sequence INTEGER NOT NULL,
+        weight INTEGER NOT NULL,     -- the shelf that the outbox put it on
+        earliest INTEGER NOT NULL,   -- UTC ns, whole minutes
+        latest INTEGER NOT NULL,
+        samples INTEGER NOT NULL,
+        stands_for INTEGER NOT NULL, -- messages: itself, and those that a gap names
+        kind INTEGER NOT NULL,
+        body BLOB NOT NULL,          -- sealed
+        size INTEGER NOT NULL,       -- bytes that the outbox counts
+        PRIMARY KEY (boot, sequence)
+    ) STRICT""",
+    """CREATE TABLE IF NOT EXISTS answer ( -- the last result: by it no command is done twice
+        one INTEGER PRIMARY KEY CHECK (one = 1),
+        body BLOB NOT NULL
+    ) STRICT""",
+    """CREATE TABLE IF NOT EXISTS charge ( -- what the last life knew of its supply
+        one INTEGER PRIMARY KEY CHECK (one = 1),
+        body BLOB NOT NULL
+    ) STRICT""",
+    PROOF,
+    "CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence)",
+    # Nothing else ever changes a record's kind.
+    """CREATE TRIGGER IF NOT EXISTS gave_up AFTER UPDATE OF kind ON message BEGIN
+        UPDATE counter SET value = value + 1 WHERE name = 'unreadable';
+    END""",
+)
+_SEAL: Final = (
+    "ALTER TABLE message ADD COLUMN size INTEGER NOT NULL DEFAULT 0",
+    """UPDATE message SET size = length(body),
+        body = sealed(boot, sequence, kind, body, earliest, latest, samples, stands_for),
+        earliest = minute_before(earliest), latest = minute_behind(latest)""",
+    "UPDATE answer SET body = sealed_last('answer', body)",
+    "UPDATE charge SET body = sealed_last('charge', body)",
+)
 _COUNT: Final = "UPDATE counter SET value = iif(value, value + 1, ?) WHERE name = 'boot'"
 _SELECT: Final = (
     "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
 )
+_CHARGE: Final = "charge"
+_GIVE_UP: Final = "UPDATE message SET kind = ?, body = ? WHERE boot = ? AND sequence = ?"
 
 
 class Flash:
@@ -57,6 +82,8 @@ class Flash:
 
     Args:
         path: Database file; made if missing.
+        node: Whose it is.
+        key: The chip's, under which all is sealed.
         epoch: Number of the first boot of a fresh flash; ``None`` takes the present in seconds, so
             that a flash that was wiped or replaced starts above all numbers that the node has used
             before, which others remember.
@@ -68,17 +95,18 @@ class Flash:
         FlashError: It cannot be opened; or, by any method, it cannot be read or written.
     """
 
-    def __init__(self, path: Path, *, epoch: int | None = None) -> None:
+    def __init__(self, path: Path, *, node: str, key: bytes, epoch: int | None = None) -> None:
         self._path = path
+        self._sealing = Sealing(Cipher(key), node)
+        self._unreadable = 0
         try:
-            self._owner = LockFile(path)
-            self._db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
-            self._db.execute("PRAGMA journal_mode = WAL")
-            self._db.execute("PRAGMA synchronous = FULL")
-            require_whole(self._db)
-            self._db.executescript(_SCHEMA)
-            self._db.execute(_COUNT, (int(time.time()) if epoch is None else epoch,))
-            self.boot: int = self._counter("boot")
+            with ExitStack() as opened:
+                self._owner = opened.enter_context(LockFile(path))
+                self._db = opened.enter_context(closing(connect(path)))
+                self._migrate()
+                self._db.execute(_COUNT, (int(time.time()) if epoch is None else epoch,))
+                self.boot: int = self._counter("boot")
+                opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
         except (OSError, *UNREADABLE) as error:
@@ -110,19 +138,18 @@ class Flash:
 
     def append(self, boot: int, record: Record, shelf: int) -> None:
         """Keep a message on a shelf."""
-        place = boot, record.sequence, shelf, record.earliest, record.latest
+        row = self._sealing.row(boot, record)
         with self._writing():
             self._db.execute(
-                "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?)",
-                (*place, record.samples, 1 + record.named, record.kind, record.body),
+                "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?,?)",
+                (*row[:2], shelf, *row[4:], row.kind, row.body, len(record.body)),
             )
 
     def delete(self, boot: int, first: int, last: int) -> tuple[int, int]:
         """Delete from the first to the last sequence; gives how many, and their bytes."""
         with self._writing():
             rows = self._db.execute(
-                "DELETE FROM message WHERE boot = ? AND sequence BETWEEN ? AND ? "
-                "RETURNING length(body)",
+                "DELETE FROM message WHERE boot = ? AND sequence BETWEEN ? AND ? RETURNING size",
                 (boot, first, last),
             ).fetchall()
         return len(rows), sum(row[0] for row in rows)
@@ -145,37 +172,45 @@ class Flash:
 
     def level(self) -> tuple[int, int]:
         """How many messages it keeps, and their bytes."""
-        rows = self._query("SELECT count(*), coalesce(sum(length(body)), 0) FROM message")
+        rows = self._query("SELECT count(*), coalesce(sum(size), 0) FROM message")
         return rows[0][0], rows[0][1]
 
     def gaps(self) -> int:
-        """How many gaps were ever recorded."""
-        return self._counter("gaps")
+        """How many gaps were ever recorded, with those in the place of unreadable records."""
+        self._unreadable = self._counter("unreadable")
+        return self._counter("gaps") + self._unreadable
 
     def keep_gaps(self, gaps: int) -> None:
-        """Keep that number."""
+        """Keep that number; those that came since it was asked are counted here."""
         with self._writing():
-            self._db.execute("UPDATE counter SET value = ? WHERE name = 'gaps'", (gaps,))
+            self._db.execute(
+                "UPDATE counter SET value = ? WHERE name = 'gaps'", (gaps - self._unreadable,)
+            )
 
     def answer(self) -> bytes | None:
         """The last result, also after it was acknowledged."""
         rows = self._query("SELECT body FROM answer")
-        return rows[0][0] if rows else None
+        return self._sealing.open_answer(rows[0][0], self._path) if rows else None
 
     def keep_answer(self, body: bytes) -> None:
         """Keep the last result apart from the messages."""
+        sealed = self._sealing.seal_last(ANSWER, body)
         with self._writing():
-            self._db.execute("INSERT OR REPLACE INTO answer VALUES (1, ?)", (body,))
+            self._db.execute("INSERT OR REPLACE INTO answer VALUES (1, ?)", (sealed,))
 
     def charge(self) -> bytes:
-        """What was kept of the supply; empty where nothing was."""
+        """What was kept of the supply; empty where nothing was, or where it does not open."""
         rows = self._query("SELECT body FROM charge")
-        return rows[0][0] if rows else b""
+        body = self._sealing.open_last(_CHARGE, rows[0][0]) if rows else b""
+        if body is None:
+            log.error("flash is damaged, the charge is unknown: path=%s", self._path)
+        return body or b""
 
     def keep_charge(self, body: bytes) -> None:
         """Keep that."""
+        sealed = self._sealing.seal_last(_CHARGE, body)
         with self._writing():
-            self._db.execute("INSERT OR REPLACE INTO charge VALUES (1, ?)", (body,))
+            self._db.execute("INSERT OR REPLACE INTO charge VALUES (1, ?)", (sealed,))
 
     def close(self) -> None:
         """Close the file."""
@@ -189,13 +224,29 @@ class Flash:
         value: int = rows[0][0]
         return value
 
+    def _migrate(self) -> None:
+        require_whole(self._db)
+        self._db.create_function("sealed", 8, partial(_sealed, self._sealing))
+        self._db.create_function("sealed_last", 2, self._sealing.seal_last)
+        migrate(self._db, self._path, schema=_SCHEMA, seal=_SEAL)
+        require_key(self._db, self._path, self._sealing, self._records())
+
+    def _records(self) -> Iterator[tuple[Sealing, Row]]:
+        for row in self._db.execute(_SELECT):
+            yield self._sealing, Row(*row)
+
     def _select(self, condition: str, *values: int) -> list[Kept]:
-        return [
-            Kept((boot, sequence), kind, body, (earliest, latest), samples, stands_for)
-            for boot, sequence, kind, body, earliest, latest, samples, stands_for in self._query(
-                _SELECT + condition, *values
-            )
-        ]
+        rows = [Row(*row) for row in self._query(_SELECT + condition, *values)]
+        return [self._sealing.open(row) or self._give_up(row) for row in rows]
+
+    def _give_up(self, row: Row) -> Kept:
+        """Tell a record that does not open as lost, by a gap in its place."""
+        gap = epitaph(row)
+        body = self._sealing.seal(gap).body
+        with self._writing():
+            self._db.execute(_GIVE_UP, (gap.kind, body, *gap.position))
+        log.error("record lost: node=%s boot=%d sequence=%d", self._sealing, *gap.position)
+        return gap
 
     def _query(self, statement: str, *values: int | str) -> list[tuple[Any, ...]]:
         try:
@@ -212,3 +263,8 @@ class Flash:
                 f"{self._path}: flash cannot be written: {error}; make room, sampling goes on "
                 "and a gap will tell"
             ) from error
+
+
+def _sealed(sealing: Sealing, *row: Any) -> bytes:
+    """What lay in the clear."""
+    return sealing.seal(kept_in_clear(*row)).body

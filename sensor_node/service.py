@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.identity import Identity
+from eskin.privacy import open_key
 from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
 from sensor_node.controls import NodeControls
@@ -48,6 +49,7 @@ def run(settings: NodeSettings) -> None:
     Raises:
         FlashError: Flash or truth cannot be opened.
         IdentityError: A key or certificate cannot be used.
+        PrivacyError: The key of the flash cannot be had.
     """
     stop = threading.Event()
 
@@ -58,13 +60,33 @@ def run(settings: NodeSettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
-    flash = Flash(settings.flash.path)
+    flash = open_flash(settings)
     try:
         outbox = build_outbox(flash, capacity=settings.flash.capacity_bytes, broker=settings.broker)
         _serve(settings, outbox, truth, stop)
     finally:
         flash.close()
         truth.close()
+
+
+def open_flash(settings: NodeSettings) -> Flash:
+    """A node's flash, under the key of its key store.
+
+    Raises:
+        FlashError: It cannot be opened.
+        PrivacyError: The key cannot be had.
+    """
+    return Flash(settings.flash.path, node=settings.node.name, key=chip_key(settings))
+
+
+def chip_key(settings: NodeSettings) -> bytes:
+    """The key of a node's flash, or of a fleet's; made at the first start.
+
+    Raises:
+        PrivacyError: It cannot be read or made.
+        SettingsError: The hardware cannot be used.
+    """
+    return open_key(settings.keys, settings.chip_keys, f"{settings.node.name}.flash")
 
 
 def build_outbox(flash: Flash, *, capacity: int, broker: BrokerSection) -> Outbox:

@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
-from eskin.settings import Host, RenewalSection, Section, Settings
+from eskin.settings import Host, KeysSection, RenewalSection, Section, Settings
 from sensor_node.machine.power.section import EnergySection
 from sensor_node.machine.sheet import coverage
 from sensor_node.neighbours import patches
@@ -148,6 +148,10 @@ class FlashSection(Section):
     )
 
 
+class ChipKeysSection(KeysSection):
+    """Where the key of the flash is; without a folder, in `keys` beside the flash."""
+
+
 class TruthSection(Section):
     """What the emulator knows and the node does not, for the audit."""
 
@@ -220,6 +224,7 @@ class NodeSettings(Settings):
     radio: RadioSection = RadioSection()
     identity: IdentitySection
     flash: FlashSection
+    keys: ChipKeysSection = ChipKeysSection()
     truth: TruthSection
     clock: ClockSection = ClockSection()
     machine: MachineSection = MachineSection()
@@ -229,6 +234,11 @@ class NodeSettings(Settings):
     taxel: tuple[Taxel, ...] = Field(
         min_length=1, max_length=100, description="the sensing elements; see the profiles"
     )
+
+    @property
+    def chip_keys(self) -> Path:
+        """Folder of the key store."""
+        return self.keys.directory or self.flash.path.with_name("keys")
 
     @model_validator(mode="before")
     @classmethod

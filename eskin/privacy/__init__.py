@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from eskin.privacy.biometric import is_biometric
 from eskin.privacy.cipher import Unveiler, Veiler
-from eskin.privacy.keys import open_vault
+from eskin.privacy.keys import open_key, open_vault
 from eskin.privacy.master import FileMaster, Master
 from eskin.privacy.subject import Subject, Tombstone
 from eskin.privacy.vault import Vault
@@ -21,5 +21,6 @@ __all__ = [
     "Veiler",
     "is_biometric",
     "is_veiled",
+    "open_key",
     "open_vault",
 ]

@@ -1,7 +1,6 @@
 """Sealing under a subject's key, and reading it again: AES-256-GCM.
 
-Nonces never repeat: every veiler draws a salt at its start, which gives (HKDF-SHA-256) a key of its
-own under each subject's key, and counts from zero under it.
+Nonces never repeat: every veiler draws a salt at its start (`eskin.privacy.derivation`).
 """
 
 from __future__ import annotations
@@ -13,17 +12,16 @@ from threading import Lock
 from typing import TYPE_CHECKING, Final
 
 from cryptography.exceptions import InvalidTag
-from cryptography.hazmat.primitives.ciphers.aead import AESGCM
-from cryptography.hazmat.primitives.hashes import SHA256
-from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 
 from eskin.errors import MessageError, PrivacyError
 from eskin.messages import Block, Peak, Position, decode_message
 from eskin.messages.head import Kind
-from eskin.privacy.subject import KEY_BYTES
+from eskin.privacy.derivation import derive, nonce
 from eskin.privacy.veiled import SALT_BYTES, UNREAD, Veiled, whole_minutes
 
 if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+
     from eskin.privacy.subject import Subject
     from eskin.privacy.vault import Vault
 
@@ -82,7 +80,7 @@ class Veiler:
         number = next(self._numbers)
         clear = Veiled(position, channel, kind, subject.pseudonym, time, self._salt, number)
         aead = self._keys.find(subject, self._salt)
-        sealed = aead.encrypt(_nonce(number), plaintext, clear.bound(node))
+        sealed = aead.encrypt(nonce(number), plaintext, clear.bound(node))
         return Veiled(position, channel, kind, subject.pseudonym, time, self._salt, number, sealed)
 
 
@@ -111,8 +109,7 @@ class Unveiler:
             raise
         aead = self._keys.find(subject, veiled.salt)
         try:
-            nonce = _nonce(veiled.number)
-            return aead.decrypt(nonce, veiled.ciphertext, veiled.bound(node))
+            return aead.decrypt(nonce(veiled.number), veiled.ciphertext, veiled.bound(node))
         except InvalidTag as error:
             raise PrivacyError(
                 f"what {node} said as {veiled.position} is not what subject {veiled.subject} sealed"
@@ -154,8 +151,7 @@ class _Keys:
         with self._lock:
             aead = self._kept.get(place)
             if aead is None:
-                derivation = HKDF(SHA256(), KEY_BYTES, salt, b"eskin veil 1")
-                aead = self._kept[place] = AESGCM(derivation.derive(subject.key))
+                aead = self._kept[place] = derive(subject.key, salt, b"eskin veil 1")
                 if len(self._kept) > _KEPT:
                     self._kept.popitem(last=False)
             return aead
@@ -172,7 +168,3 @@ def span(message: Block | Peak) -> tuple[int, int]:
         return message.time
     tube = message.tube
     return tube.time[0], tube.time[1] + tube.dt * (len(tube) - 1)
-
-
-def _nonce(number: int) -> bytes:
-    return number.to_bytes(12, "big")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from eskin.errors import SettingsError
 from eskin.privacy.files import make_folder
-from eskin.privacy.master import MASTER_FILE, FileMaster
+from eskin.privacy.master import MASTER_FILE, FileMaster, wrapped_key
 from eskin.privacy.vault import Vault
 
 if TYPE_CHECKING:
@@ -29,6 +29,22 @@ def open_vault(settings: KeysSection, directory: Path) -> Vault:
     """
     make_folder(directory)
     return Vault(directory, _master(settings, directory))
+
+
+def open_key(settings: KeysSection, directory: Path, name: str) -> bytes:
+    """A key that is no subject's, wrapped in a file of its name; made where there is none.
+
+    Args:
+        settings: Where the master key is.
+        directory: The key store's folder.
+        name: Of the file, and what the key is good for.
+
+    Raises:
+        PrivacyError: A file cannot be used.
+        SettingsError: The hardware cannot be used.
+    """
+    make_folder(directory)
+    return wrapped_key(directory / name, _master(settings, directory))
 
 
 def _master(settings: KeysSection, directory: Path) -> Master:

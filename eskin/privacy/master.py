@@ -10,6 +10,7 @@ from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
 from eskin.errors import PrivacyError
 from eskin.privacy.files import make_once, read_private
+from eskin.privacy.subject import KEY_BYTES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -39,6 +40,17 @@ class Master(Protocol):
         """
 
 
+def wrapped_key(path: Path, master: Master) -> bytes:
+    """A key in a file of its own, wrapped for that file's name; made where there is none.
+
+    Raises:
+        PrivacyError: It cannot be read or made.
+    """
+    context = path.name.encode()
+    wrapped = make_once(path, lambda: master.wrap(os.urandom(KEY_BYTES), context))
+    return master.unwrap(wrapped, context)
+
+
 class FileMaster:
     """A master key in a file of its own, mode 0600; made where there is none.
 
@@ -52,7 +64,7 @@ class FileMaster:
     def __init__(self, path: Path) -> None:
         self._path = path
         key = make_once(path, lambda: AESGCM.generate_key(256))
-        if len(key) != 32:
+        if len(key) != KEY_BYTES:
             raise PrivacyError(f"{path}: {len(key)} bytes are no key of AES-256; restore the file")
         self._aead = AESGCM(read_private(path))
 

@@ -8,15 +8,15 @@ disk each time: what was destroyed there is used no more, from that moment.
 from __future__ import annotations
 
 import json
-import os
 import time
 from contextlib import suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import NoKeyError, PrivacyError
-from eskin.privacy.files import destroy, make_folder, make_once, read_private, write_private
-from eskin.privacy.subject import KEY_BYTES, Subject, Tombstone, is_pseudonym
+from eskin.privacy.files import destroy, make_folder, read_private, write_private
+from eskin.privacy.master import wrapped_key
+from eskin.privacy.subject import Subject, Tombstone, is_pseudonym
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,11 +59,7 @@ class Vault:
         Raises:
             PrivacyError: It cannot be written.
         """
-        secret = make_once(
-            self.directory / _SECRET,
-            lambda: self._master.wrap(os.urandom(KEY_BYTES), _SECRET.encode()),
-        )
-        made = Subject.make(name, secret=self._master.unwrap(secret, _SECRET.encode()))
+        made = Subject.make(name, secret=wrapped_key(self.directory / _SECRET, self._master))
         self._write(made)
         return made
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
+from eskin.privacy.subject import KEY_BYTES
 from sensor_node.budget.traffic import received_for, sent_for
 from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
@@ -48,7 +50,9 @@ def work_of(
     )
     with tempfile.TemporaryDirectory() as folder:
         truth = Truth(Path(folder) / "truth.sqlite", limit=2**24)
-        flash = Flash(Path(folder) / "flash.sqlite")
+        flash = Flash(
+            Path(folder) / "flash.sqlite", node=settings.node.name, key=os.urandom(KEY_BYTES)
+        )
         try:
             return _run(unlimited, (flash, truth), mode, seconds, progress)
         finally:

@@ -23,7 +23,7 @@ from sensor_node.fleet.storage import Storage
 from sensor_node.keys import NodeKeys
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.service import REBOOT
+from sensor_node.service import REBOOT, chip_key
 from sensor_node.settings import RadioSection
 from sensor_node.truth import Truth
 
@@ -47,6 +47,7 @@ def run(settings: NodeSettings) -> None:
     Raises:
         FlashError: Storage or truth cannot be opened.
         IdentityError: A key or certificate cannot be used.
+        PrivacyError: The key of the flash cannot be had.
         SettingsError: There cannot be so many connections, or a setting is none of a fleet.
     """
     stop = threading.Event()
@@ -63,7 +64,7 @@ def run(settings: NodeSettings) -> None:
     names = numbered(settings.node.name, settings.fleet.count)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)
     try:
-        storage = Storage(settings.flash.path, names)
+        storage = Storage(settings.flash.path, names, key=chip_key(settings))
         try:
             _serve(settings, names, storage, truth, stop)
         finally:

@@ -1,47 +1,38 @@
-"""The flash of a fleet: one file, a partition for each node, one synchronised commit for many."""
+"""The flash of a fleet: one file, a partition for each node, one synchronised commit for many.
+
+What is told of the skin is sealed before it reaches the file (`sensor_node.sealing`).
+"""
 
 from __future__ import annotations
 
+import logging
 import sqlite3
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
-from sensor_node.firmware.chip import Kept
+from sensor_node.cipher import Cipher
+from sensor_node.fleet.schema import RECORDS, SCHEMA, SEAL, teach
+from sensor_node.migration import connect, migrate
+from sensor_node.proof import require_key
+from sensor_node.sealing import ANSWER, Row, Sealing, epitaph
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from sensor_node.firmware.chip import Position
+    from sensor_node.firmware.chip import Kept, Position
     from sensor_node.firmware.record import Record
 
-_SCHEMA: Final = """
-CREATE TABLE IF NOT EXISTS member (
-    id INTEGER PRIMARY KEY,
-    name TEXT NOT NULL UNIQUE,
-    boot INTEGER NOT NULL,
-    gaps INTEGER NOT NULL DEFAULT 0
-) STRICT;
-CREATE TABLE IF NOT EXISTS message (
-    member INTEGER NOT NULL,
-    boot INTEGER NOT NULL,
-    sequence INTEGER NOT NULL,
-    shelf INTEGER NOT NULL,      -- where the outbox put it
-    earliest INTEGER NOT NULL,   -- UTC ns
-    latest INTEGER NOT NULL,
-    samples INTEGER NOT NULL,
-    stands_for INTEGER NOT NULL, -- messages: itself, and those that a gap names
-    kind INTEGER NOT NULL,
-    body BLOB NOT NULL,
-    PRIMARY KEY (member, boot, sequence)
-) STRICT, WITHOUT ROWID;
-CREATE TABLE IF NOT EXISTS answer (member INTEGER PRIMARY KEY, body BLOB NOT NULL) STRICT;
-"""
+log = logging.getLogger(__name__)
+
 _SELECT: Final = (
     "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
+)
+_GIVE_UP: Final = (
+    "UPDATE message SET kind = ?, body = ? WHERE member = ? AND boot = ? AND sequence = ?"
 )
 
 
@@ -51,6 +42,7 @@ class Storage:
     Args:
         path: Database file; made if missing.
         names: The members'.
+        key: The chip's, under which all is sealed.
         epoch: Boot of a fresh member; ``None`` takes the present in seconds.
 
     Raises:
@@ -58,22 +50,25 @@ class Storage:
             or written.
     """
 
-    def __init__(self, path: Path, names: Sequence[str], *, epoch: int | None = None) -> None:
-        self._path = path
+    def __init__(
+        self, path: Path, names: Sequence[str], *, key: bytes, epoch: int | None = None
+    ) -> None:
+        self.path = path
+        self._cipher = Cipher(key)
         first = int(time.time()) if epoch is None else epoch
         try:
-            self._owner = LockFile(path)
-            self.db = sqlite3.connect(path, isolation_level=None)
-            self.db.execute("PRAGMA journal_mode = WAL")
-            self.db.execute("PRAGMA synchronous = FULL")
-            self.db.executescript(_SCHEMA)
-            self.db.execute("BEGIN IMMEDIATE")
-            self.db.executemany(
-                "INSERT INTO member (name, boot) VALUES (?, ?) "
-                "ON CONFLICT (name) DO UPDATE SET boot = boot + 1",
-                ((name, first) for name in names),
-            )
-            self.db.execute("COMMIT")
+            with ExitStack() as opened:
+                self._owner = opened.enter_context(LockFile(path))
+                self.db = opened.enter_context(closing(connect(path)))
+                self._migrate()
+                self.db.execute("BEGIN IMMEDIATE")
+                self.db.executemany(
+                    "INSERT INTO member (name, boot) VALUES (?, ?) "
+                    "ON CONFLICT (name) DO UPDATE SET boot = boot + 1",
+                    ((name, first) for name in names),
+                )
+                self.db.execute("COMMIT")
+                opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another fleet runs on this flash; stop it first") from error
         except (OSError, sqlite3.Error) as error:
@@ -85,7 +80,7 @@ class Storage:
 
     def partition(self, name: str) -> Partition:
         """One member's part."""
-        return Partition(self, *self._members[name])
+        return Partition(self, *self._members[name], Sealing(self._cipher, name))
 
     @contextmanager
     def commit(self) -> Iterator[None]:
@@ -105,7 +100,7 @@ class Storage:
         try:
             return self.db.execute(statement, values).fetchall()
         except sqlite3.Error as error:
-            raise FlashError(f"{self._path}: flash cannot be read: {error}") from error
+            raise FlashError(f"{self.path}: flash cannot be read: {error}") from error
 
     @contextmanager
     def writing(self) -> Iterator[None]:
@@ -114,7 +109,7 @@ class Storage:
             yield
         except sqlite3.Error as error:
             raise FlashError(
-                f"{self._path}: flash cannot be written: {error}; make room, sampling goes on "
+                f"{self.path}: flash cannot be written: {error}; make room, sampling goes on "
                 "and gaps will tell"
             ) from error
 
@@ -122,6 +117,15 @@ class Storage:
         """Close the file."""
         self.db.close()
         self._owner.close()
+
+    def _migrate(self) -> None:
+        teach(self.db, self._cipher)
+        migrate(self.db, self.path, schema=SCHEMA, seal=SEAL)
+        require_key(self.db, self.path, Sealing(self._cipher, ""), self._records())
+
+    def _records(self) -> Iterator[tuple[Sealing, Row]]:
+        for name, *row in self.db.execute(RECORDS):
+            yield Sealing(self._cipher, name), Row(*row)
 
 
 class Partition:
@@ -131,11 +135,15 @@ class Partition:
         boot: Number of this start.
     """
 
-    __slots__ = ("_member", "_part", "_storage", "_uncounted", "boot")
+    __slots__ = (
+        "_member", "_part", "_sealing", "_storage", "_uncounted", "_unreadable", "boot",
+    )  # fmt: skip
 
-    def __init__(self, storage: Storage, member: int, boot: int) -> None:
+    def __init__(self, storage: Storage, member: int, boot: int, sealing: Sealing) -> None:
         self._storage = storage
+        self._sealing = sealing
         self._member = member
+        self._unreadable = 0
         self._part = self._uncounted = False
         self.boot = boot
 
@@ -185,11 +193,11 @@ class Partition:
 
     def append(self, boot: int, record: Record, shelf: int) -> None:
         """Keep a message on a shelf."""
-        place = self._member, boot, record.sequence, shelf, record.earliest, record.latest
-        rest = record.samples, 1 + record.named, record.kind, record.body
+        row = self._sealing.row(boot, record)
         with self._storage.writing():
             self._storage.db.execute(
-                "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?,?)", (*place, *rest)
+                "INSERT OR REPLACE INTO message VALUES (?,?,?,?,?,?,?,?,?,?,?)",
+                (self._member, *row[:2], shelf, *row[4:], row.kind, row.body, len(record.body)),
             )
 
     def delete(self, boot: int, first: int, last: int) -> tuple[int, int]:
@@ -197,7 +205,7 @@ class Partition:
         with self._storage.writing():
             rows = self._storage.db.execute(
                 "DELETE FROM message WHERE member = ? AND boot = ? AND sequence BETWEEN ? AND ? "
-                "RETURNING length(body)",
+                "RETURNING size",
                 (self._member, boot, first, last),
             ).fetchall()
         return len(rows), sum(row[0] for row in rows)
@@ -220,34 +228,40 @@ class Partition:
     def level(self) -> tuple[int, int]:
         """How many messages it keeps, and their bytes."""
         rows = self._storage.query(
-            "SELECT count(*), coalesce(sum(length(body)), 0) FROM message WHERE member = ?",
+            "SELECT count(*), coalesce(sum(size), 0) FROM message WHERE member = ?",
             self._member,
         )
         return rows[0][0], rows[0][1]
 
     def gaps(self) -> int:
-        """How many gaps were ever recorded."""
-        rows = self._storage.query("SELECT gaps FROM member WHERE id = ?", self._member)
-        gaps: int = rows[0][0]
-        return gaps
+        """How many gaps were ever recorded, with those in the place of unreadable records."""
+        rows = self._storage.query(
+            "SELECT gaps, coalesce(records, 0) FROM member LEFT JOIN unreadable ON member = id "
+            "WHERE id = ?",
+            self._member,
+        )
+        gaps, self._unreadable = rows[0]
+        return int(gaps) + self._unreadable
 
     def keep_gaps(self, gaps: int) -> None:
-        """Keep that number."""
+        """Keep that number; those that came since it was asked are counted here."""
         with self._storage.writing():
             self._storage.db.execute(
-                "UPDATE member SET gaps = ?1 WHERE id = ?2 AND gaps <> ?1", (gaps, self._member)
+                "UPDATE member SET gaps = ?1 WHERE id = ?2 AND gaps <> ?1",
+                (gaps - self._unreadable, self._member),
             )
 
     def answer(self) -> bytes | None:
         """The last result, also after it was acknowledged."""
         rows = self._storage.query("SELECT body FROM answer WHERE member = ?", self._member)
-        return rows[0][0] if rows else None
+        return self._sealing.open_answer(rows[0][0], self._storage.path) if rows else None
 
     def keep_answer(self, body: bytes) -> None:
         """Keep the last result apart from the messages."""
+        sealed = self._sealing.seal_last(ANSWER, body)
         with self._storage.writing():
             self._storage.db.execute(
-                "INSERT OR REPLACE INTO answer VALUES (?, ?)", (self._member, body)
+                "INSERT OR REPLACE INTO answer VALUES (?, ?)", (self._member, sealed)
             )
 
     def charge(self) -> bytes:
@@ -259,9 +273,14 @@ class Partition:
 
     def _select(self, condition: str, *values: int) -> list[Kept]:
         statement = f"{_SELECT} WHERE member = ? {condition}"
-        return [
-            Kept((boot, sequence), kind, body, (earliest, latest), samples, stands_for)
-            for boot, sequence, kind, body, earliest, latest, samples, stands_for in (
-                self._storage.query(statement, self._member, *values)
-            )
-        ]
+        rows = [Row(*row) for row in self._storage.query(statement, self._member, *values)]
+        return [self._sealing.open(row) or self._give_up(row) for row in rows]
+
+    def _give_up(self, row: Row) -> Kept:
+        """Tell a record that does not open as lost, by a gap in its place."""
+        gap = epitaph(row)
+        body = self._sealing.seal(gap).body
+        with self._storage.writing():
+            self._storage.db.execute(_GIVE_UP, (gap.kind, body, self._member, *gap.position))
+        log.error("record lost: node=%s boot=%d sequence=%d", self._sealing, *gap.position)
+        return gap

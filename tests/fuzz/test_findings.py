@@ -28,12 +28,12 @@ from eskin.tube import Tube
 from gateway.record import NodeRecord
 from gateway.settings import GatewaySettings
 from gateway.spool import Spool
-from sensor_node.flash import Flash
 from sensor_node.replay.recording import read_recording
 from sensor_node.replay.rows import read_rows
 from sensor_node.scenario import read_scenario
 from sensor_node.truth import Truth
 from tests.fuzz.targets import enrolment, requests
+from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -125,26 +125,26 @@ def test_odd_body_for_the_ca_is_refused_and_no_fault(tmp_path: Path) -> None:
 
 def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "flash.db"
-    Flash(path, epoch=1).close()
+    open_flash(path).close()
     with sqlite3.connect(path) as database:
         never = "CREATE TRIGGER never BEFORE INSERT ON counter BEGIN SELECT raise(IGNORE); END"
         database.execute(never)
         database.execute("DELETE FROM counter")
     database.close()
     with pytest.raises(FlashError, match="damaged"):
-        Flash(path)
+        open_flash(path)
 
 
 def test_damaged_page_is_noticed_when_it_is_opened(tmp_path: Path) -> None:
     flash, spool = tmp_path / "flash.db", tmp_path / "spool.db"
-    Flash(flash, epoch=1).close()
+    open_flash(flash).close()
     Spool(spool, capacity=1000, letters=5).close()
     for path in (flash, spool):
         image = bytearray(path.read_bytes())
         image[4096:4200] = b"\xff" * 104
         path.write_bytes(image)
     with pytest.raises(FlashError):
-        Flash(flash)
+        open_flash(flash)
     with pytest.raises(SpoolError):
         Spool(spool, capacity=1000, letters=5)
 

@@ -25,7 +25,6 @@ from gateway.settings import IdentitySection as GatewayIdentity
 from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
 from sensor_node.firmware.record import Channel
-from sensor_node.flash import Flash
 from sensor_node.machine.radio import Radio, Traffic
 from sensor_node.publisher import Publisher
 from sensor_node.service import build_outbox
@@ -36,6 +35,7 @@ from tests.brokers import Mosquitto
 from tests.cloud.service import Service
 from tests.processes import accepts, wait_until
 from tests.sensor_node.controls import SimpleControls
+from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -56,7 +56,9 @@ class ObedientNode:
 
     def __enter__(self) -> Self:
         broker = NodeBroker(port=self._port, resend_s=0.5, drain_s=5.0, keepalive_s=5)
-        self.flash = Flash(self._folder / f"{self._identity.name}.sqlite")
+        self.flash = open_flash(
+            self._folder / f"{self._identity.name}.sqlite", epoch=None, node=self._identity.name
+        )
         self.outbox = build_outbox(self.flash, capacity=10**6, broker=broker)
         self.controls = SimpleControls()
         commander = Commander(

@@ -8,9 +8,11 @@ from contextlib import closing
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.messages import Gap, decode_message
+from eskin.privacy.subject import KEY_BYTES
 from sensor_node.firmware.record import GAP
-from sensor_node.flash import Flash
 from tests.sensor_node.designs import waiting
+from tests.sensor_node.flashes import on_disk, open_flash
+from tests.sensor_node.old_flash import SECRETS, write_old_flash
 from tests.sensor_node.stores import Store
 
 if TYPE_CHECKING:
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from tests.powercut.journal import Marks
 
 _NAME: Final = "flash.sqlite"
+_KEY: Final = bytes(KEY_BYTES)
+"""Another process looks at what a cut has left."""
 _ROOM: Final = 400_000
 _BATCHES: Final = 130
 
@@ -28,7 +32,7 @@ _BATCHES: Final = 130
 def work(folder: Path, draw: random.Random, marks: Marks) -> None:
     """Live a node's life, with a restart in its middle."""
     for _ in range(2):
-        store = Store(folder / _NAME, _ROOM)
+        store = Store(folder / _NAME, _ROOM, key=_KEY)
         marks.tell("boot", store.flash.boot)
         said: list[Position] = []
         for _ in range(_BATCHES):
@@ -57,7 +61,7 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
         {tuple(place) for what, places in marks if what == kind for place in places}
         for kind in ("did", "forgets")
     )
-    with closing(Flash(folder / _NAME, epoch=1)) as flash:
+    with closing(open_flash(folder / _NAME, key=_KEY)) as flash:
         found = waiting(flash)
         boot = flash.boot
     assert boot > max((which[0] for what, which in marks if what == "boot"), default=0)
@@ -74,6 +78,35 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
     assert not (twice := there & named), f"there, and told as lost: {sorted(twice)[:5]}"
     with closing(sqlite3.connect(folder / _NAME)) as database:
         assert database.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
+
+
+def begin_sealing(folder: Path, draw: random.Random, marks: Marks) -> None:
+    """Open a flash from before, which seals it."""
+    bodies = {(5, n): b"%d in the clear" % n * draw.randint(1, 60) for n in range(120)}
+    write_old_flash(folder / _NAME, bodies)
+    for (boot, n), body in bodies.items():
+        marks.tell("did", boot, n, _digest(body))
+    marks.tell("written")
+    open_flash(folder / _NAME, key=_KEY).close()
+    marks.tell("sealed")
+
+
+def check_sealing(folder: Path, marks: list[list[Any]]) -> None:
+    """All is there, and nothing lies in the clear once it is opened; sealed it stays."""
+    told = {what for what, _ in marks}
+    if "sealed" in told:
+        assert not [secret for secret in SECRETS if secret in on_disk(folder)]
+    with closing(open_flash(folder / _NAME, key=_KEY)) as flash:
+        found = {kept.position: _digest(kept.body) for kept in waiting(flash)}
+        assert not [secret for secret in SECRETS if secret in on_disk(folder)]
+    if "written" in told:
+        did = {
+            (boot, n): digest
+            for what, which in marks
+            if what == "did"
+            for boot, n, digest in [which]
+        }
+        assert found == did
 
 
 def _digest(body: bytes) -> str:

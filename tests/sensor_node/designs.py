@@ -9,7 +9,6 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from sensor_node.firmware import inversion
-from sensor_node.flash import Flash
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
 from sensor_node.machine.radio import Radio, Traffic
@@ -19,6 +18,7 @@ from sensor_node.service import build_outbox
 from sensor_node.settings import NodeSettings
 from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
+from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from sensor_node.firmware.chip import Kept
+    from sensor_node.flash import Flash
     from sensor_node.taxels import AnyTaxel
 
 START = 1_790_000_000_000_000_000
@@ -103,7 +104,7 @@ class Bench:
     ) -> None:
         self.settings = settings(folder, profile, **sections)
         self.truth = Truth(self.settings.truth.path, limit=self.settings.truth.limit_bytes)
-        self.flash = Flash(self.settings.flash.path, epoch=1)
+        self.flash = open_flash(self.settings.flash.path)
         self.outbox = build_outbox(
             self.flash,
             capacity=self.settings.flash.capacity_bytes,

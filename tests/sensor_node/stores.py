@@ -8,10 +8,10 @@ from eskin.messages import Gap, decode_message
 from sensor_node.firmware.encoding import F64
 from sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
 from sensor_node.firmware.record import Channel
-from sensor_node.flash import Flash
 from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.sensor_node.designs import waiting
+from tests.sensor_node.flashes import KEY, open_flash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,8 +28,8 @@ EVENT = PeakEvent(CERTAIN, Span(0, 0.0, 1.0))
 class Store:
     """An outbox on a flash."""
 
-    def __init__(self, path: Path, capacity: int = ROOM) -> None:
-        self.flash = Flash(path, epoch=1)
+    def __init__(self, path: Path, capacity: int = ROOM, *, key: bytes = KEY) -> None:
+        self.flash = open_flash(path, key=key)
         broker = BrokerSection(window=10_000)
         self.outbox = build_outbox(self.flash, capacity=capacity, broker=broker)
 

@@ -21,6 +21,7 @@ from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.sensor_node.controls import SimpleControls
 from tests.sensor_node.designs import waiting
+from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -46,7 +47,7 @@ class Rig:
 
     def begin(self) -> None:
         """Switch the node on."""
-        self.flash = Flash(self.path)
+        self.flash = open_flash(self.path, epoch=None)
         self.outbox = build_outbox(self.flash, capacity=10**6, broker=BrokerSection())
         self.controls = SimpleControls()
         self.commander = Commander(

@@ -19,10 +19,10 @@ from eskin.messages import (
 from eskin.messages.head import Position
 from sensor_node.budget.traffic import sent_for
 from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
-from sensor_node.flash import Flash
 from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, START, Bench, settings, waiting
+from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -160,7 +160,7 @@ class Lives:
         self.start = START
 
     def begin(self) -> Node:
-        self.flash = Flash(self.settings.flash.path, epoch=1)
+        self.flash = open_flash(self.settings.flash.path)
         self.truth = Truth(self.settings.truth.path, limit=2**24)
         outbox = build_outbox(self.flash, capacity=2**24, broker=self.settings.broker)
         node, _ = build_node(self.settings, outbox=outbox, truth=self.truth, start=self.start)

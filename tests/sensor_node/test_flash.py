@@ -10,8 +10,8 @@ from eskin.messages import Block, Gap, Peak
 from eskin.sequences import SequenceRanges
 from sensor_node.firmware.losses import MOST_SPANS
 from sensor_node.firmware.reasons import FAILED, FULL, OVERRUN, TEXTS
-from sensor_node.flash import Flash
 from tests.sensor_node.designs import waiting
+from tests.sensor_node.flashes import open_flash
 from tests.sensor_node.stores import Store, plain
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def small(path: Path) -> Iterator[Store]:
 
 def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> None:
     for boot in (1, 2, 3):
-        flash = Flash(path, epoch=1)
+        flash = open_flash(path)
         assert flash.boot == boot
         with sqlite3.connect(path) as other:
             kept = other.execute("SELECT value FROM counter WHERE name = 'boot'").fetchone()
@@ -223,7 +223,7 @@ def test_error_of_a_part_inside_a_batch_stores_none_of_it(store: Store) -> None:
 def test_opening_what_is_no_flash_is_a_clear_error(path: Path) -> None:
     path.write_bytes(b"no database at all, but long enough to be looked at" * 100)
     with pytest.raises(FlashError, match="cannot be opened"):
-        Flash(path, epoch=1)
+        open_flash(path)
 
 
 def test_long_failure_is_told_in_one_readable_gap(
@@ -246,8 +246,8 @@ def test_long_failure_is_told_in_one_readable_gap(
 
 
 def test_second_node_on_one_flash_is_refused(path: Path) -> None:
-    first = Flash(path, epoch=1)
+    first = open_flash(path)
     with pytest.raises(FlashError, match="another node runs on this flash"):
-        Flash(path, epoch=1)
+        open_flash(path)
     first.close()
-    Flash(path, epoch=1).close()
+    open_flash(path).close()

@@ -11,7 +11,11 @@ from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from eskin.messages import Block, Gap, Position, decode_message
+from eskin.privacy import open_key
+from eskin.settings import KeysSection
+from sensor_node.cipher import Cipher
 from sensor_node.firmware.reasons import OVERRUN, TEXTS
+from sensor_node.sealing import Row, Sealing
 from sensor_node.service import REBOOT
 from sensor_node.truth import Truth
 from tests.processes import ESKIN, Running, free_port, wait_until
@@ -38,6 +42,7 @@ path = "{folder}/flash.sqlite"
 [truth]
 path = "{folder}/truth.sqlite"
 """
+_ROWS = "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message"
 
 
 class Service(Running):
@@ -66,10 +71,13 @@ class Service(Running):
             return {}
         with closing(sqlite3.connect(f"{path.as_uri()}?mode=ro", uri=True)) as db:
             try:
-                rows = db.execute("SELECT boot, sequence, body FROM message").fetchall()
+                rows = db.execute(_ROWS).fetchall()
             except sqlite3.OperationalError:
                 return {}
-        return {Position(boot, sequence): body for boot, sequence, body in rows}
+        key = open_key(KeysSection(), self.folder / "keys", "fingertip.flash")
+        sealing = Sealing(Cipher(key), "fingertip")
+        kept = [sealing.open(Row(*row)) for row in rows]
+        return {Position(*each.position): each.body for each in kept if each is not None}
 
 
 def test_killed_node_keeps_what_it_committed_and_never_reuses_a_position(

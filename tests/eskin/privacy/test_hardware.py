@@ -10,7 +10,7 @@ import pytest
 from pkcs11 import Attribute, AttributeSensitive
 
 from eskin.errors import PrivacyError, SettingsError
-from eskin.privacy import open_vault
+from eskin.privacy import open_key, open_vault
 from eskin.privacy.hardware import LABEL, TokenMaster
 from eskin.settings import KeysSection
 
@@ -55,6 +55,17 @@ def test_master_key_does_not_come_out_of_the_token(token: KeysSection, tmp_path:
     assert key.label == LABEL
     with pytest.raises(AttributeSensitive):
         key[Attribute.VALUE]
+
+
+def test_key_of_a_flash_is_wrapped_by_the_token(token: KeysSection, tmp_path: Path) -> None:
+    key = open_key(token, tmp_path, "hand.flash")
+    assert open_key(token, tmp_path, "hand.flash") == key
+    assert open_key(token, tmp_path, "palm.flash") != key
+    assert key not in (tmp_path / "hand.flash").read_bytes()
+    assert not (tmp_path / "master.key").exists()
+    (tmp_path / "hand.flash").rename(tmp_path / "palm.flash")
+    with pytest.raises(PrivacyError, match=r"palm\.flash was not wrapped by token"):
+        open_key(token, tmp_path, "palm.flash")
 
 
 def test_wrong_pin_missing_token_and_open_pin_file_are_refused(

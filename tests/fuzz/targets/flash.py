@@ -6,15 +6,17 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from eskin.errors import FlashError
-from sensor_node.flash import Flash
 from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.fuzz.mutations.octets import mutate_image
 from tests.fuzz.target import Target
+from tests.sensor_node.flashes import open_flash
 from tests.sensor_node.stores import Store
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from sensor_node.flash import Flash
 
 _CAPACITY = 1 << 16
 
@@ -34,7 +36,7 @@ def make(folder: Path) -> Target:
         path.write_bytes(data)
         with ExitStack() as stack:
             try:
-                flash = Flash(path, epoch=1)
+                flash = open_flash(path)
                 stack.callback(flash.close)
                 _use(flash)
             except FlashError:

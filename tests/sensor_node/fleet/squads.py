@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from sensor_node.controls import NodeControls
-from sensor_node.flash import Flash
 from sensor_node.fleet.controls import MemberControls
 from sensor_node.fleet.squad import Squad, member_seed
 from sensor_node.fleet.storage import Storage
 from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, START, settings, table, waiting
+from tests.sensor_node.flashes import KEY, open_flash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,7 +42,7 @@ class Bench:
             **DESIGN | sections,
         )
         self.ticks = 0
-        self.storage = Storage(folder / "fleet.sqlite", NAMES, epoch=BOOT)
+        self.storage = Storage(folder / "fleet.sqlite", NAMES, key=KEY, epoch=BOOT)
         self.truth = Truth(folder / "known.sqlite", limit=2**30)
         self.squad = self.build()
 
@@ -102,7 +102,7 @@ class Single:
     def __init__(self, bench: Bench, row: int, folder: Path) -> None:
         folder.mkdir()
         own = bench.settings.node.model_copy(update={"seed": member_seed(SEED, row)})
-        self.flash = Flash(folder / "flash.sqlite", epoch=BOOT)
+        self.flash = open_flash(folder / "flash.sqlite", epoch=BOOT)
         self.truth = Truth(folder / "truth.sqlite", limit=2**30)
         outbox = build_outbox(self.flash, capacity=2**30, broker=bench.settings.broker)
         design = bench.settings.model_copy(update={"node": own})

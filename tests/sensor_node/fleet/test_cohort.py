@@ -12,12 +12,12 @@ from hypothesis import settings as effort
 from hypothesis import strategies as st
 
 from sensor_node.firmware.record import BLOCK, PEAK
-from sensor_node.flash import Flash
 from sensor_node.fleet.cohort import Cohort
 from sensor_node.fleet.crew import Crew, Recruit
 from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
+from tests.sensor_node.flashes import open_flash
 
 Said = dict[tuple[int, int], tuple[Any, ...]]
 
@@ -36,7 +36,7 @@ def seldom(kind: str) -> dict[str, Any]:
 
 def alone(given: Any, folder: Path, member: Recruit, moments: list[int]) -> tuple[Any, Any]:
     """Messages and truth of one node that runs by itself."""
-    flash = Flash(folder / "flash.sqlite", epoch=member.boot)
+    flash = open_flash(folder / "flash.sqlite", epoch=member.boot)
     outbox = build_outbox(flash, capacity=2**30, broker=given.broker)
     truth = Truth(folder / "truth.sqlite", limit=2**30)
     design = given.model_copy(update={"node": given.node.model_copy(update={"seed": member.seed})})

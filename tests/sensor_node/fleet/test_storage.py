@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +15,9 @@ from sensor_node.firmware.record import BLOCK, Record
 from sensor_node.fleet.outbox import MemberOutbox
 from sensor_node.fleet.storage import Storage
 from sensor_node.fleet.telling import Nodes
+from sensor_node.sealing import UNREADABLE
+from tests.sensor_node.flashes import KEY, change, on_disk
+from tests.sensor_node.old_flash import ANSWER, SECRETS, TIME, write_old_storage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -23,7 +28,7 @@ NAMES = ["a-0001", "a-0002"]
 
 @pytest.fixture
 def storage(tmp_path: Path) -> Iterator[Storage]:
-    opened = Storage(tmp_path / "flash.sqlite", NAMES, epoch=7)
+    opened = Storage(tmp_path / "flash.sqlite", NAMES, key=KEY, epoch=7)
     yield opened
     opened.close()
 
@@ -116,9 +121,66 @@ def test_undone_acknowledgements_leave_everything_to_be_sent_again(storage: Stor
 
 def test_each_start_counts_the_boot_of_each_member(tmp_path: Path) -> None:
     path = tmp_path / "flash.sqlite"
-    Storage(path, NAMES[:1], epoch=7).close()
-    again = Storage(path, NAMES, epoch=20)
+    Storage(path, NAMES[:1], key=KEY, epoch=7).close()
+    again = Storage(path, NAMES, key=KEY, epoch=20)
     assert [again.partition(name).boot for name in NAMES] == [8, 20]
     with pytest.raises(FlashError, match="another fleet runs"):
-        Storage(path, NAMES)
+        Storage(path, NAMES, key=KEY)
     again.close()
+
+
+def test_no_file_shows_what_members_keep(storage: Storage, tmp_path: Path) -> None:
+    one, other = outboxes(storage)
+    secrets = b"what one keeps", b"what another keeps"
+    with storage.commit():
+        for outbox, body in zip((one, other), secrets, strict=True):
+            outbox.write([block(outbox, body)])
+    for partition in (storage.partition(name) for name in NAMES):
+        partition.keep_answer(secrets[0] + b" of itself")
+    assert not [secret for secret in secrets if secret in on_disk(tmp_path)]
+    assert storage.partition(NAMES[0]).answer() == secrets[0] + b" of itself"
+    storage.close()
+    assert not [secret for secret in secrets if secret in on_disk(tmp_path)]
+
+
+def test_records_exchanged_between_members_are_told_as_lost(
+    storage: Storage, tmp_path: Path
+) -> None:
+    for outbox, body in zip(outboxes(storage), (b"one", b"other"), strict=True):
+        with storage.commit():
+            outbox.write([block(outbox, body), block(outbox, body)])
+    path = tmp_path / "flash.sqlite"
+    with closing(sqlite3.connect(path)) as db:
+        found = dict(db.execute("SELECT member, body FROM message WHERE sequence = 1").fetchall())
+    for member, body in zip(found, reversed(found.values()), strict=True):
+        change(path, "UPDATE message SET body = ? WHERE sequence = 1 AND member = ?", body, member)
+    for name, body in zip(NAMES, (b"one", b"other"), strict=True):
+        partition = storage.partition(name)
+        whole, lost = partition.after((-1, -1), 9)
+        gap = decode_message(lost.body)
+        assert whole.body == body
+        assert isinstance(gap, Gap)
+        assert (gap.reason, gap.lost) == (UNREADABLE, ((7, 1, 1),))
+        assert partition.gaps() == 1
+        partition.keep_gaps(3)
+        assert storage.partition(name).gaps() == 3
+        assert partition.level() == (2, 2 * len(body))
+
+
+def test_fleet_from_before_is_sealed_and_leaves_nothing_behind(tmp_path: Path) -> None:
+    path = tmp_path / "flash.sqlite"
+    bodies = {name: b"of %b in the clear" % name.encode() * 50 for name in NAMES}
+    write_old_storage(path, NAMES, bodies)
+    for boot in (6, 7):
+        storage = Storage(path, NAMES, key=KEY)
+        for name in NAMES:
+            partition = storage.partition(name)
+            (kept,) = partition.after((-1, -1), 9)
+            assert (kept.body, kept.time, kept.position) == (bodies[name], TIME, (5, 7))
+            assert (partition.boot, partition.gaps()) == (boot, 2)
+            assert partition.answer() == ANSWER
+            assert partition.level() == (1, len(bodies[name]))
+        assert not [secret for secret in SECRETS if secret in on_disk(tmp_path)]
+        storage.close()
+    with pytest.raises(FlashError, match="another key"):
+        Storage(path, NAMES, key=bytes(32))

@@ -12,12 +12,12 @@ import pytest
 
 import sensor_node
 from eskin.errors import SettingsError
-from sensor_node.flash import Flash
 from sensor_node.machine.budget import PROGRAM, ram_budget, require_fit, taxel_objects
 from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import Bench, settings
 from tests.sensor_node.firmware.jobs import Recorder
+from tests.sensor_node.flashes import open_flash
 
 ROOM = Path(sensor_node.__file__).parent
 PORT = Path(__file__).parents[2] / "micropython"
@@ -86,7 +86,7 @@ def test_node_that_does_not_fit_is_refused_with_numbers_and_remedy(
     tmp_path: Path,
 ) -> None:
     small = settings(tmp_path, "hand", machine={"ram_bytes": 262_144})
-    flash, truth = Flash(small.flash.path), Truth(small.truth.path, limit=10**6)
+    flash, truth = open_flash(small.flash.path), Truth(small.truth.path, limit=10**6)
     outbox = build_outbox(flash, capacity=10**6, broker=small.broker)
     need = ram_budget(small).total
     assert need > 262_144

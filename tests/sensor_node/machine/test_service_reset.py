@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from eskin.messages import Gap, ResetCause, Result, Status
-from sensor_node.flash import Flash
 from sensor_node.service import _serve, build_outbox
 from sensor_node.truth import Truth
 from tests.processes import wait_until
 from tests.sensor_node.designs import settings
+from tests.sensor_node.flashes import open_flash
 from tests.sensor_node.machine.hanging import hang
 from tests.sensor_node.peer import Peer
 
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 @contextmanager
 def serving(given: NodeSettings) -> Iterator[None]:
     """A node's service in a thread."""
-    flash = Flash(given.flash.path, epoch=1)
+    flash = open_flash(given.flash.path)
     outbox = build_outbox(flash, capacity=10**8, broker=given.broker)
     truth = Truth(given.truth.path, limit=10**8)
     stop = threading.Event()
