@@ -22,6 +22,7 @@ from cloud.routes import (
     ingest,
     live,
     login,
+    models,
     nodes,
     notices,
     prediction,
@@ -40,7 +41,7 @@ def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
-    asked = nodes, commands, series, comparison, prediction, export, events, live
+    asked = nodes, commands, series, comparison, models, prediction, export, events, live
     for resource in (*asked, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
