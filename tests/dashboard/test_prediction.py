@@ -36,7 +36,7 @@ def asked(demo: RunningDemo, path: str, **parameters: Any) -> Any:
         return answer.json()
 
 
-@pytest.mark.parametrize("options", [{}, {"device_scale_factor": 1.5}])
+@pytest.mark.parametrize("options", [{"device_scale_factor": 1.5}])
 def test_painted_tube_encloses_what_is_predicted(visit: Visit, recorded: int) -> None:
     end = recorded - 3600 * SECOND  # nothing was measured then that could be painted over it
     origin = format_moment(end - 3 * SECOND)
