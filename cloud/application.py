@@ -18,14 +18,17 @@ from cloud.routes import (
     deliveries,
     events,
     export,
+    gateways,
     health,
     ingest,
     live,
     login,
+    models,
     nodes,
     notices,
     prediction,
     series,
+    storage,
     subjects,
     tokens,
 )
@@ -40,8 +43,8 @@ def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
     limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
-    asked = nodes, commands, series, comparison, prediction, export, events, live
-    for resource in (*asked, tokens, audit_log, subjects):
+    asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
+    for resource in (*asked, storage, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
     app.include_router(health.router)
     app.include_router(login.router)

@@ -60,6 +60,13 @@ class Metrics:
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
         self._gauge("waiting", "Gateways that wait for commands.", lambda: board.waiting)
         self._gauge("feed_cursor", "Latest place in the feed.", lambda: feed.last)
+        self._watch(store)
+
+    def write(self) -> bytes:
+        """All figures in Prometheus' text format."""
+        return generate_latest(self._registry)
+
+    def _watch(self, store: Store) -> None:
         self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
         self._gauge(
             "store_bytes", "What the store takes of the disk.", lambda: measure_disk(store).taken
@@ -70,14 +77,15 @@ class Metrics:
             lambda: measure_disk(store).free,
         )
         self._gauge("samples", "Samples in the store.", lambda: measure_disk(store).samples)
+        self._gauge(
+            "store_bytes_per_sample",
+            "Bytes a sample, of what is taken and not free.",
+            lambda: measure_disk(store).each or 0.0,
+        )
         self._gauge("commits", "Commits since the start.", lambda: store.writer.commits)
         self._gauge(
             "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)
         )
-
-    def write(self) -> bytes:
-        """All figures in Prometheus' text format."""
-        return generate_latest(self._registry)
 
     def _gauge(self, name: str, text: str, read: Callable[[], float]) -> None:
         gauge = Gauge(f"eskin_cloud_{name}", text, registry=self._registry)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from cloud.query.runs import Run
     from cloud.query.series import Series
     from cloud.query.window import Window
+    from cloud.settings import NodesSection
     from eskin.messages import Block
 
 Json: TypeAlias = dict[str, Any]
@@ -181,7 +182,20 @@ def node_shape(row: Row, *, channels: int, health: str) -> Json:
         "energy": None if row["shedding"] is None else _energy_shape(row),
         "faults": None if row["faults"] is None else json.loads(row["faults"]),
         "channels": channels,
+        "lag": lag_shape(row),
     }
+
+
+def lag_shape(row: Row) -> Json | None:
+    """How long after its last sample the latest block was stored."""
+    return None if row["lag_lo"] is None else {"lo_ns": row["lag_lo"], "hi_ns": row["lag_hi"]}
+
+
+def health_shape(judged: NodesSection, silence: float) -> str:
+    """The verdict on who has been silent for so many seconds."""
+    if silence >= judged.silence_s:
+        return "offline"
+    return "online" if silence < judged.late_s else "late"
 
 
 def taxel_shapes(row: Row) -> list[Json]:

@@ -20,6 +20,7 @@ from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
 from gateway.commands import Commands
 from gateway.complaints import Complaints
+from gateway.condition import Condition
 from gateway.counters import Counters
 from gateway.courier import Courier
 from gateway.deliveries import HttpsDeliveries
@@ -120,6 +121,7 @@ class Gateway:
         self._revocations = Revocations(Trust.following(root), settings.identity.revocations)
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
+        self.keyring.warrants.tell(Condition(self.spool, self._presence))
         self.commands = Commands(settings.commands.resend_s)
         self.broker = self._make_broker()
         self._onlookers = Onlookers()

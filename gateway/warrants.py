@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Final
 
 import jwt
 
+from eskin.errors import SpoolError
 from eskin.identity import der
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from eskin.identity import Identity
 
@@ -32,6 +33,11 @@ class Warrants:
     def __init__(self, identity: Identity, *, clock: Callable[[], float] = time) -> None:
         self._identity = identity
         self._clock = clock
+        self._state: Callable[[], Mapping[str, object]] | None = None
+
+    def tell(self, state: Callable[[], Mapping[str, object]]) -> None:
+        """Tell the cloud of the gateway's state with each request from now on."""
+        self._state = state
 
     def take(self, identity: Identity) -> None:
         """Sign with a renewed identity from now on."""
@@ -48,7 +54,16 @@ class Warrants:
             "exp": now + TOKEN_S,
             "jti": str(uuid.uuid4()),
             "sha256": hashlib.sha256(body).hexdigest(),
+            **self._told(),
         }
         chain = [b64encode(der(part)).decode() for part in own.chain]
         token = jwt.encode(claims, own.key, algorithm="ES256", headers={"x5c": chain})
         return {"Content-Type": "application/cbor", "Authorization": f"Bearer {token}"}
+
+    def _told(self) -> dict[str, object]:
+        if self._state is None:
+            return {}
+        try:
+            return {"state": self._state()}
+        except SpoolError:  # what cannot be read is told by those who need it, and hinders nobody
+            return {}

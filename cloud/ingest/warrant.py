@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import jwt
 
+from cloud.ingest.condition import Condition
 from cloud.ingest.errors import UnauthenticatedError
 from eskin.errors import IdentityError
 from eskin.identity import common_name
@@ -36,10 +37,12 @@ class Warrant:
     Attributes:
         gateway: Common name.
         sha256: Hash of the body that it was made for, hexadecimal.
+        condition: What the gateway tells of itself, if it does.
     """
 
     gateway: str
     sha256: str
+    condition: Condition | None = None
 
     def require_body(self, sha256: str) -> None:
         """Check the hash of the body that came.
@@ -110,7 +113,7 @@ class Verifier:
             raise UnauthenticatedError(f"the gateway's token is refused: {error}") from error
         name = common_name(leaf)
         self._require_claims(claims, name)
-        return Warrant(name, claims["sha256"])
+        return Warrant(name, claims["sha256"], Condition.read(claims.get("state")))
 
     def _require_claims(self, claims: dict[str, Any], name: str) -> None:
         if claims["iss"] != name:

@@ -1,95 +1,29 @@
-"""Predictions: quantities of the ³S models over time, with intervals for parameters."""
+"""Predictions: a quantity of a ³S model over time, with intervals for parameters."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from inspect import Parameter, signature
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-import eskin
 from eskin.errors import IntervalError, QueryError
 from eskin.interval import Interval
 from eskin.moment import SECOND
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
     from cloud.pyramid.pieces import Integers
+    from cloud.query.models import Model
     from eskin.interval import Floats
 
 _FOREVER: Final = 2**63 - 1
 _FAR: Final = 2**62
 _LONG_S: Final = 1e30
 """More than any time in s that 64 bit hold; models take it."""
-
-
-def constant(_time: Interval, *, value: Interval) -> Interval:
-    """The same at all times: a band."""
-    return value
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A quantity over time.
-
-    Attributes:
-        name: Of a function of `eskin.models`, or `constant`.
-        part: Which of what it gives; ``None`` where it gives one.
-        unit: UCUM code; ``None`` where it is whatever its parameters have.
-    """
-
-    name: str
-    part: str | None
-    unit: str | None
-
-    @property
-    def function(self) -> Callable[..., Any]:
-        """Time and parameters to intervals."""
-        return constant if self.name == "constant" else getattr(eskin.models, self.name)
-
-    def require_parameters(self, given: Mapping[str, Interval]) -> None:
-        """Check names.
-
-        Raises:
-            QueryError: One is missing, or none of the model's.
-        """
-        known = {p.name: p for p in signature(self.function).parameters.values()}
-        known = {name: p for name, p in known.items() if p.kind is Parameter.KEYWORD_ONLY}
-        for name in given:
-            if name not in known:
-                raise QueryError("parameter", f"{name!r} is none of {', '.join(known)}")
-        for name, each in known.items():
-            if each.default is Parameter.empty and name not in given:
-                raise QueryError("parameter", f"{name} is missing; give parameter={name}:LO:HI")
-
-
-MODELS: Final = {
-    model.name if model.part is None else f"{model.name}.{model.part}": model
-    for model in (
-        Model("constant", None, None),
-        Model("alternating_capacitance", None, "F"),
-        Model("alternating_capacitance_paper", None, "F"),
-        Model("harmonic_capacitance", None, "F"),
-        Model("capacitive_chain", "frequency", "Hz"),
-        Model("capacitive_chain", "current", "A"),
-        Model("moving_plate", "distance", "m"),
-        Model("moving_plate", "capacitance", "F"),
-        Model("proximity", "distance", "m"),
-        Model("proximity", "inductance", "H"),
-        Model("proximity", "frequency", "Hz"),
-        Model("resonance", "inductance", "H"),
-        Model("resonance", "oscillation", "Hz"),
-        Model("resonance", "current", "A"),
-        Model("touch", "area", "m2"),
-        Model("touch", "capacitance", "F"),
-        Model("touch", "energy", "J"),
-    )
-}
-"""All that may be asked for, by name."""
 
 
 @dataclass(frozen=True, slots=True)

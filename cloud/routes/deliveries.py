@@ -5,6 +5,7 @@ import time
 from typing import Final
 
 from fastapi import APIRouter, Request
+from sqlalchemy import Connection
 from starlette.responses import Response
 
 from cloud.commands.deliveries import (
@@ -16,9 +17,12 @@ from cloud.commands.deliveries import (
 )
 from cloud.dependencies import CloudState
 from cloud.ingest.reception import MEDIA_TYPE, received
+from cloud.ingest.warrant import Warrant
 from cloud.problems import documented
 from cloud.routes.documents import CBOR_BODY
 from cloud.state import Cloud
+from cloud.store.gateways import hear
+from eskin.moment import SECOND
 
 router = APIRouter(tags=["ingest"])
 
@@ -40,9 +44,9 @@ class CborResponse(Response):
 )
 async def post_deliveries(cloud: CloudState, request: Request) -> Response:
     """Commands that a gateway does not hold yet, and those that it should deliver no more."""
-    async with received(cloud, request) as (_, body):
+    async with received(cloud, request) as (warrant, body):
         holding = Holding.read(body)
-    await _mark(cloud, holding)
+    await _mark(cloud, warrant, holding)
     deadline = time.monotonic() + holding.wait_s
     while True:
         version = cloud.board.version
@@ -58,12 +62,16 @@ def _find(cloud: Cloud, holding: Holding) -> Changes:
         return find_changes(connection, holding, now=cloud.clock())
 
 
-async def _mark(cloud: Cloud, holding: Holding) -> None:
+async def _mark(cloud: Cloud, warrant: Warrant, holding: Holding) -> None:
     def unmarked() -> list[tuple[str, int]]:
         with cloud.store.read() as connection:
             return find_unmarked(connection, holding)
 
     sent = await asyncio.to_thread(unmarked) if holding.sent else []
-    if sent:
-        written = cloud.store.write(lambda c: mark_delivered(c, sent, now=cloud.clock()))
-        await asyncio.wrap_future(written)
+
+    def work(connection: Connection) -> None:
+        now, wait = cloud.clock(), round(holding.wait_s * SECOND)
+        mark_delivered(connection, sent, now=now)
+        hear(connection, warrant.gateway, warrant.condition, now=now, wait=wait)
+
+    await asyncio.wrap_future(cloud.store.write(work))

@@ -78,6 +78,13 @@ class FaultDocument(BaseModel):
     stuck: Literal["certain", "possible", "impossible"]
 
 
+class LagDocument(BaseModel):
+    """How long after its last sample the latest block was stored: an enclosure, by our clock."""
+
+    lo_ns: int
+    hi_ns: int
+
+
 class NodeDocument(BaseModel):
     """A node."""
 
@@ -94,6 +101,7 @@ class NodeDocument(BaseModel):
     energy: EnergyDocument | None
     faults: list[FaultDocument] | None
     channels: int
+    lag: LagDocument | None
 
 
 class TaxelDocument(BaseModel):

@@ -17,6 +17,7 @@ from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
 from cloud.state import Cloud
+from cloud.store.gateways import hear
 from cloud.store.intake import Item, Outcome, take_in
 from eskin.messages import Result
 
@@ -52,14 +53,12 @@ async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outco
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(connection: Connection) -> Outcome:
-        return take_in(
-            connection,
-            store.ledger,
-            items,
-            gateway=warrant.gateway,
-            now=cloud.clock(),
-            dead_letters=most,
+        now, gateway = cloud.clock(), warrant.gateway
+        outcome = take_in(
+            connection, store.ledger, items, gateway=gateway, now=now, dead_letters=most
         )
+        hear(connection, gateway, warrant.condition, now=now, outcome=outcome)
+        return outcome
 
     written = store.write(work)
     cloud.feed.follow(written, asyncio.get_running_loop())

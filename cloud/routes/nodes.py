@@ -20,7 +20,7 @@ from cloud.routes.documents import (
     PageDocument,
     TaxelDocument,
 )
-from cloud.shapes import channel_shape, node_shape, page, taxel_shapes
+from cloud.shapes import channel_shape, health_shape, node_shape, page, taxel_shapes
 from cloud.state import Cloud
 from eskin.moment import SECOND
 
@@ -91,8 +91,5 @@ def get_taxels(
 
 def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
-    judged = cloud.settings.nodes
-    health = "online" if silence < judged.late_s else "late"
-    if silence >= judged.silence_s:
-        health = "offline"
+    health = health_shape(cloud.settings.nodes, silence)
     return node_shape(row, channels=channels, health=health)

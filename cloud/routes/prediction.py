@@ -14,9 +14,10 @@ from cloud.pyramid.hulls import bucket_width
 from cloud.query.anomalies import find_anomalies
 from cloud.query.cursors import read_numbers
 from cloud.query.holding import after
+from cloud.query.models import MODELS
 from cloud.query.occupancy import sum_up
 from cloud.query.places import find_channel
-from cloud.query.prediction import MODELS, Prediction
+from cloud.query.prediction import Prediction
 from cloud.query.question import Answer
 from cloud.query.runs import Run, merge
 from cloud.query.window import make_window, read_moment

@@ -27,6 +27,11 @@ class DiskUse(NamedTuple):
     free: float
     samples: float
 
+    @property
+    def each(self) -> float | None:
+        """Bytes a sample, of what is taken and not free; ``None`` where there is no sample."""
+        return (self.taken - self.free) / self.samples if self.samples else None
+
 
 def measure_disk(store: Store) -> DiskUse:
     """Look how much a store takes now; PostgreSQL does not tell what is free, so it is 0 there."""

@@ -15,7 +15,7 @@ from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
-from cloud.store.presence import see
+from cloud.store.presence import note_lag, see
 from cloud.store.schema import NODE_LENGTH, blocks, events
 from cloud.store.sealed import veiled
 from eskin.errors import IdentityError, MessageError
@@ -97,11 +97,19 @@ _AGAIN: Final = Receipt(DUPLICATE)
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What became of a batch: results in the batch's order, and news for the live feed."""
+    """What became of a batch.
+
+    Attributes:
+        results: In the batch's order.
+        entries: News for the live feed.
+        buried: Dead letters that had to make room.
+        lag: How long after its last sample the latest block was stored: an enclosure, ns.
+    """
 
     results: list[Receipt]
     entries: list[Entry]
     buried: int
+    lag: tuple[int, int] | None = None
 
 
 @dataclass(slots=True)
@@ -114,6 +122,7 @@ class _Batch:
     veiled: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
+    lag: tuple[int, int] | None = None
 
     def tell(self, row: Row) -> None:
         cursor = self.ledger.next_cursor(self.connection)
@@ -157,7 +166,7 @@ def take_in(
         connection.execute(insert(veiled), batch.veiled)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
     ledger.save(connection)
-    return Outcome(results, batch.entries, buried)
+    return Outcome(results, batch.entries, buried, batch.lag)
 
 
 def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
@@ -185,6 +194,7 @@ def _store(batch: _Batch, node: str, message: Summary | Veiled, data: bytes) -> 
         batch.blocks.append(block_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, data, None))
         add_block(batch.connection, batch.ledger, node, message)
+        batch.lag = note_lag(batch.connection, batch.ledger, node, message, now=batch.now)
     elif isinstance(message, Veiled):
         cursor = batch.ledger.next_cursor(batch.connection)
         batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))

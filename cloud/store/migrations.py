@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import Connection, func, insert, inspect, select, text, update
 
 from cloud.store.events import ENERGY
+from cloud.store.gateways import gateways
 from cloud.store.grid import grain_of
 from cloud.store.schema import (
     audit_log,
@@ -39,7 +40,7 @@ PYRAMID: Final = [tiles, stale]
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log, warrants, *SEALED, *PYRAMID}
+    later = {commands, states, audit_log, warrants, gateways, *SEALED, *PYRAMID}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -104,9 +105,14 @@ def _eleventh(connection: Connection) -> None:
     _add_columns(connection, channels, ("packed",))
 
 
+def _twelfth(connection: Connection) -> None:
+    metadata.create_all(connection, [gateways])
+    _add_columns(connection, nodes, ("lag_lo", "lag_hi"))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth, _tenth),
-    _eleventh,
+    *(_eleventh, _twelfth),
 )
 CURRENT: Final = len(MIGRATIONS)
 

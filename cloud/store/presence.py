@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
+    from eskin.messages import BlockSummary
 
 
 def see(
@@ -33,6 +34,18 @@ def see(
     if was_online:
         return None
     return event_row(node, "status", position, (min(last, now), now), detail="online again")
+
+
+def note_lag(
+    connection: Connection, ledger: Ledger, node: str, block: BlockSummary, *, now: int
+) -> tuple[int, int]:
+    """Note how long after its last sample a node's block is stored: an enclosure, ns."""
+    lag = now - block.time[1] - block.span, now - block.time[0] - block.span
+    row = ledger.row(connection, nodes, node)
+    if row is not None:
+        row["lag_lo"], row["lag_hi"] = lag
+        ledger.change(nodes, node)
+    return lag
 
 
 def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: int) -> list[Entry]:

@@ -74,8 +74,9 @@ nodes = Table(
     Column("shedding", Integer),
     Column("faults", Words()),  # JSON, as the API tells it
     Column("places", Words()),
+    *(Column(name, BigInteger) for name in ("lag_lo", "lag_hi")),
 )
-"""Each node with its latest position and its latest status.
+"""Each node: latest position and status, and how long after its last sample a block was stored.
 
 ``places`` is JSON: ``[taxel, x, y]`` of each taxel on the map of its skin, in m.
 """

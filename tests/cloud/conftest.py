@@ -27,8 +27,8 @@ def clock() -> Clock:
 
 
 BOTH: Final = {f"tests.cloud.test_{room}" for room in (
-    "batches", "comparison_tiles", "export", "hulls", "live", "packing", "pyramid", "queries",
-    "store", "writer",
+    "batches", "comparison_tiles", "export", "gateways", "hulls", "live", "packing", "pyramid",
+    "queries", "storage", "store", "writer",
 )}  # fmt: skip
 """What is asked of every kind of store; the rest is asked of a cloud, whatever its store."""
 

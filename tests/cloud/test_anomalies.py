@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 import eskin
 from cloud.query.anomalies import find_anomalies
+from cloud.query.models import MODELS
 from cloud.query.places import find_channel
-from cloud.query.prediction import MODELS, Prediction
+from cloud.query.prediction import Prediction
 from cloud.query.question import Answer, Question
 from cloud.query.runs import Run, find_runs, merge
 from cloud.query.window import Window
@@ -166,6 +167,29 @@ def test_every_model_is_told_what_it_lacks_and_answers_with_it(name: str) -> Non
         model.require_parameters({})
     with pytest.raises(QueryError, match="is none of"):
         model.require_parameters({"colour": Interval(1.0)})
+
+
+@pytest.mark.anyio
+async def test_every_model_is_listed_with_parameters_that_it_takes(stand: Stand) -> None:
+    listed = (await stand.get("/api/v1/models")).json()
+    assert [each["id"] for each in listed["items"]] == list(MODELS)
+    assert listed["next"] is None
+    moments = START + 10 * MS * np.arange(100)
+    for each in listed["items"]:
+        assert each["unit"] == MODELS[each["id"]].unit
+        assert each["description"]
+        usual = {p["name"]: p["usual"] or {"lo": 1.0, "hi": 2.0} for p in each["parameters"]}
+        bounds = {name: Interval(b["lo"], b["hi"]) for name, b in usual.items()}
+        lo, hi = Prediction(MODELS[each["id"]], bounds, START).between(moments, moments)
+        assert np.all(np.isfinite(lo) & np.isfinite(hi) & (lo <= hi))
+        required = {p["name"]: bounds[p["name"]] for p in each["parameters"] if p["required"]}
+        again = Prediction(MODELS[each["id"]], required, START).between(moments, moments)
+        assert np.array_equal(again, (lo, hi)), (
+            "what is usual is what is taken where it is left out"
+        )
+        units = {p["name"]: p["unit"] for p in each["parameters"]}
+        assert units.pop("value", None) is None
+        assert None not in units.values()
 
 
 @pytest.mark.anyio

@@ -136,6 +136,7 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
         "energy": None,
         "faults": None,
         "channels": 1,
+        "lag": {"lo_ns": 3600 * 10**9, "hi_ns": 3600 * 10**9},
     }
     assert (await stand.get(f"/api/v1/nodes/{NODE}")).json() == node
 

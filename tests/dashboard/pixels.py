@@ -1,4 +1,4 @@
-"""Which pixels of a chart are painted in the band's colours, and which ones must be."""
+"""Which pixels of a chart are painted in some colours, and which ones must be."""
 
 from __future__ import annotations
 
@@ -13,8 +13,12 @@ if TYPE_CHECKING:
 
     from tests.dashboard.browsing import Visit
 
+BAND = "blue - red > 30"
+PREDICTED = "red - blue > 20"
+CERTAIN = "red - blue > 150 && green < 90"
 _MASK = """
-([left, top, width, height]) => {
+([left, top, width, height, colours]) => {
+  const within = new Function("red", "green", "blue", `return ${colours}`);
   const canvas = document.querySelector("[data-testid=chart] canvas");
   const { data } = canvas.getContext("2d").getImageData(left, top, width, height);
   const columns = [];
@@ -22,7 +26,7 @@ _MASK = """
     let column = "";
     for (let y = 0; y < height; y += 1) {
       const at = 4 * (y * width + x);
-      column += data[at + 3] > 40 && data[at + 2] - data[at] > 30 ? "1" : "0";
+      column += data[at + 3] > 40 && within(data[at], data[at + 1], data[at + 2]) ? "1" : "0";
     }
     columns.push(column);
   }
@@ -37,7 +41,7 @@ class Plot:
     """The plot area of a chart that shows history, or a moment of a live one.
 
     Attributes:
-        columns: For each pixel column from the left, ``1`` for a row in the band's colours.
+        columns: For each pixel column from the left, ``1`` for a row in the colours looked for.
         start: The instant at the left edge, ns.
         end: The instant at the right edge, ns.
         lo: The value at the lower edge.
@@ -73,12 +77,13 @@ class Plot:
         return all(column[row] == "1" for row in self.rows(lo, hi))
 
 
-def read_plot(visit: Visit) -> Plot:
-    """The pixels of the first chart."""
+def read_plot(visit: Visit, colours: str = BAND) -> Plot:
+    """The pixels of the first chart that have such colours."""
     facts = visit.chart()
     ratio = float(facts["pixelRatio"])
     names = ("plotLeft", "plotTop", "plotWidth", "plotHeight")
-    columns = visit.evaluate(_MASK, [round(float(facts[name]) * ratio) for name in names])
+    box = [round(float(facts[name]) * ratio) for name in names]
+    columns = visit.evaluate(_MASK, [*box, colours])
     return Plot(
         columns=columns,
         start=int(facts["xMin"]),

@@ -48,6 +48,21 @@ def test_nodes_are_shown_online(visit: Visit) -> None:
     for node in NODES:
         card = visit.page.locator(f"[data-testid=node][data-node={node}]")
         card.get_by_text("online", exact=True).wait_for()
+        assert any(map(str.isdigit, card.get_by_test_id("node-lag").inner_text()))
+
+
+def test_gateway_and_store_are_shown_beside_all_nodes(demo: RunningDemo, visit: Visit) -> None:
+    visit.open("")
+    (known,) = demo.get("/gateways")["items"]
+    card = visit.page.locator(f"[data-gateway='{known['id']}']")
+    card.get_by_text("online", exact=True).wait_for()
+    assert known["spool"]["capacity_bytes"] > known["spool"]["bytes"]
+    assert 0 < known["lag"]["lo_ns"] <= known["lag"]["hi_ns"]
+    assert any(map(str.isdigit, card.get_by_test_id("gateway-lag").inner_text()))
+    each = visit.page.get_by_test_id("bytes-per-sample").inner_text()
+    assert 1 < float(each.removesuffix(" B")) < 1000
+    visit.page.locator("[data-testid=node]").first.click()
+    card.wait_for(state="hidden")
 
 
 @pytest.mark.parametrize("options", [TALL])

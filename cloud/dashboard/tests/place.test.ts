@@ -9,8 +9,19 @@ describe("the address", () => {
     const places: Place[] = [
       { node: null, channel: null, view: { kind: "live", span: 10e9 }, question: null },
       { node: "fingertip", channel: null, view: { kind: "live", span: 300e9 }, question: null },
-      { node: "n/1 %ü", channel: "t01.capacitance", view: history, question: { side: "above", level: 1.24e-11 } },
-      { node: "n", channel: "c", view: history, question: { side: "below", level: -0.5 } },
+      { node: "n/1 %ü", channel: "t01.capacitance", view: history, question: { kind: "threshold", side: "above", level: 1.24e-11 } },
+      { node: "n", channel: "c", view: history, question: { kind: "threshold", side: "below", level: -0.5 } },
+      {
+        node: "palm",
+        channel: "t01.capacitance",
+        view: history,
+        question: {
+          kind: "model",
+          model: "touch.capacitance",
+          origin: 1_795_229_398_000_000_001n,
+          parameters: [{ name: "minimum_area", lo: 0.9e-5, hi: 1.1e-5 }, { name: "voltage", lo: -1e21, hi: 1e21 }],
+        },
+      },
     ];
     for (const place of places) expect(readPlace(printPlace(place))).toEqual(place);
   });
@@ -21,6 +32,9 @@ describe("the address", () => {
     }
     expect(readPlace("#/%zz").node).toBe("%zz");
     expect(readPlace("#/n/c?above=much").question).toBeNull();
+    expect(readPlace("#/n/c?model=constant&origin=noon&parameter=value:1").question).toBeNull();
+    const question = readPlace("#/n/c?model=constant&origin=2026-01-01T00:00:00Z&parameter=value:2&parameter=x:&parameter=:1&parameter=y:a:1").question;
+    expect(question).toMatchObject({ kind: "model", parameters: [{ name: "value", lo: 2, hi: 2 }] });
   });
 });
 

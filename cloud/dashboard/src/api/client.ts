@@ -1,8 +1,11 @@
-import type { ChannelItem, EventItem, NodeItem, NodeState, Page, SegmentItem, SeriesAnswer, TaxelItem } from "./contract";
+import type {
+  ChannelItem, EventItem, GatewayItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer, SegmentItem,
+  SeriesAnswer, StorageAnswer, TaxelItem,
+} from "./contract";
 import { Failure, isAbort } from "./failure";
 import type { Instant } from "../time/instant";
 
-export type Query = Readonly<Record<string, string | number | bigint | null | undefined>>;
+export type Query = Readonly<Record<string, string | number | bigint | readonly string[] | null | undefined>>;
 
 export interface EventQuery {
   readonly node?: string | undefined;
@@ -13,6 +16,15 @@ export interface EventQuery {
   readonly end?: Instant | undefined;
   readonly limit?: number | undefined;
   readonly cursor?: string | undefined;
+}
+
+/** What a model predicts: which, from when on, and with which parameters (NAME:LO:HI). */
+export interface PredictionQuery {
+  readonly model: string;
+  readonly origin: Instant;
+  readonly parameter: readonly string[];
+  readonly start: Instant;
+  readonly end: Instant;
 }
 
 export interface ClientOptions {
@@ -26,11 +38,12 @@ const ROOT = "/api/v1";
 const MOST_PAGES = 20;
 const EVENTS_AT_ONCE = 500;
 
-/** Writes a path with its query; empty and absent values are left out. */
+/** Writes a path with its query; empty and absent values are left out, lists are repeated. */
 export function address(path: string, query: Query = {}): string {
   const pairs = new URLSearchParams();
   for (const [name, value] of Object.entries(query)) {
-    if (value !== undefined && value !== null && value !== "") pairs.append(name, String(value));
+    if (value === undefined || value === null || value === "") continue;
+    for (const one of Array.isArray(value) ? value : [value]) pairs.append(name, String(one));
   }
   const text = pairs.toString();
   return `${ROOT}${path}${text ? `?${text}` : ""}`;
@@ -46,6 +59,14 @@ export class Client {
 
   nodes(signal: AbortSignal): Promise<NodeItem[]> {
     return this.all<NodeItem>("/nodes", {}, signal).then((list) => list.items);
+  }
+
+  gateways(signal: AbortSignal): Promise<GatewayItem[]> {
+    return this.all<GatewayItem>("/gateways", {}, signal).then((list) => list.items);
+  }
+
+  storage(signal: AbortSignal): Promise<StorageAnswer> {
+    return this.get(address("/storage"), signal);
   }
 
   channels(node: string, signal: AbortSignal): Promise<ChannelItem[]> {
@@ -75,6 +96,35 @@ export class Client {
     signal: AbortSignal,
   ): Promise<{ items: SegmentItem[]; complete: boolean }> {
     return this.all(`/series/${part(place.node)}/${part(place.channel)}/threshold`, question, signal);
+  }
+
+  models(signal: AbortSignal): Promise<ModelItem[]> {
+    return this.all<ModelItem>("/models", {}, signal).then((list) => list.items);
+  }
+
+  prediction(
+    place: { node: string; channel: string },
+    query: PredictionQuery & { points: number },
+    signal: AbortSignal,
+  ): Promise<PredictionAnswer> {
+    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}/prediction`, { ...query }), signal);
+  }
+
+  /** When a channel is not what a model predicts; `complete` is false if there were too many segments. */
+  anomalies(
+    place: { node: string; channel: string },
+    query: PredictionQuery,
+    signal: AbortSignal,
+  ): Promise<{ items: SegmentItem[]; complete: boolean }> {
+    return this.all(`/series/${part(place.node)}/${part(place.channel)}/anomalies`, { ...query }, signal);
+  }
+
+  anomaliesTime(
+    place: { node: string; channel: string },
+    query: PredictionQuery,
+    signal: AbortSignal,
+  ): Promise<OccupancyAnswer> {
+    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}/anomalies/time`, { ...query }), signal);
   }
 
   events(query: EventQuery, signal: AbortSignal): Promise<Page<EventItem>> {

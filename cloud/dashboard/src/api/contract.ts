@@ -26,6 +26,40 @@ export interface FaultJson {
   readonly stuck: "certain" | "possible" | "impossible";
 }
 
+/** How long after its last sample the latest block was stored: an enclosure. */
+export interface LagJson {
+  readonly lo_ns: number;
+  readonly hi_ns: number;
+}
+
+export interface GatewayItem {
+  readonly id: string;
+  readonly health: Health;
+  readonly first_heard: string;
+  readonly last_heard: string;
+  readonly nodes: number | null;
+  readonly spool: {
+    readonly told: string;
+    readonly messages: number;
+    readonly bytes: number;
+    readonly capacity_bytes: number;
+    readonly oldest_ns: number | null;
+    readonly dead_letters: number;
+  } | null;
+  readonly stored: number;
+  readonly duplicate: number;
+  readonly rejected: number;
+  readonly lag: LagJson | null;
+}
+
+/** What the store takes of the disk. */
+export interface StorageAnswer {
+  readonly bytes: number;
+  readonly free_bytes: number;
+  readonly samples: number;
+  readonly bytes_per_sample: number | null;
+}
+
 export interface NodeItem {
   readonly id: string;
   readonly health: Health;
@@ -41,6 +75,7 @@ export interface NodeItem {
   /** Taxels that may be broken; none known before the node's first self-test. */
   readonly faults: readonly FaultJson[] | null;
   readonly channels: number;
+  readonly lag: LagJson | null;
 }
 
 /** A taxel that sits somewhere: x and y of its centre in m, on a flat map of the skin. */
@@ -75,6 +110,41 @@ export interface SeriesAnswer {
   readonly hi: readonly (number | null)[];
   readonly dt: number;
   readonly time_error: number;
+}
+
+/** A parameter of a model; its unit is null where it is the channel's own. */
+export interface ModelParameter {
+  readonly name: string;
+  readonly unit: string | null;
+  readonly required: boolean;
+  /** Bounds to begin with. */
+  readonly usual: IntervalJson | null;
+}
+
+/** A quantity of a model; its unit is null where it fits every channel. */
+export interface ModelItem {
+  readonly id: string;
+  readonly unit: string | null;
+  readonly description: string;
+  readonly parameters: readonly ModelParameter[];
+}
+
+/** A predicted tube: an enclosure of all that is predicted in each [t, t + dt]. */
+export interface PredictionAnswer {
+  readonly t0: string;
+  readonly t: readonly number[];
+  readonly lo: readonly (number | null)[];
+  readonly hi: readonly (number | null)[];
+  readonly dt: number;
+}
+
+/** For how long and how often a channel was in a state; for `unknown_s` nothing is known. */
+export interface OccupancyAnswer {
+  readonly time_s: { readonly lo: number; readonly hi: number };
+  readonly unknown_s: number;
+  readonly samples: { readonly lo: number; readonly hi: number };
+  readonly entries: { readonly lo: number; readonly hi: number };
+  readonly coverage: number;
 }
 
 export interface SegmentItem {

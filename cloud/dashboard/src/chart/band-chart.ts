@@ -12,12 +12,13 @@ import { PeakOverlay } from "./peak-overlay";
 import type { PeakMark } from "./peak-groups";
 import { paintPeaks, paintRegions, placePeaks, type PlacedPeak } from "./peaks";
 import type { PlotMap } from "./plot-map";
-import { nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
+import { paintPredicted } from "./predicted";
+import { describeHull, nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
 import {
   missingStretches, paintMissing, paintSegments, paintThreshold, withoutPauses, type Segment, type Stretch,
 } from "./segments";
 import { Tooltip } from "./tooltip";
-import { calmRange, finiteExtent, type ValueRange } from "./value-range";
+import { calmRange, finiteExtentOf, type ValueRange } from "./value-range";
 
 export interface ChartOptions {
   readonly root: HTMLElement;
@@ -37,7 +38,12 @@ export interface Marks {
   readonly gaps: readonly Stretch[];
   readonly segments: readonly Segment[];
   readonly threshold: number | null;
+  readonly predicted: Entries;
 }
+
+/** What questions about a channel were answered with. */
+export type Answers = Omit<Marks, "peaks" | "gaps">;
+export const NO_ANSWERS: Answers = { segments: [], threshold: null, predicted: NOTHING };
 
 /** A chart of one channel's interval band: uPlot's scales and axes, with outward-rounding paint of ours. */
 export class BandChart {
@@ -49,7 +55,7 @@ export class BandChart {
   private readonly unitLabel = element("span", { class: "chart-unit", "aria-hidden": "true" });
   private readonly resizing: ResizeObserver;
   private entries: Entries = NOTHING;
-  private marks: Marks = { peaks: [], gaps: [], segments: [], threshold: null };
+  private marks: Marks = { ...NO_ANSWERS, peaks: [], gaps: [] };
   private range: Range = { x0: 0, x1: 1e9 };
   private values: ValueRange | null = null;
   private placed: PlacedPeak[] = [];
@@ -139,7 +145,7 @@ export class BandChart {
 
   private extent(): ValueRange | null {
     const { x0, x1 } = this.range;
-    const extent = finiteExtent(this.entries, x0, x1);
+    const extent = finiteExtentOf([this.entries, this.marks.predicted], x0, x1);
     const level = this.marks.threshold;
     if (extent === null) return level === null ? null : { min: level, max: level };
     const size = extent.max - extent.min;
@@ -192,6 +198,7 @@ export class BandChart {
     const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio), timeError: this.facts.timeError };
     this.placed = placePeaks(this.marks.peaks, map, ratio);
     paintRegions(canvas, this.placed);
+    paintPredicted(canvas, reduceToColumns(this.marks.predicted, map, { ...style, timeError: 0 }), map.height);
     paintBand(canvas, reduceToColumns(this.entries, map, style), map.height);
     if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
     paintPeaks(canvas, map, this.placed);
@@ -213,6 +220,7 @@ export class BandChart {
     data["plotHeight"] = String(map.height / ratio);
     data["pixelRatio"] = String(ratio);
     data["entries"] = String(this.entries.t.length);
+    data["predicted"] = String(this.marks.predicted.t.length);
     const end = endOf(this.entries);
     data["newest"] = end === null ? "" : timeline.toInstant(Math.min(end, map.xMax)).toString();
   }
@@ -243,8 +251,14 @@ export class BandChart {
     const perPixel = (this.range.x1 - this.range.x0) / this.width;
     const x = this.range.x0 + at.x * perPixel;
     const reading = readValue(this.entries, this.options.timeline, this.facts, { x, perPixel });
-    if (reading) this.tooltip.show(reading.text, this.rootPoint(at), speak);
-    else this.tooltip.hide();
+    if (reading === null) {
+      this.tooltip.hide();
+      return;
+    }
+    const { predicted } = this.marks;
+    const value = describeHull(predicted, { x0: x - perPixel / 2, x1: x + perPixel / 2 }, this.facts.unit);
+    const more = predicted.t.length > 0 ? [{ name: "predicted", value }] : [];
+    this.tooltip.show({ ...reading.text, lines: [...reading.text.lines, ...more] }, this.rootPoint(at), speak);
   }
 
   private pointAt(placed: PlacedPeak | null): void {

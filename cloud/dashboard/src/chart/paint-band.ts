@@ -11,7 +11,7 @@ export interface Canvas {
 const ARROW_PITCH = 14;
 
 /** Whole rectangles of pixels are painted one by one: many in one path would have to be smoothed. */
-function paintFill(context: CanvasRenderingContext2D, { top, bottom }: Columns): void {
+export function paintFill(context: CanvasRenderingContext2D, { top, bottom }: Columns): void {
   for (let start = 0; start < top.length; ) {
     let stop = start + 1;
     while (stop < top.length && top[stop] === top[start] && bottom[stop] === bottom[start]) stop += 1;

@@ -1,6 +1,6 @@
 const NAMES = [
   "axis", "grid", "band", "band-edge", "certain", "certain-fill", "possible", "missing", "text", "plot",
-  "segment-certain", "segment-possible", "threshold",
+  "segment-certain", "segment-possible", "threshold", "predicted", "predicted-edge",
 ] as const;
 
 export type Colour = (typeof NAMES)[number];

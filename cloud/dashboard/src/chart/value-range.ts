@@ -25,6 +25,13 @@ export function finiteExtent(entries: Entries, from: number, to: number): ValueR
   return min <= max ? { min, max } : null;
 }
 
+/** The finite extent of several runs in a window. */
+export function finiteExtentOf(runs: readonly Entries[], from: number, to: number): ValueRange | null {
+  const extents = runs.map((entries) => finiteExtent(entries, from, to)).filter((extent) => extent !== null);
+  if (extents.length === 0) return null;
+  return { min: Math.min(...extents.map(({ min }) => min)), max: Math.max(...extents.map(({ max }) => max)) };
+}
+
 /** Adds room around an extent, for the peaks' triangles above and so that a flat line has a scale. */
 export function withRoom(extent: ValueRange): ValueRange {
   const size = extent.max - extent.min;

@@ -6,10 +6,29 @@ export type View =
   | { readonly kind: "history"; readonly from: Instant; readonly to: Instant };
 
 /** A threshold question: when is the channel above (or below) a level, in the channel's unit? */
-export interface Question {
+export interface ThresholdQuestion {
+  readonly kind: "threshold";
   readonly side: "above" | "below";
   readonly level: number;
 }
+
+/** A model's parameter with its bounds, in its unit. */
+export interface Given {
+  readonly name: string;
+  readonly lo: number;
+  readonly hi: number;
+}
+
+/** When is the channel not what a model predicts whose time 0 is the origin? */
+export interface ModelQuestion {
+  readonly kind: "model";
+  readonly model: string;
+  readonly origin: Instant;
+  readonly parameters: readonly Given[];
+}
+
+/** What is asked of a channel; its answer is marked in the chart, so that there is one at a time. */
+export type Question = ThresholdQuestion | ModelQuestion;
 
 /** Where a person is in the dashboard; the address's hash says it all, so that every view can be linked to. */
 export interface Place {
@@ -28,25 +47,43 @@ export const SPANS: readonly { readonly name: string; readonly label: string; re
 ];
 export const DEFAULT_SPAN = 10e9;
 
-function readView(query: URLSearchParams): View {
-  const from = query.get("from");
-  const to = query.get("to");
-  if (from !== null && to !== null) {
-    try {
-      const view = { kind: "history", from: parseInstant(from), to: parseInstant(to) } as const;
-      if (view.from < view.to) return view;
-    } catch (error) {
-      if (!(error instanceof RangeError)) throw error;
-    }
+function readInstant(text: string | null): Instant | null {
+  try {
+    return text === null ? null : parseInstant(text);
+  } catch (error) {
+    if (error instanceof RangeError) return null;
+    throw error;
   }
+}
+
+function readView(query: URLSearchParams): View {
+  const from = readInstant(query.get("from"));
+  const to = readInstant(query.get("to"));
+  if (from !== null && to !== null && from < to) return { kind: "history", from, to };
   const span = SPANS.find((each) => each.name === query.get("live"));
   return { kind: "live", span: span?.ns ?? DEFAULT_SPAN };
 }
 
+function readGiven(text: string): Given | null {
+  const [name = "", low = "", high = low] = text.split(":");
+  const [lo, hi] = [Number(low), Number(high)];
+  return name !== "" && low.trim() !== "" && high.trim() !== "" && Number.isFinite(lo) && Number.isFinite(hi) ? { name, lo, hi } : null;
+}
+
+function readModelQuestion(query: URLSearchParams): ModelQuestion | null {
+  const model = query.get("model");
+  const origin = readInstant(query.get("origin"));
+  if (!model || origin === null) return null;
+  const parameters = query.getAll("parameter").map(readGiven).filter((given) => given !== null);
+  return { kind: "model", model, origin, parameters };
+}
+
 function readQuestion(query: URLSearchParams): Question | null {
+  const compared = readModelQuestion(query);
+  if (compared !== null) return compared;
   for (const side of ["above", "below"] as const) {
     const text = query.get(side);
-    if (text !== null && text.trim() !== "" && Number.isFinite(Number(text))) return { side, level: Number(text) };
+    if (text !== null && text.trim() !== "" && Number.isFinite(Number(text))) return { kind: "threshold", side, level: Number(text) };
   }
   return null;
 }
@@ -69,6 +106,18 @@ export function readPlace(hash: string): Place {
   return { node: decode(node), channel: decode(channel), view: readView(query), question: readQuestion(query) };
 }
 
+/** Writes a parameter as the cloud reads it. */
+export function printGiven({ name, lo, hi }: Given): string {
+  return `${name}:${lo}:${hi}`;
+}
+
+function printQuestion(question: Question): string[] {
+  if (question.kind === "threshold") return [`${question.side}=${encodeURIComponent(question.level)}`];
+  const { model, origin, parameters } = question;
+  const given = parameters.map((one) => `parameter=${encodeURIComponent(printGiven(one))}`);
+  return [`model=${encodeURIComponent(model)}`, `origin=${printInstant(origin)}`, ...given];
+}
+
 /** Writes a place as a hash. */
 export function printPlace(place: Place): string {
   const parts = [place.node, place.node === null ? null : place.channel];
@@ -77,6 +126,6 @@ export function printPlace(place: Place): string {
   const { view, question } = place;
   if (view.kind === "history") query.push(`from=${printInstant(view.from)}`, `to=${printInstant(view.to)}`);
   else query.push(`live=${SPANS.find((span) => span.ns === view.span)?.name ?? "10s"}`);
-  if (question) query.push(`${question.side}=${question.level}`);
+  if (question) query.push(...printQuestion(question));
   return `#/${path.join("/")}?${query.join("&")}`;
 }

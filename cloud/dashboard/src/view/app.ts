@@ -12,6 +12,7 @@ import { button, element, icon } from "./element";
 import { legend } from "./legend";
 import { LiveStatus } from "./live-status";
 import { NodeStrip } from "./node-strip";
+import { StackStrip } from "./stack-strip";
 import { Page } from "./page";
 import { ICONS } from "./symbol";
 import { Timebar } from "./timebar";
@@ -39,6 +40,7 @@ export class App {
   private stripAt = 0;
   private readonly status = new LiveStatus();
   private readonly strip: NodeStrip;
+  private readonly stack = new StackStrip();
   private readonly timebar: Timebar;
   private readonly announcer = element("div", { class: "unseen", "aria-live": "polite", "data-testid": "announcer" });
   private readonly banner = element("div", { class: "banner", hidden: true, role: "alert", "data-testid": "banner" });
@@ -70,7 +72,7 @@ export class App {
   }
 
   start(): void {
-    this.options.root.replaceChildren(this.header(), this.banner, this.strip.root, this.announcer);
+    this.options.root.replaceChildren(this.header(), this.banner, this.strip.root, this.stack.root, this.announcer);
     addEventListener("hashchange", () => this.show(readPlace(location.hash)));
     addEventListener("keydown", this.onKey);
     this.show(this.place);
@@ -151,7 +153,9 @@ export class App {
 
   private async poll(): Promise<void> {
     try {
-      this.nodes = await this.options.client.nodes(AbortSignal.timeout(10_000));
+      const signal = AbortSignal.timeout(10_000);
+      if (this.place.node === null) void this.stack.load(this.options.client, signal).then(() => this.showStrip());
+      this.nodes = await this.options.client.nodes(signal);
       this.banner.hidden = true;
       this.reachable = true;
       this.showStrip();
@@ -168,7 +172,10 @@ export class App {
   }
 
   private showStrip(): void {
-    if (this.nodes) this.strip.show(this.nodes, BigInt(Date.now()) * 1_000_000n, this.reachable);
+    const now = BigInt(Date.now()) * 1_000_000n;
+    if (this.nodes) this.strip.show(this.nodes, now, this.reachable);
+    this.stack.root.hidden = this.place.node !== null;
+    if (!this.stack.root.hidden) this.stack.show(now, this.reachable);
   }
 
   private announce(text: string): void {

@@ -1,9 +1,8 @@
 import { messageOf, isAbort } from "../api/failure";
 import type { ChannelItem, SeriesAnswer } from "../api/contract";
 import { Turns } from "../api/turns";
-import { BandChart, type Marks } from "../chart/band-chart";
+import { BandChart, NO_ANSWERS, type Answers } from "../chart/band-chart";
 import type { PeakMark } from "../chart/peak-groups";
-import type { Segment } from "../chart/segments";
 import { formatInterval } from "../interval/format";
 import { describeHull } from "../chart/reading";
 import { ChannelData } from "../live/channel-data";
@@ -36,7 +35,7 @@ const STALE_MS = 4_000;
 export class ChannelPanel {
   readonly root: HTMLElement;
   readonly data: ChannelData;
-  segments: readonly Segment[] = [];
+  answers: Answers = NO_ANSWERS;
   private readonly chart: BandChart;
   private readonly chartRoot: HTMLElement;
   private readonly value = element("span", { class: "value", "data-testid": "channel-value" });
@@ -145,6 +144,11 @@ export class ChannelPanel {
     this.chart.repaint();
   }
 
+  /** How many pixels of the page the chart is wide. */
+  get width(): number {
+    return Math.max(2, Math.min(MOST_POINTS, Math.round(this.chart.width)));
+  }
+
   /** The window that the chart shows now, or null before there is data. */
   range(): Range | null {
     const { timeline } = this.options.context;
@@ -235,8 +239,7 @@ export class ChannelPanel {
     if (range === null || this.view.kind !== "history") return;
     if (!this.loaded) this.notices.say("loading", "Loading…", "");
     try {
-      const points = Math.min(MOST_POINTS, Math.max(2, Math.round(this.chart.width)));
-      await this.data.load(range, points, signal);
+      await this.data.load(range, this.width, signal);
       if (this.view.kind !== "history") return;
       this.loaded = true;
       if (!this.chart.busy) this.chart.resetValues();
@@ -267,14 +270,8 @@ export class ChannelPanel {
   }
 
   private draw(range: Range): void {
-    const marks: Marks = {
-      peaks: this.data.peaks,
-      gaps: this.data.gaps,
-      segments: this.segments,
-      threshold: this.options.alone ? (this.options.context.place().question?.level ?? null) : null,
-    };
-    const entries = this.view.kind === "live" ? this.data.rolling : this.data.history;
-    this.chart.show(entries, marks, range);
+    const { peaks, gaps, rolling, history } = this.data;
+    this.chart.show(this.view.kind === "live" ? rolling : history, { ...this.answers, peaks, gaps }, range);
   }
 
   private readOut(at: number, x1: number): void {

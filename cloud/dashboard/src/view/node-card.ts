@@ -1,44 +1,12 @@
 import type { EnergyJson, FaultJson, NodeItem } from "../api/contract";
 import { formatDuration } from "../time/duration";
-import { parseInstant, printClock, printDay } from "../time/instant";
+import { formatLag } from "../time/lag";
 import { element } from "./element";
+import { fact, fillMeter, formatBytes, heardAgo } from "./fact";
 import { healthSymbol } from "./symbol";
 
-
-/** Prints bytes with a binary prefix, rounded up. */
-export function formatBytes(bytes: number): string {
-  const names = ["B", "KiB", "MiB", "GiB", "TiB"];
-  let scale = 0;
-  while (scale < names.length - 1 && bytes >= 1024 ** (scale + 1)) scale += 1;
-  const value = bytes / 1024 ** scale;
-  const text = scale === 0 || value >= 100 ? Math.ceil(value) : Math.ceil(value * 10) / 10;
-  return `${text} ${names[scale]}`;
-}
-
-function lastSeen(node: NodeItem, now: bigint): { text: string; title: string } {
-  if (node.last_seen === null) return { text: "never", title: "This node has not reported yet." };
-  const seen = parseInstant(node.last_seen);
-  const ago = Number(now - seen);
-  const clock = now - seen > 86_400_000_000_000n ? `${printDay(seen)} ${printClock(seen, 0)}` : printClock(seen, 0);
-  const text = ago < 2e9 ? `${clock}, now` : `${clock}, ${formatDuration(Math.floor(ago / 1e9) * 1e9)} ago`;
-  return { text, title: node.last_seen };
-}
-
-function outboxMeter(node: NodeItem): HTMLElement {
-  const { outbox } = node;
-  if (outbox === null) return element("span", { class: "fact" }, "unknown");
-  const share = outbox.capacity_bytes > 0 ? Math.min(1, outbox.bytes / outbox.capacity_bytes) : 0;
-  const percent = Math.ceil(share * 100);
-  const bar = element("span", { class: "meter-fill" });
-  bar.style.width = `${percent}%`;
-  const level = percent >= 80 ? "high" : percent >= 40 ? "middle" : "low";
-  const text = `${percent} % · ${outbox.messages} msg`;
-  return element(
-    "span",
-    { class: "meter-line" },
-    element("span", { class: "meter", "data-level": level, role: "meter", "aria-label": "outbox fill", "aria-valuenow": percent, "aria-valuemin": 0, "aria-valuemax": 100 }, bar),
-    element("span", {}, text),
-  );
+function outboxMeter({ outbox }: NodeItem): HTMLElement {
+  return outbox === null ? element("span", { class: "fact" }, "unknown") : fillMeter("outbox fill", outbox);
 }
 
 function outboxBytes({ outbox }: NodeItem): string | null {
@@ -81,16 +49,12 @@ function broken({ faults }: NodeItem): HTMLElement[] {
   );
 }
 
-function fact(name: string, value: HTMLElement | string): HTMLElement[] {
-  return [element("dt", {}, name), element("dd", {}, value)];
-}
-
 /** A node at a glance: health by shape and text, last seen, outbox and gaps. */
 export function nodeCard(
   node: NodeItem,
   options: { href: string; current: boolean; now: bigint; reachable: boolean },
 ): HTMLElement {
-  const seen = lastSeen(node, options.now);
+  const seen = node.last_seen;
   const health = options.reachable ? node.health : "unknown";
   const head = element(
     "div",
@@ -103,7 +67,8 @@ export function nodeCard(
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("seen", seen.text),
+    ...fact("seen", seen === null ? "never" : heardAgo(seen, options.now)),
+    ...fact("lag", element("span", { "data-testid": "node-lag" }, formatLag(node.lag))),
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
     ...battery(node),
@@ -119,7 +84,7 @@ export function nodeCard(
       "data-testid": "node",
       "data-node": node.id,
       "data-health": health,
-      title: [node.description, `last seen ${seen.title}`, outboxBytes(node)].filter(Boolean).join("\n"),
+      title: [node.description, seen === null ? "This node has not reported yet." : `last seen ${seen}`, outboxBytes(node)].filter(Boolean).join("\n"),
     },
     head,
     facts,

@@ -8,14 +8,13 @@ import type { Place } from "../state/place";
 import type { Range } from "../state/window";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import { channelFacts, crumbs } from "./channel-detail";
-import type { ChannelPanel } from "./channel-panel";
+import { ChannelQuestions } from "./channel-questions";
 import type { Context } from "./context";
 import { element } from "./element";
 import { EventList } from "./event-list";
 import { NodeSection } from "./node-section";
 import { NodeSettings } from "./node-settings";
 import { notice } from "./notice";
-import { ThresholdForm } from "./threshold-form";
 
 export interface PageOptions {
   readonly context: Context;
@@ -41,7 +40,7 @@ export class Page {
   private readonly column = element("div", { class: "column" });
   private readonly list: EventList;
   private readonly scope: { readonly node: string | null; readonly channel: string | null };
-  private form: ThresholdForm | null = null;
+  private questions: ChannelQuestions | null = null;
   private readonly settings: NodeSettings | null = null;
   private feed: Feed | null = null;
   private feedUrl = "";
@@ -89,7 +88,7 @@ export class Page {
   /** Takes over a change of the window or the question. */
   apply(place: Place): void {
     for (const section of this.sections.values()) section.apply(place.view);
-    this.form?.apply(place.question);
+    this.questions?.apply(place.question);
     this.connect();
     if (this.timer !== null) clearTimeout(this.timer);
     this.timer = setTimeout(() => void this.loadEvents(), SETTLE_MS);
@@ -98,7 +97,7 @@ export class Page {
   frame(at: number): void {
     for (const section of this.sections.values()) section.frame(at);
     this.list.frame(at);
-    this.form?.frame(at);
+    this.questions?.frame(at);
     this.settings?.frame(at);
     this.remark();
   }
@@ -128,7 +127,7 @@ export class Page {
 
   destroy(): void {
     this.feed?.stop();
-    this.form?.destroy();
+    this.questions?.destroy();
     this.settings?.destroy();
     this.eventLoading.abort();
     if (this.timer !== null) clearTimeout(this.timer);
@@ -155,32 +154,14 @@ export class Page {
     const { node, channel } = this.scope;
     const panel = channel === null ? undefined : section.panels.get(channel);
     if (node === null || !panel) return;
-    if (this.form === null) {
-      this.form = this.makeForm(node, panel);
-      panel.root.append(this.form.root);
+    if (this.questions === null) {
+      this.questions = new ChannelQuestions(this.options.context, node, panel);
+      panel.root.append(this.questions.root);
     }
     const facts = channelFacts(panel.data.channel);
     const shown = section.root.querySelector(".channel-facts");
     if (shown) shown.replaceWith(facts);
     else section.root.append(facts);
-  }
-
-  private makeForm(node: string, panel: ChannelPanel): ThresholdForm {
-    const { channel } = panel.data;
-    const bounds = channel.bounds ? [channel.bounds.lo, channel.bounds.hi] : [];
-    return new ThresholdForm({
-      context: this.options.context,
-      node,
-      channel: channel.id,
-      unit: channel.unit,
-      magnitude: Math.max(0, ...bounds.map((bound) => Math.abs(bound ?? 0))),
-      range: () => panel.range(),
-      known: (range) => panel.data.knows(range),
-      onSegments: (segments) => {
-        panel.segments = segments;
-        panel.touch();
-      },
-    });
   }
 
   private openPeak(mark: PeakMark): void {

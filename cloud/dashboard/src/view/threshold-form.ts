@@ -1,12 +1,14 @@
 import type { SegmentItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import type { Segment } from "../chart/segments";
-import { decimalExponent, printUnits, roundToUnits } from "../interval/decimal";
+import { decimalExponent } from "../interval/decimal";
+import { parseTyped, printTyped } from "../interval/typed";
 import { choosePrefix, findUnit } from "../interval/unit";
-import type { Question } from "../state/place";
+import type { ThresholdQuestion } from "../state/place";
 import type { Range } from "../state/window";
 import { formatDuration } from "../time/duration";
 import { parseInstant } from "../time/instant";
+import { AskClock } from "./ask-clock";
 import type { Context } from "./context";
 import { button, element } from "./element";
 
@@ -23,8 +25,7 @@ export interface ThresholdOptions {
   readonly onSegments: (segments: readonly Segment[]) => void;
 }
 
-const LIVE_PAUSE_MS = 2_000;
-const SETTLE_MS = 200;
+const INTRODUCTION = "Certain: the whole interval passes. Possible: a part of it does.";
 
 /** The sums of the answers: certain time is a lower bound, certain and possible together an upper one. */
 export function sumSegments(segments: readonly Segment[], within: Range): { certain: number; atMost: number } {
@@ -44,7 +45,7 @@ export function inSegments(count: number, more: boolean): string {
   return ` in ${count} ${more ? "more " : ""}${count === 1 ? "segment" : "segments"}`;
 }
 
-function sameQuestion(one: Question | null, other: Question | null): boolean {
+function sameQuestion(one: ThresholdQuestion | null, other: ThresholdQuestion | null): boolean {
   return one?.side === other?.side && one?.level === other?.level;
 }
 
@@ -56,9 +57,8 @@ export class ThresholdForm {
   private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "threshold-answer" });
   private readonly prefix: number;
   private asking: AbortController | null = null;
-  private applied: Question | null = null;
-  private askedAt = 0;
-  private due: number | null = null;
+  private applied: ThresholdQuestion | null = null;
+  private readonly clock = new AskClock();
 
   constructor(private readonly options: ThresholdOptions) {
     const unit = findUnit(options.unit);
@@ -75,44 +75,40 @@ export class ThresholdForm {
       event.preventDefault();
       this.submit();
     });
+    this.answer.textContent = INTRODUCTION;
     this.side.addEventListener("change", () => {
       if (this.level.value.trim() !== "") this.submit();
     });
-    this.apply(options.context.place().question);
   }
 
   /** Takes over a question from the address, or the change of the window. */
-  apply(question: Question | null): void {
+  apply(question: ThresholdQuestion | null): void {
     const same = sameQuestion(this.applied, question);
     this.applied = question;
     // What was typed in vain stays with its complaint, wherever the window goes.
     if (same && this.invalid) return;
     if (document.activeElement !== this.level) {
-      this.level.value = question ? this.print(question.level) : "";
+      this.level.value = question ? printTyped(question.level, this.prefix) : "";
       this.level.removeAttribute("aria-invalid");
     }
     if (question) {
       this.side.value = question.side;
-      this.due = performance.now() + SETTLE_MS;
+      this.clock.settle();
     } else {
       this.asking?.abort();
-      this.due = null;
-      this.options.onSegments([]);
-      this.answer.textContent = "Certain: the whole interval passes. Possible: a part of it does.";
+      this.clock.stop();
+      this.answer.textContent = INTRODUCTION;
+      if (!same) this.options.onSegments([]);
     }
   }
 
-  /** Asks again once the window has settled, and every other second while it moves. */
   frame(at: number): void {
-    const { question, view } = this.options.context.place();
-    if (!question || this.invalid) return;
-    const live = view.kind === "live" && at - this.askedAt > LIVE_PAUSE_MS;
-    if (!live && (this.due === null || at < this.due)) return;
+    if (this.applied === null || this.invalid) return;
+    if (!this.clock.isDue(at, this.options.context.place().view)) return;
     const range = this.options.range();
     if (range === null) return;
-    this.due = null;
-    this.askedAt = at;
-    void this.ask(question, range);
+    this.clock.ask(at);
+    void this.ask(this.applied, range);
   }
 
   /** While what was typed cannot be asked, the complaint stays, and no answer overwrites it. */
@@ -124,35 +120,28 @@ export class ThresholdForm {
     this.asking?.abort();
   }
 
-  private print(level: number): string {
-    if (level === 0) return "0";
-    const place = Math.min(this.prefix, decimalExponent(level) - 14);
-    const text = printUnits(roundToUnits(level, place, "down"), place, this.prefix).replace("−", "-");
-    return text.includes(".") ? text.replace(/\.?0+$/, "") : text;
-  }
-
   private submit(): void {
-    const text = this.level.value.trim().replace(",", ".").replace("−", "-");
-    const level = Number(`${text}e${this.prefix}`);
-    const valid = /^[-+]?(\d+\.?\d*|\.\d+)$/.test(text) && Number.isFinite(level);
-    this.level.setAttribute("aria-invalid", String(!valid));
-    if (valid) this.go({ side: this.side.value === "below" ? "below" : "above", level });
+    const level = parseTyped(this.level.value, this.prefix);
+    this.level.setAttribute("aria-invalid", String(level === null));
+    if (level !== null) this.go({ kind: "threshold", side: this.side.value === "below" ? "below" : "above", level });
     else {
       this.asking?.abort();
       this.answer.textContent = `"${this.level.value}" is not a number. Type a level such as 12.5.`;
     }
   }
 
-  private go(question: Question | null): void {
+  private go(question: ThresholdQuestion | null): void {
     const { context } = this.options;
     if (question === null) {
       this.level.value = "";
       this.level.removeAttribute("aria-invalid");
+      this.answer.textContent = INTRODUCTION;
+      if (this.applied === null) return;
     }
     context.go({ ...context.place(), question }, "replace");
   }
 
-  private async ask(question: Question, range: Range): Promise<void> {
+  private async ask(question: ThresholdQuestion, range: Range): Promise<void> {
     const { context, node, channel } = this.options;
     this.asking?.abort();
     this.asking = new AbortController();
@@ -174,12 +163,12 @@ export class ThresholdForm {
     return { x0, x1: timeline.toX(parseInstant(item.end)), verdict: item.verdict };
   }
 
-  private tell(question: Question, segments: readonly Segment[], range: Range, complete: boolean): void {
+  private tell(question: ThresholdQuestion, segments: readonly Segment[], range: Range, complete: boolean): void {
     const certain = segments.filter((segment) => segment.verdict === "certain").length;
     const more = segments.length - certain;
     const sums = sumSegments(segments, range);
     const unit = this.root.querySelector(".unit")?.textContent ?? "";
-    const level = `${question.side} ${this.print(question.level)} ${unit}`.trim();
+    const level = `${question.side} ${printTyped(question.level, this.prefix)} ${unit}`.trim();
     const window = formatDuration(range.x1 - range.x0);
     const parts = [
       element("strong", { "data-testid": "total-certain", "data-ns": sums.certain }, `certainly ${formatDuration(sums.certain, "down")}`),

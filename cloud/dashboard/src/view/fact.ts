@@ -1,0 +1,41 @@
+import { formatDuration } from "../time/duration";
+import { parseInstant, printClock, printDay } from "../time/instant";
+import { element } from "./element";
+
+/** A name and its value, for a list of facts. */
+export function fact(name: string, value: HTMLElement | string): HTMLElement[] {
+  return [element("dt", {}, name), element("dd", {}, value)];
+}
+
+/** When something was heard last, and how long ago that is. */
+export function heardAgo(moment: string, now: bigint): string {
+  const seen = parseInstant(moment);
+  const ago = Number(now - seen);
+  const clock = now - seen > 86_400_000_000_000n ? `${printDay(seen)} ${printClock(seen, 0)}` : printClock(seen, 0);
+  return ago < 2e9 ? `${clock}, now` : `${clock}, ${formatDuration(Math.floor(ago / 1e9) * 1e9)} ago`;
+}
+
+/** How full a store of messages is, as a bar and in words. */
+export function fillMeter(label: string, fill: { messages: number; bytes: number; capacity_bytes: number }): HTMLElement {
+  const share = fill.capacity_bytes > 0 ? Math.min(1, fill.bytes / fill.capacity_bytes) : 0;
+  const percent = Math.ceil(share * 100);
+  const bar = element("span", { class: "meter-fill" });
+  bar.style.width = `${percent}%`;
+  const level = percent >= 80 ? "high" : percent >= 40 ? "middle" : "low";
+  return element(
+    "span",
+    { class: "meter-line" },
+    element("span", { class: "meter", "data-level": level, role: "meter", "aria-label": label, "aria-valuenow": percent, "aria-valuemin": 0, "aria-valuemax": 100 }, bar),
+    element("span", {}, `${percent} % · ${fill.messages.toLocaleString("en")} msg`),
+  );
+}
+
+/** Prints bytes with a binary prefix, rounded up. */
+export function formatBytes(bytes: number): string {
+  const names = ["B", "KiB", "MiB", "GiB", "TiB"];
+  let scale = 0;
+  while (scale < names.length - 1 && bytes >= 1024 ** (scale + 1)) scale += 1;
+  const value = bytes / 1024 ** scale;
+  const text = scale === 0 || value >= 100 ? Math.ceil(value) : Math.ceil(value * 10) / 10;
+  return `${text} ${names[scale]}`;
+}

@@ -1,0 +1,52 @@
+import type { GatewayItem, StorageAnswer } from "../api/contract";
+import { formatDuration } from "../time/duration";
+import { formatLag } from "../time/lag";
+import { element } from "./element";
+import { fact, fillMeter, formatBytes, heardAgo } from "./fact";
+import { healthSymbol } from "./symbol";
+
+function spoolFacts({ spool, nodes }: GatewayItem): HTMLElement[] {
+  if (spool === null) return fact("spool", "unknown");
+  const oldest = spool.oldest_ns === null ? "nothing" : `for ${formatDuration(spool.oldest_ns, "up")}`;
+  return [
+    ...fact("spool", fillMeter("spool fill", spool)),
+    ...fact("waits", oldest),
+    ...fact("nodes", String(nodes ?? "–")),
+    ...(spool.dead_letters > 0 ? fact("unusable", element("span", { class: "warn" }, String(spool.dead_letters))) : []),
+  ];
+}
+
+/** A gateway at a glance: whether it is heard, what waits in it, how late it brings it, how much it brought. */
+export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolean): HTMLElement {
+  const health = reachable ? gateway.health : "unknown";
+  const { stored, duplicate, rejected, spool } = gateway;
+  const head = element("div", { class: "card-head" }, healthSymbol(health), element("strong", {}, gateway.id.replace(".", " ")), element("span", { class: `badge ${health}` }, health));
+  const refused = rejected > 0 ? element("span", { class: "warn" }, rejected.toLocaleString("en")) : "0";
+  const facts = element(
+    "dl",
+    { class: "facts" },
+    ...fact("heard", heardAgo(gateway.last_heard, now)),
+    ...fact("lag", element("span", { "data-testid": "gateway-lag" }, formatLag(gateway.lag))),
+    ...spoolFacts(gateway),
+    ...fact("stored", element("span", { title: `${duplicate} came again` }, stored.toLocaleString("en"))),
+    ...fact("refused", refused),
+  );
+  const told = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, told ${spool.told}`;
+  const title = [gateway.id, `first heard ${gateway.first_heard}`, told].filter(Boolean).join("\n");
+  return element("section", { class: "card", "data-testid": "gateway", "data-gateway": gateway.id, "data-health": health, "aria-label": `gateway ${gateway.id}`, title }, head, facts);
+}
+
+/** What the store takes of the disk, whole and for each sample. */
+export function storageCard({ bytes, free_bytes, samples, bytes_per_sample }: StorageAnswer): HTMLElement {
+  const each = bytes_per_sample === null ? "–" : `${(Math.ceil(bytes_per_sample * 100) / 100).toFixed(2)} B`;
+  const facts = element(
+    "dl",
+    { class: "facts" },
+    ...fact("a sample", element("span", { "data-testid": "bytes-per-sample" }, each)),
+    ...fact("samples", samples.toLocaleString("en")),
+    ...fact("takes", formatBytes(bytes)),
+    ...fact("free in it", formatBytes(free_bytes)),
+  );
+  const title = "What the store takes, with indices and all, less what is free in it, by its samples";
+  return element("section", { class: "card", "data-testid": "storage", "aria-label": "store", title }, element("div", { class: "card-head" }, element("strong", {}, "Store")), facts);
+}

@@ -1,0 +1,251 @@
+import type { PredictionQuery } from "../api/client";
+import type { ModelItem, SegmentItem } from "../api/contract";
+import { isAbort, messageOf } from "../api/failure";
+import { readPrediction } from "../chart/predicted";
+import type { Segment } from "../chart/segments";
+import { readInterval, type Interval } from "../interval/interval";
+import { printGiven, type Given, type ModelQuestion } from "../state/place";
+import type { Range } from "../state/window";
+import { NS_PER_SECOND, parseInstant, printInstant, type Instant } from "../time/instant";
+import { NOTHING, type Entries } from "../tube/entries";
+import { AskClock } from "./ask-clock";
+import type { Context } from "./context";
+import { button, element } from "./element";
+import { IntervalField } from "./interval-field";
+import { modelAnswer } from "./model-answer";
+
+export interface ModelFormOptions {
+  readonly context: Context;
+  readonly node: string;
+  readonly channel: string;
+  readonly unit: string;
+  /** The channel's own bounds, to begin with where a model has no usual ones. */
+  readonly bounds: Interval | null;
+  readonly range: () => Range | null;
+  /** How many buckets the tube is drawn with. */
+  readonly points: () => number;
+  readonly onAnswer: (predicted: Entries, anomalies: readonly Segment[]) => void;
+}
+
+/** A live window moves on while an answer is shown; what is predicted is known ahead. */
+const AHEAD = 5n * NS_PER_SECOND;
+const INTRODUCTION = "Certain: no value of the interval is predicted. Possible: some value is not.";
+
+function keyOf(question: ModelQuestion | null): string {
+  return question === null ? "" : [question.model, question.origin, ...question.parameters.map(printGiven)].join(" ");
+}
+
+/** Compares a channel with what a model predicts: paints the tube, and says how long the channel left it. */
+export class ModelForm {
+  readonly root: HTMLDetailsElement;
+  private readonly form = element("form", { class: "model-form", "aria-label": "comparison with a model", "data-testid": "model-form" });
+  private readonly model = element("select", { name: "model", "aria-label": "model", "data-testid": "model" });
+  private readonly about = element("p", { class: "about" });
+  private readonly parameters = element("div", { class: "parameters" });
+  private readonly origin = element("input", { type: "text", class: "origin", autocomplete: "off", spellcheck: "false", "aria-label": "time 0 of the model, RFC 3339", placeholder: "start of the window", "data-testid": "model-origin" });
+  private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "model-answer" });
+  private readonly clock = new AskClock();
+  private readonly loading = new AbortController();
+  private models: readonly ModelItem[] | null = null;
+  private fields: readonly IntervalField[] = [];
+  private asking: AbortController | null = null;
+  private applied: ModelQuestion | null = null;
+  private anomalies: readonly Segment[] = [];
+  private complaining = false;
+
+  constructor(private readonly options: ModelFormOptions) {
+    const compare = element("button", { type: "submit", class: "plain", "data-testid": "model-ask" }, "Compare");
+    const clear = button("Clear", { class: "plain quiet" }, () => this.clear());
+    const origin = element("label", { class: "interval-field" }, element("span", { class: "name" }, "time 0"), this.origin);
+    const key = element("span", { class: "key" }, element("i", { class: "swatch predicted" }), "predicted");
+    this.form.append(element("div", { class: "fields" }, this.model, key), this.about, this.parameters, element("div", { class: "fields" }, origin, compare, clear));
+    this.root = element("details", { class: "compare", "data-testid": "compare" }, element("summary", {}, "Compare with a model"), this.form, this.answer);
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.submit();
+    });
+    this.model.addEventListener("change", () => this.showModel(null));
+    this.root.addEventListener("toggle", () => {
+      if (this.root.open) void this.load();
+    });
+    this.form.hidden = true;
+  }
+
+  /** Takes over a question from the address, or the change of the window. */
+  apply(question: ModelQuestion | null): void {
+    const same = keyOf(this.applied) === keyOf(question);
+    this.applied = question;
+    if (same && this.complaining) return;
+    if (!same) this.fill();
+    if (question !== null) {
+      this.root.open = true;
+      this.clock.settle();
+      return;
+    }
+    this.asking?.abort();
+    this.clock.stop();
+    if (same) return;
+    this.mark(NOTHING, []);
+    if (this.models !== null) this.answer.textContent = INTRODUCTION;
+  }
+
+  frame(at: number): void {
+    if (this.applied === null || this.complaining) return;
+    if (!this.clock.isDue(at, this.options.context.place().view)) return;
+    const range = this.options.range();
+    if (range === null) return;
+    this.clock.ask(at);
+    void this.ask(this.applied, range);
+  }
+
+  destroy(): void {
+    this.loading.abort();
+    this.asking?.abort();
+  }
+
+  private async load(): Promise<void> {
+    if (this.models !== null) return;
+    this.answer.textContent = "Loading models…";
+    try {
+      const all = await this.options.context.client.models(this.loading.signal);
+      if (this.models !== null) return;
+      this.models = all.filter(({ unit }) => unit === null || unit === this.options.unit);
+    } catch (error) {
+      if (isAbort(error)) return;
+      const again = button("Try again", { class: "plain" }, () => void this.load());
+      this.answer.replaceChildren(`The models could not be loaded: ${messageOf(error)} `, again);
+      return;
+    }
+    if (this.models.length === 0) {
+      this.answer.textContent = `No model predicts a quantity in ${this.options.unit}.`;
+      return;
+    }
+    this.model.replaceChildren(...this.models.map(({ id }) => element("option", { value: id }, id.replace(".", ": ").replaceAll("_", " "))));
+    this.form.hidden = false;
+    this.answer.textContent = this.applied === null ? INTRODUCTION : "Asking…";
+    this.fill();
+  }
+
+  /** Shows the question in the fields, or the first model as it usually is. */
+  private fill(): void {
+    this.complaining = false;
+    if (this.models === null || this.models.length === 0) return;
+    const question = this.applied;
+    if (question !== null) this.model.value = question.model;
+    if (question === null) return this.fields.length === 0 ? this.showModel(null) : undefined;
+    this.origin.value = printInstant(question.origin).replace(/\.?0+Z$/, "Z");
+    this.origin.removeAttribute("aria-invalid");
+    this.showModel(question.parameters);
+  }
+
+  /** Makes the fields of the chosen model, with what is given or usual. */
+  private showModel(given: readonly Given[] | null): void {
+    const model = this.models?.find(({ id }) => id === this.model.value);
+    this.about.textContent = model?.description ?? "";
+    this.fields = (model?.parameters ?? []).map((parameter) => {
+      const field = new IntervalField(parameter, parameter.unit ?? this.options.unit);
+      const usual = parameter.usual === null ? this.options.bounds : readInterval(parameter.usual);
+      field.set(given?.find(({ name }) => name === parameter.name) ?? usual);
+      return field;
+    });
+    this.parameters.replaceChildren(...this.fields.map(({ root }) => root));
+  }
+
+  private submit(): void {
+    this.complaining = false;
+    const bad: string[] = [];
+    const parameters: Given[] = [];
+    for (const field of this.fields) {
+      if (field.empty && !field.parameter.required) continue;
+      const bounds = field.read();
+      if (bounds === null) bad.push(field.name);
+      else parameters.push({ name: field.parameter.name, ...bounds });
+    }
+    const origin = this.readOrigin();
+    if (bad.length > 0) this.complain(`Give ${bad.join(", ")} as a lower and an upper bound, such as 9 and 11.`);
+    else if (origin === null) this.complain("Give time 0 as RFC 3339, such as 2026-01-31T12:00:00Z, or leave it empty.");
+    else this.go({ kind: "model", model: this.model.value, origin, parameters });
+  }
+
+  /** What was typed; where nothing was, the whole second in which the window begins. */
+  private readOrigin(): Instant | null {
+    const text = this.origin.value.trim();
+    const range = this.options.range();
+    this.origin.removeAttribute("aria-invalid");
+    if (text === "" && range !== null) {
+      const start = this.options.context.timeline.toInstant(range.x0);
+      return (start / NS_PER_SECOND) * NS_PER_SECOND;
+    }
+    try {
+      return parseInstant(text);
+    } catch (error) {
+      if (!(error instanceof RangeError)) throw error;
+      this.origin.setAttribute("aria-invalid", "true");
+      return null;
+    }
+  }
+
+  /** Says what cannot be asked; it stays until the question changes. */
+  private complain(text: string): void {
+    this.complaining = true;
+    this.asking?.abort();
+    this.mark(NOTHING, []);
+    this.answer.textContent = text;
+    this.form.querySelector<HTMLElement>("[aria-invalid=true]")?.focus();
+  }
+
+  private clear(): void {
+    this.complaining = false;
+    this.origin.value = "";
+    this.showModel(null);
+    this.answer.textContent = INTRODUCTION;
+    if (this.applied !== null) this.go(null);
+  }
+
+  private go(question: ModelQuestion | null): void {
+    const { context } = this.options;
+    if (question !== null) this.answer.textContent = "Asking…";
+    context.go({ ...context.place(), question }, "replace");
+  }
+
+  private async ask(question: ModelQuestion, range: Range): Promise<void> {
+    const { context, node, channel, points } = this.options;
+    const { client, timeline } = context;
+    this.asking?.abort();
+    this.asking = new AbortController();
+    const { signal } = this.asking;
+    const place = { node, channel };
+    const query: PredictionQuery = {
+      model: question.model,
+      origin: question.origin,
+      parameter: question.parameters.map(printGiven),
+      start: timeline.toInstant(range.x0),
+      end: timeline.toInstant(Math.ceil(range.x1)),
+    };
+    const ahead = context.place().view.kind === "live" ? AHEAD : 0n;
+    let predicted = NOTHING;
+    try {
+      const tube = await client.prediction(place, { ...query, end: query.end + ahead, points: points() }, signal);
+      predicted = readPrediction(tube, timeline);
+      this.mark(predicted, this.anomalies);
+      const [segments, time] = await Promise.all([client.anomalies(place, query, signal), client.anomaliesTime(place, query, signal)]);
+      this.mark(predicted, segments.items.map((item) => this.read(item)));
+      this.answer.replaceChildren(...modelAnswer(time, range, segments.complete));
+    } catch (error) {
+      if (isAbort(error)) return;
+      // What is predicted may be known though there is too much to be compared with it.
+      this.mark(predicted, []);
+      this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
+    }
+  }
+
+  private mark(predicted: Entries, anomalies: readonly Segment[]): void {
+    this.anomalies = anomalies;
+    this.options.onAnswer(predicted, anomalies);
+  }
+
+  private read(item: SegmentItem): Segment {
+    const { timeline } = this.options.context;
+    return { x0: timeline.toX(parseInstant(item.start)), x1: timeline.toX(parseInstant(item.end)), verdict: item.verdict };
+  }
+}

@@ -1,0 +1,46 @@
+"""What the store takes of the disk."""
+
+import math
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel
+from starlette.responses import Response
+
+from cloud.dependencies import CloudState, Reader
+from cloud.routes.answers import as_json
+from cloud.routes.documents import REFUSALS, NoQuery
+from cloud.store.disk import measure_disk
+from eskin.errors import StoreError
+
+router = APIRouter(tags=["nodes"])
+
+
+class StorageDocument(BaseModel):
+    """What the store takes; what is free in it (where the server tells) is for what comes next.
+
+    ``bytes_per_sample`` is all that is taken and not free, by the samples kept: blocks, packs,
+    indices, pyramid, events and all else.
+    """
+
+    bytes: int
+    free_bytes: int
+    samples: int
+    bytes_per_sample: float | None
+
+
+@router.get("/storage", response_model=StorageDocument, responses=REFUSALS)
+def get_storage(cloud: CloudState, _: Reader, query: Annotated[NoQuery, Query()]) -> Response:
+    """What the store takes now."""
+    del query
+    use = measure_disk(cloud.store)
+    if math.isnan(use.taken):
+        raise StoreError("the store cannot be read now; try again in a moment")
+    return as_json(
+        {
+            "bytes": int(use.taken),
+            "free_bytes": int(use.free),
+            "samples": int(use.samples),
+            "bytes_per_sample": use.each,
+        }
+    )
