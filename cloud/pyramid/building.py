@@ -34,7 +34,8 @@ Place: TypeAlias = tuple[str, str]
 Key: TypeAlias = tuple[str, str, int]
 
 _PAGE: Final = 4096
-_AT_ONCE: Final = 64
+AT_ONCE: Final = 64
+"""Chunks that are made and written in one step."""
 _FOREVER: Final = 2**63 - 1
 _DELETE: Final = delete(stale).where(
     stale.c.node == bindparam("n"),
@@ -146,7 +147,7 @@ def repair(store: Store, after: Key | None) -> Key | None:
 
 def _make(connection: Connection, after: Key | None) -> list[Made]:
     s = stale.c
-    query = select(stale).order_by(s.node, s.channel, s.chunk).limit(_AT_ONCE)
+    query = select(stale).order_by(s.node, s.channel, s.chunk).limit(AT_ONCE)
     if after is not None:
         query = query.where(tuple_(s.node, s.channel, s.chunk) > tuple_(*after))
     made, known = [], {}
