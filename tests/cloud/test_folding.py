@@ -33,7 +33,7 @@ def spoken(draw: st.DrawFn) -> list[Block]:
         coverage = draw(st.sampled_from([1.0, 0.999]))
         time = (t - error, t + error)
         said.append(block(number, lo, hi, time=time, dt=dt, coverage=coverage))
-        t += dt * len(lo) + draw(st.sampled_from([0, 0, 0, dt, 40, -5]))
+        t += dt * len(lo) + draw(st.sampled_from([0, 0, 3, dt, 40, -5]))
     return sorted(said, key=lambda one: (one.tube.first_moment, one.position))
 
 
