@@ -86,3 +86,11 @@ def test_stored_bounds_are_those_of_the_message(encoding: Encoding, scale: float
     found = read_bounds(said.encode())
     assert found[0].tolist() == said.tube.values.inf.tolist()
     assert found[1].tolist() == said.tube.values.sup.tolist()
+
+
+@pytest.mark.parametrize(("step", "breaks"), [(10, 0), (15, 0), (16, 1)])
+def test_half_a_period_late_is_no_gap(step: int, breaks: int) -> None:
+    later = START + 10 + step
+    said = [block(0, [1, 1], [2, 2], dt=10), block(1, [1], [2], time=(later, later), dt=10)]
+    found = fold(rows(said), Window(START, START + 100), Buckets(START, 100, 1))
+    assert (found.n.tolist(), found.breaks.tolist(), found.held.tolist()) == ([3], [breaks], [20])
