@@ -1,8 +1,8 @@
 """Questions to a store of very many samples: 1000 hulls of any window, as quick as of a few.
 
-``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz in blocks of 500 and asks
-for windows of every length at any place. Blocks repeat after a while; each is stored and indexed as
-if it were new. The disk must hold 10 bytes a sample.
+``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz in packs, as blocks lie in
+an old store, and asks for windows of every length at any place: first of a hundredth of it, then of
+all; in the store, and over HTTP with a token. The disk must hold 3 bytes a sample.
 """
 
 from __future__ import annotations
@@ -10,78 +10,84 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
-from itertools import count, islice
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from rich.progress import Progress
 
+from benchmarks.long_store import LongStore
+from benchmarks.questions import POINTS, ask_service, ask_store
 from benchmarks.report import Row
-from cloud.pyramid.building import build
-from cloud.query.places import find_channel
-from cloud.query.series import read_series
-from cloud.query.window import Window
 from cloud.store import Store
 from cloud.store.bulk import insert_many
 from cloud.store.channels import add_block
 from cloud.store.schema import blocks, channels
 from eskin.messages import BlockSummary, Encoding, decode_summary
-from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, NODE, START, block
+from tests.cloud.service import Service
+from tests.identities import Identities
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Mapping
 
+    from benchmarks.questions import Took
     from cloud.store.place import Place
 
 _SAMPLES: Final = 500
 _DT: Final = 1_000_000
-_PATTERNS: Final = 64
 _BATCH: Final = 5000
-_POINTS: Final = 1000
-_MOST_MS: Final = 10.0
+_MOST_MS: Final = {"in the store": 10.0}
+_MOST_SERVED_MS: Final = 25.0
 _GROWTH: Final = 1.5
 
 
 def measure_pyramid(
-    place: Place, *, samples: int, questions: int, processor: bool = False
+    place: Place, folder: Path, *, samples: int, questions: int, processor: bool = False
 ) -> list[Row]:
     """Fill a store, build its pyramid, ask; gives milliseconds.
 
     Args:
-        place: Of an empty store.
+        place: Of a store, empty or filled here before.
+        folder: For the cloud's files.
         samples: How many in the end; a hundredth of it is asked first.
         questions: How many at each size.
-        processor: Count the thread's time on the processor alone, where others use it, too.
+        processor: Count time on the processor alone, where others use it, too: the asking thread's
+            in the store, and all of the cloud's over HTTP.
     """
-    said = list(islice(patterns(), _PATTERNS))
-    found: dict[int, tuple[float, float]] = {}
-    with Store(place) as store:
-        standing = 0
-        put(store, block(0, boot=2, dt=_DT))
-        for size in (samples // 100, samples):
+    identities = Identities(folder / "pki")
+    found: dict[int, dict[str, Took]] = {}
+    for size in (samples // 100, samples):
+        with Store(place) as store, Progress() as screen:
+            long = LongStore(store, screen)
             begun = time.perf_counter()
-            fill(store, said, standing, size // _SAMPLES)
+            long.grow(size)
             filled = time.perf_counter()
-            build(store)
+            long.build()
             built = time.perf_counter()
             print(f"{size:.0e}: filled {filled - begun:.0f} s, built {built - filled:.0f} s")
-            standing = size // _SAMPLES
-            found[size] = _ask(store, size * _DT, questions, processor=processor)
+            found[size] = {
+                "in the store": ask_store(store, size * _DT, questions, processor=processor)
+            }
+        with Service(folder / f"{size:.0e}", identities, place=place) as service:
+            found[size] |= ask_service(service, size * _DT, questions, processor=processor)
     return list(_rows(found))
 
 
-def _rows(found: dict[int, tuple[float, float]]) -> Iterator[Row]:
+def _rows(found: Mapping[int, Mapping[str, Took]]) -> Iterator[Row]:
     few, many = sorted(found)
-    for size, (half, most) in found.items():
-        name = f"{_POINTS} hulls of any window of {size:.0e} samples"
-        yield Row(f"{name}, p50", half, "ms")
-        ratio = _MOST_MS / most
-        yield Row(f"{name}, p99", most, "ms", None, None, ratio, 1.0, ratio >= 1.0)
-    for at, word in enumerate(("p50", "p99")):
-        ratio = found[few][at] / found[many][at]
-        title = f"the same: {word} of {few:.0e} samples against {many:.0e}"
-        yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
+    for size, ways in found.items():
+        for way, took in ways.items():
+            name = f"{POINTS} hulls of any window of {size:.0e} samples, {way}"
+            yield Row(f"{name}, p50", took.half, "ms")
+            ratio = _MOST_MS.get(way, _MOST_SERVED_MS) / took.most
+            yield Row(f"{name}, p99", took.most, "ms", None, None, ratio, 1.0, ratio >= 1.0)
+    for way, took in found[few].items():
+        for at, word in enumerate(("p50", "p99")):
+            ratio = took[at] / found[many][way][at]
+            title = f"the same {way}: {word} of {few:.0e} samples against {many:.0e}"
+            yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
 
 
 def patterns(dt: int = _DT) -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
@@ -129,24 +135,6 @@ def fill(
         store.write(keep).result()
 
 
-def _ask(store: Store, span: int, questions: int, *, processor: bool) -> tuple[float, float]:
-    """Windows from a minute to all, evenly in their logarithms; p50 and p99 in ms."""
-    random = np.random.default_rng(7)
-    clock = time.thread_time if processor else time.perf_counter
-    took = []
-    for number in range(questions + 20):
-        length = int(60e9 * (span / 60e9) ** random.random())
-        start = START + int((span - length) * random.random())
-        begun = clock()
-        with store.read() as connection:
-            row = find_channel(connection, NODE, CHANNEL)
-            read_series(connection, row, Window(start, start + length), points=_POINTS)
-        if number >= 20:  # the first ones load and warm what is used
-            took.append((clock() - begun) * 1e3)
-    half, most = np.percentile(took, [50, 99])
-    return float(half), float(most)
-
-
 def main() -> None:
     """Measure on an SQLite file, and say so line by line."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.pyramid", description=__doc__)
@@ -158,12 +146,12 @@ def main() -> None:
         place = Path(folder) / "store.sqlite"
         rows = measure_pyramid(
             place,
+            Path(folder),
             samples=int(options.samples),
             questions=options.questions,
             processor=options.processor,
         )
-        size = sum(each.stat().st_size for each in Path(folder).iterdir())
-        print(f"{size / options.samples:.2f} bytes a sample")
+        print(f"{place.stat().st_size / options.samples:.2f} bytes a sample")
     for row in rows:
         print(f"{row.name}: {row.value:.2f} {row.unit}")
 

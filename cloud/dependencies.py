@@ -1,4 +1,7 @@
-"""What routes ask for: the shared state, and proof of who asks."""
+"""What routes ask for: the shared state, and proof of who asks.
+
+What does not wait for the store is asynchronous, so that no thread is woken for it.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -44,7 +47,7 @@ def address_of(request: Request) -> str:
     return "" if request.client is None else request.client.host.removeprefix("::ffff:")
 
 
-def the_cloud(request: Request) -> Cloud:
+async def the_cloud(request: Request) -> Cloud:
     """The shared state."""
     cloud: Cloud = request.app.state.cloud
     return cloud
@@ -77,7 +80,7 @@ def find_access(
 Visitor = Annotated[Access | None, Depends(find_access)]
 
 
-def require_read(visitor: Visitor) -> Access:
+async def require_read(visitor: Visitor) -> Access:
     """Whoever may read.
 
     Raises:
@@ -86,7 +89,7 @@ def require_read(visitor: Visitor) -> Access:
     return _require(visitor, Scope.READ)
 
 
-def require_operate(request: Request, visitor: Visitor) -> Access:
+async def require_operate(request: Request, visitor: Visitor) -> Access:
     """Whoever may command nodes; browsers only from our own pages.
 
     Raises:
@@ -96,7 +99,7 @@ def require_operate(request: Request, visitor: Visitor) -> Access:
     return _require(visitor, Scope.OPERATE)
 
 
-def require_admin(request: Request, visitor: Visitor) -> Access:
+async def require_admin(request: Request, visitor: Visitor) -> Access:
     """Whoever may say who may do what; browsers only from our own pages.
 
     Raises:
@@ -140,7 +143,7 @@ def _require(visitor: Access | None, scope: Scope) -> Access:
     return visitor
 
 
-def require_biometric(visitor: Visitor) -> Access:
+async def require_biometric(visitor: Visitor) -> Access:
     """Whoever may read what tells of a person.
 
     Raises:

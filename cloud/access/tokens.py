@@ -7,7 +7,7 @@ import secrets
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import delete, func, insert, or_, select, update
+from sqlalchemy import bindparam, delete, func, insert, or_, select, update
 
 from cloud.access.scopes import Scope, read_scopes, write_scopes
 from cloud.store.audit_log import Action, Deed, record
@@ -25,6 +25,12 @@ _BYTES: Final = 32
 _PATIENCE: Final = 30.0
 COMMAND_LINE: Final = "command line"
 """Who does what is done with the store in hand."""
+
+_GOOD: Final = select(tokens.c.name, tokens.c.scopes).where(
+    tokens.c.digest == bindparam("digest"),
+    tokens.c.revoked.is_(None),
+    or_(tokens.c.expires.is_(None), tokens.c.expires > bindparam("now")),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,12 +189,9 @@ def find_token(store: Store, token: str) -> Holder | None:
     Raises:
         StoreError: The store cannot be read.
     """
-    now = store.clock()
-    good = or_(tokens.c.expires.is_(None), tokens.c.expires > now)
-    here = (tokens.c.digest == digest(token)) & tokens.c.revoked.is_(None)
-    query = select(tokens.c.name, tokens.c.scopes).where(here, good)
+    said = {"digest": digest(token), "now": store.clock()}
     with store.read() as connection:
-        found = connection.execute(query).one_or_none()
+        found = connection.execute(_GOOD, said).one_or_none()
     return None if found is None else Holder(found[0], read_scopes(found[1]))
 
 

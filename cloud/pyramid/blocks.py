@@ -3,29 +3,32 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import chain, repeat
-from typing import TYPE_CHECKING, Any, Final
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
-from sqlalchemy import and_, func, not_, select
+from sqlalchemy import and_, bindparam, func, not_, select
 
 from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
-from cloud.query.span import touching
+from cloud.query.span import TOUCHING, clip, near, touching
 from cloud.query.window import Window
 from cloud.store.schema import blocks
 from eskin.messages.pack import Pack, is_pack
 from eskin.messages.stored import read_bounds
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Sequence
 
-    from sqlalchemy import ColumnElement, Connection, RowMapping
+    from sqlalchemy import Connection, RowMapping
 
     from cloud.pyramid.pieces import Integers
+    from eskin.interval import Floats
 
 DECODED: Final = tuple(blocks.c[name] for name in ("t", "dt", "n", "error", "coverage", "data"))
 """What of a block's row tells of its samples."""
-_AT_ONCE: Final = 256
+_IN_ORDER: Final = select(*DECODED).order_by(blocks.c.t, blocks.c.boot, blocks.c.sequence)
+_TOUCHING: Final = _IN_ORDER.where(TOUCHING)
+_COUNTS: Final = select(blocks.c.n).where(TOUCHING).limit(bindparam("most"))
 _FEW: Final = 600
 """So many blocks are decoded, whatever is asked of them, …"""
 _FEW_SAMPLES: Final = 300_000
@@ -63,37 +66,84 @@ def decode(rows: Sequence[Any], window: Window) -> Pieces:
         rows: Blocks by the columns ``DECODED``, in order of time, then of boot and sequence.
         window: Which samples.
     """
+    return _apart(*_opened(rows), window) if rows else EMPTY
+
+
+def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Pieces:
+    """The same, with all samples of a bucket in one piece.
+
+    Args:
+        rows: As in `decode`.
+        window: Which samples; it lies within the buckets.
+        buckets: Some.
+    """
     if not rows:
         return EMPTY
-    found = [read_bounds(data) for *_, data in rows]
+    heads, bounds = _opened(rows)
+    if any(after.t < head.t + head.dt * (head.n - 1) for head, after in pairwise(heads)):
+        samples = _apart(heads, bounds, window)  # blocks lie over each other
+        return samples.grouped(buckets.of(samples.first))
+    runs, place = [], 0
+    for t, dt, n, error, _ in heads:
+        first, last = clip(t, dt, n, window)
+        runs.append((t + dt * first, dt, last - first + 1, place + first, error))
+        place += n
+    coverage = np.array([head.coverage for head in heads])
+    grid = buckets.start, buckets.width
+    return Pieces.of_samples(bounds, np.array(runs), coverage, grid, buckets.count)
+
+
+class _Head(NamedTuple):
+    """What is said of a block beside its samples."""
+
+    t: int
+    dt: int
+    n: int
+    error: int
+    coverage: float
+
+
+def _opened(rows: Sequence[Any]) -> tuple[list[_Head], tuple[Floats, Floats]]:
+    """Heads of all blocks in some rows, and the bounds of all their samples."""
+    heads, found = [], []
+    for *head, data in rows:
+        if not is_pack(data):
+            heads.append(_Head(*head))
+            found.append(read_bounds(data))
+            continue
+        pack, (_, dt, _, _, coverage) = Pack.read(data), head
+        first = (pack.column("t_lo") + pack.column("t_hi")) // 2
+        each = zip(first.tolist(), pack.n.tolist(), pack.errors.tolist(), strict=True)
+        heads += [_Head(t, dt, n, error, coverage) for t, n, error in each]
+        found.append(pack.bounds())
     lo, hi = (np.concatenate([each[side] for each in found]) for side in (0, 1))
-    columns = zip(*chain.from_iterable(map(_blocks, rows)), strict=True)
-    first, period, n, errors, coverages = columns
+    return heads, (lo, hi)
+
+
+def _apart(heads: Sequence[_Head], bounds: tuple[Floats, Floats], window: Window) -> Pieces:
+    first, period, n, errors, coverages = zip(*heads, strict=True)
     begun, dt, error = (np.repeat(np.array(e, np.int64), n) for e in (first, period, errors))
     number = np.concatenate([np.arange(each, dtype=np.int64) for each in n])
     t = begun + dt * number
     none = np.zeros(t.size, np.int64)
     coverage = np.repeat(np.array(coverages), n)
-    pieces = Pieces(t, t, none + 1, none, dt, none, error, lo, hi, lo, hi, coverage)
+    pieces = Pieces(t, t, none + 1, none, dt, none, error, *bounds, *bounds, coverage)
     order = np.flatnonzero((t >= window.start) & (t < window.end))
     if np.any(np.diff(t[order]) < 0):
         order = order[np.lexsort((begun[order], t[order]))]
     return pieces[order]
 
 
-def _blocks(row: Sequence[Any]) -> Iterable[tuple[Any, ...]]:
-    """What a row's columns but ``data`` say of each of its blocks."""
-    *block, data = row
-    if not is_pack(data):
-        return [tuple(block)]
-    pack = Pack.read(data)
-    first = (pack.column("t_lo") + pack.column("t_hi")) // 2
-    return zip(first, repeat(block[1]), pack.n, pack.errors, repeat(block[4]), strict=False)
-
-
 def read_samples(connection: Connection, channel: RowMapping, window: Window) -> Pieces:
     """One piece for each sample in a window."""
-    return _decoded(connection, touching(channel, window), window)
+    return decode(_touching(connection, channel, window), window)
+
+
+def read_folded(
+    connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
+) -> Pieces:
+    """The same, with all samples of a bucket in one piece."""
+    return fold(_touching(connection, channel, window), window, buckets)
 
 
 def read_buckets(
@@ -104,21 +154,20 @@ def read_buckets(
     Where blocks are many, those that lie in one bucket as a whole are told by their bounds: then
     their sums are enclosed by theirs, and gaps between them are not told.
     """
-    here = touching(channel, window)
-    if _are_few(connection, here):
-        samples = read_samples(connection, channel, window)
-        return samples.grouped(buckets.of(samples.first))
-    b = blocks.c
+    if _are_few(connection, channel, window):
+        return read_folded(connection, channel, window, buckets)
+    b, here = blocks.c, touching(channel, window)
     bucket = (b.t - buckets.start) // buckets.width
     within = and_(b.t >= window.start, b.t_end < window.end)
     alone = and_(within, bucket == (b.t_end - buckets.start) // buckets.width)
-    parted = _decoded(connection, and_(here, not_(alone)), window)
+    query = _IN_ORDER.where(here, not_(alone))
+    parted = fold(connection.execute(query).all(), window, buckets)
     bounds = select(
         func.min(b.t), func.max(b.t_end), func.sum(b.n), func.max(b.dt), func.max(b.error),
         func.min(b.lo), func.max(b.hi), func.min(b.coverage),
     )  # fmt: skip
     rows = connection.execute(bounds.where(here, alone).group_by(bucket)).all()
-    return concatenated([_bounded(rows), parted.grouped(buckets.of(parted.first))])
+    return concatenated([_bounded(rows), parted])
 
 
 def _bounded(rows: Sequence[Any]) -> Pieces:
@@ -132,13 +181,10 @@ def _bounded(rows: Sequence[Any]) -> Pieces:
     return Pieces(t, t_end, n, none, dt, t_end - t, error, lo, hi, sum_lo, sum_hi, coverage)
 
 
-def _are_few(connection: Connection, here: ColumnElement[bool]) -> bool:
-    n = connection.execute(select(blocks.c.n).where(here).limit(_FEW + 1)).scalars().all()
+def _are_few(connection: Connection, channel: RowMapping, window: Window) -> bool:
+    n = connection.execute(_COUNTS, near(channel, window) | {"most": _FEW + 1}).scalars().all()
     return len(n) <= _FEW and sum(n) <= _FEW_SAMPLES
 
 
-def _decoded(connection: Connection, where: ColumnElement[bool], window: Window) -> Pieces:
-    b = blocks.c
-    query = select(*DECODED).where(where).order_by(b.t, b.boot, b.sequence)
-    rows = connection.execute(query)
-    return concatenated([decode(part, window) for part in rows.partitions(_AT_ONCE)])
+def _touching(connection: Connection, channel: RowMapping, window: Window) -> Sequence[Any]:
+    return connection.execute(_TOUCHING, near(channel, window)).all()

@@ -11,10 +11,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from sqlalchemy import delete, select, tuple_
+from sqlalchemy import bindparam, delete, select, tuple_
 
-from cloud.pyramid.blocks import read_samples
+from cloud.pyramid.blocks import Buckets, read_folded
 from cloud.pyramid.levels import write_levels
+from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.grid import CHUNK
 from cloud.store.schema import blocks, channels
@@ -33,8 +34,15 @@ Place: TypeAlias = tuple[str, str]
 Key: TypeAlias = tuple[str, str, int]
 
 _PAGE: Final = 4096
-_AT_ONCE: Final = 16
+AT_ONCE: Final = 64
+"""Chunks that are made and written in one step."""
 _FOREVER: Final = 2**63 - 1
+_DELETE: Final = delete(stale).where(
+    stale.c.node == bindparam("n"),
+    stale.c.channel == bindparam("c"),
+    stale.c.chunk == bindparam("k"),
+    stale.c.mark == bindparam("m"),
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,28 +147,28 @@ def repair(store: Store, after: Key | None) -> Key | None:
 
 def _make(connection: Connection, after: Key | None) -> list[Made]:
     s = stale.c
-    query = select(stale).order_by(s.node, s.channel, s.chunk).limit(_AT_ONCE)
+    query = select(stale).order_by(s.node, s.channel, s.chunk).limit(AT_ONCE)
     if after is not None:
         query = query.where(tuple_(s.node, s.channel, s.chunk) > tuple_(*after))
-    made = []
+    made, known = [], {}
     for row in connection.execute(query).all():
-        here = (channels.c.node == row.node) & (channels.c.channel == row.channel)
-        channel = connection.execute(select(channels).where(here)).mappings().one()
-        grain = channel["grain"]
+        place = row.node, row.channel
+        if place not in known:
+            known[place] = find_channel(connection, *place)
+        channel, grain = known[place], known[place]["grain"]
         first, end = row.chunk << (grain + CHUNK), (row.chunk + 1) << (grain + CHUNK)
-        samples = read_samples(connection, channel, Window(first, min(end, _FOREVER)))
-        pieces = samples.grouped(samples.first >> grain)
+        buckets = Buckets(first, 1 << grain, 1 << CHUNK)
+        pieces = read_folded(connection, channel, Window(first, min(end, _FOREVER)), buckets)
         made.append(Made(row.node, row.channel, grain, row.chunk, row.mark, pieces))
     return made
 
 
 def _keep(connection: Connection, made: Sequence[Made]) -> None:
     """Write what was made where nothing changed meanwhile."""
-    s = stale.c
     good: dict[tuple[str, str, int], dict[int, Pieces]] = {}
     for each in made:
-        here = (s.node == each.node) & (s.channel == each.channel) & (s.chunk == each.chunk)
-        if connection.execute(delete(stale).where(here, s.mark == each.mark)).rowcount:
+        said = {"n": each.node, "c": each.channel, "k": each.chunk, "m": each.mark}
+        if connection.execute(_DELETE, said).rowcount:
             place = each.node, each.channel, each.grain
             good.setdefault(place, {})[each.chunk] = each.pieces
     for (node, channel, grain), chunks in good.items():

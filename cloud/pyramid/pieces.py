@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 import numpy as np
 import pyarrow as pa
 
-from cloud.query.span import longest_step
-from eskin.kernels.summation import run_sums
+from cloud.pyramid.folding import fold_pieces, fold_samples, gather
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,31 +69,10 @@ class Pieces:
         """
         if len(self) == 0:
             return self
-        at = np.flatnonzero(np.diff(key, prepend=key[0] - 1))
-        ends = np.append(at[1:], len(self)) - 1
-        step = self.first[1:] - self.last[:-1]
-        broken, shown = step > longest_step(self.dt[:-1]), np.minimum(step, self.dt[:-1])
-        inner = np.ones(len(self), np.bool_)
-        inner[at] = False  # the step to a group's first piece is none of the group's
-        breaks, held = self.breaks.copy(), self.held.copy()
-        breaks[1:] += broken & inner[1:]
-        held[1:] += np.where(inner[1:], np.maximum(shown, 0), 0)
-        sum_lo, sum_hi = np.empty(at.size), np.empty(at.size)
-        run_sums(self.sum_lo, self.sum_hi, at, sum_lo, sum_hi)
-        return Pieces(
-            first=self.first[at],
-            last=np.maximum.reduceat(self.last, at),
-            n=np.add.reduceat(self.n, at),
-            breaks=np.add.reduceat(breaks, at),
-            dt=self.dt[ends],
-            held=np.add.reduceat(held, at),
-            error=np.maximum.reduceat(self.error, at),
-            lo=np.minimum.reduceat(self.lo, at),
-            hi=np.maximum.reduceat(self.hi, at),
-            sum_lo=sum_lo,
-            sum_hi=sum_hi,
-            coverage=np.minimum.reduceat(self.coverage, at),
-        )
+        columns = [getattr(self, name) for name in _NAMES]
+        whole, real = np.empty((_WHOLE, len(self)), np.int64), np.empty((_REAL, len(self)))
+        n = fold_pieces(key, tuple(columns[:_WHOLE]), tuple(columns[_WHOLE:]), (whole, real))
+        return Pieces(*whole[:, :n], *real[:, :n])
 
     def pack(self) -> bytes:
         """As the store keeps them; how many they are comes first."""
@@ -109,8 +87,36 @@ class Pieces:
         """What several chunks hold, in their order."""
         if not packed:
             return EMPTY
-        columns = np.concatenate([_columns(data) for data in packed], axis=1)
+        sizes = [int.from_bytes(data[:4], "little") for data in packed]
+        columns, at = np.empty((len(_NAMES), sum(sizes)), np.int64), 0
+        for data, n in zip(packed, sizes, strict=True):
+            body = pa.decompress(memoryview(data)[4:], len(_NAMES) * n * 8, codec=_CODEC)
+            gather(np.frombuffer(body, np.uint8), columns, at, n)
+            at += n
         return cls(*columns[:_WHOLE], *columns[_WHOLE:].view(np.float64))
+
+    @classmethod
+    def of_samples(
+        cls,
+        bounds: tuple[Floats, Floats],
+        runs: Integers,
+        coverage: Floats,
+        grid: tuple[int, int],
+        most: int,
+    ) -> Pieces:
+        """One piece for each bucket of a grid that holds any of some samples.
+
+        Args:
+            bounds: Of the samples.
+            runs: Of blocks that follow each other, see `fold_samples`.
+            coverage: Of each block.
+            grid: Where a bucket begins, and how wide all are, in ns.
+            most: Buckets there may be.
+        """
+        room = min(most, bounds[0].size)
+        whole, real = np.empty((_WHOLE, room), np.int64), np.empty((_REAL, room))
+        n = fold_samples(bounds, runs, coverage, grid, (whole, real))
+        return cls(*whole[:, :n], *real[:, :n])
 
 
 def concatenated(parts: Sequence[Pieces]) -> Pieces:
@@ -124,14 +130,9 @@ def concatenated(parts: Sequence[Pieces]) -> Pieces:
     return joined[np.argsort(joined.first, kind="stable")]
 
 
-def _columns(data: bytes) -> Integers:
-    size = len(_NAMES) * int.from_bytes(data[:4], "little") * 8
-    body = np.frombuffer(pa.decompress(data[4:], size, codec=_CODEC), np.uint8)
-    return np.ascontiguousarray(body.reshape(8, -1).T).view(np.int64).reshape(len(_NAMES), -1)
-
-
 _NAMES: Final = tuple(field.name for field in fields(Pieces))
 _WHOLE: Final = 7
 """So many columns are of whole numbers; the others are of floats."""
+_REAL: Final = len(_NAMES) - _WHOLE
 _NOTHING: Final = np.empty((len(_NAMES), 0), np.int64)
 EMPTY: Final = Pieces(*_NOTHING[:_WHOLE], *_NOTHING[_WHOLE:].view(np.float64))

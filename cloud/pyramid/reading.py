@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from sqlalchemy import select
+from sqlalchemy import bindparam, select
 
 from cloud.pyramid.blocks import Buckets, read_buckets
 from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
@@ -21,6 +21,21 @@ if TYPE_CHECKING:
     from cloud.pyramid.pieces import Integers
 
 _FOREVER: Final = 2**63 - 1
+_STALE: Final = select(stale.c.chunk).where(
+    stale.c.node == bindparam("node"),
+    stale.c.channel == bindparam("channel"),
+    stale.c.chunk.between(bindparam("first"), bindparam("last")),
+)
+_TILES: Final = (
+    select(tiles.c.data)
+    .where(
+        tiles.c.node == bindparam("node"),
+        tiles.c.channel == bindparam("channel"),
+        tiles.c.level == bindparam("level"),
+        tiles.c.chunk.between(bindparam("first"), bindparam("last")),
+    )
+    .order_by(tiles.c.chunk)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,14 +82,9 @@ def find_open(connection: Connection, channel: RowMapping, within: Range) -> lis
     built, bits = channel["built"], channel["grain"] + CHUNK
     if built is None:
         return [within]
-    s = stale.c
-    query = select(s.chunk).where(
-        s.node == channel["node"],
-        s.channel == channel["channel"],
-        s.chunk >= within[0] >> bits,
-        s.chunk <= within[1] >> bits,
-    )
-    opened = [(chunk << bits, (chunk + 1) << bits) for chunk in connection.execute(query).scalars()]
+    said = _said(channel, within[0] >> bits, within[1] >> bits)
+    found = connection.execute(_STALE, said).scalars()
+    opened = [(chunk << bits, (chunk + 1) << bits) for chunk in found]
     clipped = ((max(a, within[0]), min(b, within[1])) for a, b in [*opened, (built, _FOREVER)])
     return merged(clipped)
 
@@ -83,19 +93,23 @@ def read_tiles(
     connection: Connection, channel: RowMapping, level: int, ranges: list[Range]
 ) -> Pieces:
     """The tiles of a level whose numbers lie in some ranges, as they stand."""
-    t = tiles.c
     chunks = [n for first, end in coarsened(ranges, CHUNK) for n in range(first, end)]
     if not chunks:
         return EMPTY
-    here = (t.node == channel["node"]) & (t.channel == channel["channel"]) & (t.level == level)
-    wanted = t.chunk.between(chunks[0], chunks[-1])
+    query, said = _TILES, _said(channel, chunks[0], chunks[-1]) | {"level": level}
     if chunks[-1] - chunks[0] >= len(chunks):
-        wanted = t.chunk.in_(chunks)
-    query = select(t.data).where(here, wanted).order_by(t.chunk)
-    found = Pieces.unpack(connection.execute(query).scalars().all())
-    return found[_inside(found.first >> level, ranges)]
+        query = query.where(tiles.c.chunk.in_(chunks))
+    found = Pieces.unpack(connection.execute(query, said).scalars().all())
+    return _inside(found, found.first >> level, ranges)
 
 
-def _inside(numbers: Integers, ranges: list[Range]) -> Integers:
-    edges = np.array(ranges, np.int64).ravel()
-    return np.flatnonzero(np.searchsorted(edges, numbers, side="right") % 2)
+def _said(channel: RowMapping, first: int, last: int) -> dict[str, str | int]:
+    return {"node": channel["node"], "channel": channel["channel"], "first": first, "last": last}
+
+
+def _inside(pieces: Pieces, numbers: Integers, ranges: list[Range]) -> Pieces:
+    """Those whose numbers, which never fall, lie in some ranges."""
+    places = np.searchsorted(numbers, np.array(ranges, np.int64).ravel()).reshape(-1, 2).tolist()
+    if len(places) == 1:
+        return pieces[slice(*places[0])]
+    return pieces[np.concatenate([np.arange(*place) for place in places])]

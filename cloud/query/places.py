@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import RowMapping, select
+from sqlalchemy import RowMapping, bindparam, select
 
 from cloud.query.errors import UnknownPlaceError
 from cloud.store.schema import channels, nodes
@@ -12,6 +12,10 @@ from eskin.errors import QueryError
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
+
+_CHANNEL: Final = select(channels).where(
+    channels.c.node == bindparam("node"), channels.c.channel == bindparam("channel")
+)
 
 
 def find_node(connection: Connection, node: str) -> RowMapping:
@@ -32,10 +36,10 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
     Raises:
         UnknownPlaceError: The node or the channel never said anything.
     """
-    find_node(connection, node)
-    where: Any = (channels.c.node == node) & (channels.c.channel == channel)
-    row = connection.execute(select(channels).where(where)).mappings().one_or_none()
+    said = {"node": node, "channel": channel}
+    row = connection.execute(_CHANNEL, said).mappings().one_or_none()
     if row is None:
+        find_node(connection, node)
         raise UnknownPlaceError(
             "channel",
             f"{channel!r} of {node} is not known; GET /api/v1/nodes/{node}/channels lists all",

@@ -103,9 +103,8 @@ def _as_hull(connection: Connection, channel: RowMapping, window: Window, points
     lo, hi, mean = np.full(t.size, -np.inf), np.full(t.size, np.inf), np.full((2, t.size), np.inf)
     mean[0] = -np.inf
     if len(pieces):
-        number = buckets.of(pieces.first)
-        pieces = pieces.grouped(number)
-        at = np.unique(number)
+        pieces = pieces.grouped(buckets.of(pieces.first))
+        at = buckets.of(pieces.first)
         lo[at], hi[at] = pieces.lo, pieces.hi
         mean[:, at] = _means(pieces)
     least = float(pieces.coverage.min()) if len(pieces) else channel["coverage"]

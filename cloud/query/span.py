@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from sqlalchemy import and_, func, not_, select
+from sqlalchemy import and_, bindparam, func, not_, select
 
 from cloud.store.schema import blocks
 
@@ -45,15 +45,42 @@ def longest_step(dt: NDArray[np.int64]) -> NDArray[np.int64]:
     return dt + dt // 2
 
 
+TOUCHING: Final = and_(
+    blocks.c.node == bindparam("node"),
+    blocks.c.channel == bindparam("channel"),
+    blocks.c.t >= bindparam("earliest"),
+    blocks.c.t < bindparam("end"),
+    blocks.c.t_end >= bindparam("start"),
+)
+"""Whether a block of a channel reaches into a window, for statements that are made once."""
+_FIRST: Final = (
+    select(blocks.c.t, blocks.c.dt, blocks.c.n)
+    .where(TOUCHING)
+    .order_by(blocks.c.t)
+    .limit(bindparam("most"))
+)
+
+
+def near(channel: RowMapping, window: Window) -> dict[str, str | int]:
+    """What `TOUCHING` is told of a channel and a window."""
+    return {
+        "node": channel["node"],
+        "channel": channel["channel"],
+        "earliest": max(window.start - channel["longest"], -(2**63) + 1),
+        "end": window.end,
+        "start": window.start,
+    }
+
+
 def touching(channel: RowMapping, window: Window) -> ColumnElement[bool]:
-    """Whether a block of the channel reaches into the window."""
-    earliest = max(window.start - channel["longest"], -(2**63) + 1)
+    """The same for a statement that is made for one question."""
+    said = near(channel, window)
     return and_(
-        blocks.c.node == channel["node"],
-        blocks.c.channel == channel["channel"],
-        blocks.c.t >= earliest,
-        blocks.c.t < window.end,
-        blocks.c.t_end >= window.start,
+        blocks.c.node == said["node"],
+        blocks.c.channel == said["channel"],
+        blocks.c.t >= said["earliest"],
+        blocks.c.t < said["end"],
+        blocks.c.t_end >= said["start"],
     )
 
 
@@ -66,21 +93,20 @@ def count(connection: Connection, channel: RowMapping, window: Window) -> int:
     """How many samples lie in a window; only blocks at its edges are looked at one by one."""
     b = blocks.c
     inside = and_(b.t >= window.start, b.t_end < window.end)
-    near = touching(channel, window)
+    here = touching(channel, window)
     whole: int = connection.execute(
-        select(func.coalesce(func.sum(b.n), 0)).where(near, inside)
+        select(func.coalesce(func.sum(b.n), 0)).where(here, inside)
     ).scalar_one()
-    edges = connection.execute(select(b.t, b.dt, b.n).where(near, not_(inside)))
+    edges = connection.execute(select(b.t, b.dt, b.n).where(here, not_(inside)))
     clipped = (clip(t, dt, n, window) for t, dt, n in edges)
     return int(whole) + sum(max(0, last - first + 1) for first, last in clipped)
 
 
 def exceeds(connection: Connection, channel: RowMapping, window: Window, most: int) -> bool:
     """Whether more than so many samples lie in a window, from a look at as many blocks at most."""
-    b = blocks.c
-    query = select(b.t, b.dt, b.n).where(touching(channel, window)).order_by(b.t)
+    said = near(channel, window) | {"most": most + 1}
     samples = 0
-    for t, dt, n in connection.execute(query.limit(most + 1)):
+    for t, dt, n in connection.execute(_FIRST, said):
         first, last = clip(t, dt, n, window)
         samples += max(0, last - first + 1)
         if samples > most:

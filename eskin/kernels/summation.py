@@ -9,12 +9,7 @@ from eskin.kernels.compiled import kernel, part
 from eskin.kernels.rounding import add_up, next_up
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from eskin.kernels.arithmetic import Floats
-
-    Indices = NDArray[np.int64]
 
 
 @part
@@ -55,15 +50,3 @@ def sums(lo: Floats, hi: Floats, out_lo: Floats, out_hi: Floats) -> None:
             empty |= lo[i, k] > hi[i, k]
         out_lo[i] = math.inf if empty else -sum_up(lo[i], -1.0)
         out_hi[i] = -math.inf if empty else sum_up(hi[i], 1.0)
-
-
-@kernel
-def run_sums(lo: Floats, hi: Floats, at: Indices, out_lo: Floats, out_hi: Floats) -> None:
-    """The sum of each run of intervals; run ``i`` begins at ``at[i]`` and ends where the next does.
-
-    No run is empty, and no interval is.
-    """
-    for i in range(at.size):
-        end = at[i + 1] if i + 1 < at.size else lo.size
-        out_lo[i] = -sum_up(lo[at[i] : end], -1.0)
-        out_hi[i] = sum_up(hi[at[i] : end], 1.0)

@@ -1,0 +1,136 @@
+"""A store of years: one channel of 1 kHz in packs of four blocks of 500, and its pyramid.
+
+Packs repeat after a while, but for their places in time and in the feed; each is stored and indexed
+as if it were new.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from sqlalchemy import func, select
+
+from cloud.pyramid.building import AT_ONCE, claim, find_growing, repair
+from cloud.query.places import find_channel
+from cloud.store.bulk import insert_many
+from cloud.store.intake import block_row
+from cloud.store.packs import join
+from cloud.store.schema import blocks, channels
+from cloud.store.tiles import stale
+from eskin.kernels.varints import LONGEST, read_varints, write_varints
+from eskin.messages import BlockSummary, Encoding, decode_summary
+from tests.cloud.clouds import put
+from tests.cloud.messages import CHANNEL, NODE, START, block
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from rich.progress import Progress
+
+    from cloud.pyramid.building import Key
+    from cloud.store import Store
+
+    Row = dict[str, Any]
+
+DT: Final = 1_000_000
+"""Between two samples, in ns."""
+_BLOCKS: Final = 4
+_SAMPLES: Final = 500
+_SPAN: Final = _BLOCKS * _SAMPLES * DT
+_PATTERNS: Final = 16
+_BATCH: Final = 2000
+_BENT: Final = 5
+"""A pack says first of its blocks: sequences, cursors, ticks and both ends of their times."""
+
+
+class LongStore:
+    """A channel that grows, pack by pack.
+
+    Args:
+        store: An empty one, or one that grew like this before.
+        screen: Shows how far it is.
+    """
+
+    def __init__(self, store: Store, screen: Progress) -> None:
+        self._store, self._screen = store, screen
+        random = np.random.default_rng(1)
+        self._patterns = [_pattern(k, random) for k in range(_PATTERNS)]
+        put(store, block(0, boot=2, dt=DT))
+        with store.read() as connection:
+            samples = find_channel(connection, NODE, CHANNEL)["samples"]
+        self._packs = samples // (_BLOCKS * _SAMPLES)
+
+    def grow(self, samples: int) -> None:
+        """Write until it holds so many samples."""
+        end = samples // (_BLOCKS * _SAMPLES)
+        task = self._screen.add_task("packs written", total=end - self._packs)
+        while self._packs < end:
+            count = min(_BATCH, end - self._packs)
+            self._store.write(partial(self._keep, count=count)).result()
+            self._packs += count
+            self._screen.advance(task, count)
+
+    def build(self) -> None:
+        """Build the pyramid over it, as the cloud does in the background."""
+        for place in find_growing(self._store):
+            while claim(self._store, place):
+                pass
+        with self._store.read() as connection:
+            total = connection.execute(select(func.count()).select_from(stale)).scalar_one()
+        task = self._screen.add_task("chunks built", total=total)
+        after: Key | None = None
+        while (after := repair(self._store, after)) is not None:
+            self._screen.advance(task, AT_ONCE)
+
+    def _keep(self, connection: Any, count: int) -> None:
+        ledger = self._store.ledger
+        rows = []
+        for number in range(self._packs, self._packs + count):
+            cursors = [ledger.next_cursor(connection) for _ in range(_BLOCKS)]
+            row, turn = self._patterns[number % _PATTERNS], number // _PATTERNS
+            rows.append(_moved(row, turn * _PATTERNS, cursors[0]))
+        insert_many(connection, blocks, rows)
+        channel = ledger.row(connection, channels, NODE, CHANNEL)
+        assert channel is not None
+        channel["blocks"] += count * _BLOCKS
+        channel["samples"] += count * _BLOCKS * _SAMPLES
+        channel["t_last"] = rows[-1]["t_end"]
+        channel["packed"] = channel["t_last"] + 1
+        channel["longest"] = _SPAN
+        channel["lo"], channel["hi"] = -2.0, 2.0
+        ledger.change(channels, NODE, CHANNEL)
+        ledger.save(connection)
+
+
+def _pattern(number: int, random: np.random.Generator) -> Row:
+    """The row of a pack, its first cursor 0."""
+    rows = []
+    for k in range(number * _BLOCKS, (number + 1) * _BLOCKS):
+        lo = np.sin(np.arange(_SAMPLES) / 50 + k) + random.normal(0, 0.01, _SAMPLES)
+        t = START + k * _SAMPLES * DT
+        said = block(k, lo, lo + 0.05, dt=DT, time=(t, t), encoding=Encoding.Q16).encode()
+        summary = decode_summary(said)
+        assert isinstance(summary, BlockSummary)
+        rows.append(block_row(NODE, summary, said, k - number * _BLOCKS, START))
+    return join(rows)
+
+
+def _moved(row: Row, packs: int, cursor: int) -> Row:
+    """The same so many packs later, with another first cursor."""
+    later, data = packs * _SPAN, row["data"]
+    behind = 3 + int.from_bytes(data[1:3], "little")
+    numbers = np.empty((_BENT, _BLOCKS), np.int64)
+    rest = read_varints(data, behind, numbers.ravel())
+    steps = np.array([packs * _BLOCKS, cursor, 0, later, later])
+    numbers[:, 0] += steps
+    numbers[:, 1] -= steps  # second differences
+    moved = data[:behind] + _written(numbers) + data[rest:]
+    times = {name: row[name] + later for name in ("t", "t_end", "t_lo", "t_hi")}
+    place = {"sequence": row["sequence"] + packs * _BLOCKS, "cursor": cursor + _BLOCKS - 1}
+    return row | times | place | {"data": moved}
+
+
+def _written(numbers: NDArray[np.int64]) -> bytes:
+    out = np.empty(numbers.size * LONGEST, np.uint8)
+    return out[: write_varints(numbers.ravel(), out)].tobytes()

@@ -1,0 +1,88 @@
+"""Questions for hulls of windows of every length, in the store and over HTTP."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NamedTuple, Self
+
+import numpy as np
+
+from cloud.query.places import find_channel
+from cloud.query.series import read_series
+from cloud.query.window import Window
+from tests.cloud.messages import CHANNEL, NODE, START
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from cloud.store import Store
+    from tests.cloud.service import Service
+
+POINTS: Final = 1000
+FORMATS: Final = {
+    "over HTTP in JSON": "application/json",
+    "over HTTP in Arrow": "application/vnd.apache.arrow.stream",
+}
+_SHORTEST: Final = 60e9
+_WARMING: Final = 20
+
+
+class Took(NamedTuple):
+    """Milliseconds of many questions: half of them, and 99 of 100, took no longer."""
+
+    half: float
+    most: float
+
+    @classmethod
+    def of(cls, seconds: list[float]) -> Self:
+        """But for the first ones, which load and warm what is used."""
+        half, most = np.percentile(np.array(seconds[_WARMING:]) * 1e3, [50, 99])
+        return cls(float(half), float(most))
+
+
+def windows(span: int, questions: int) -> Iterator[Window]:
+    """Windows from a minute to all, evenly in their logarithms, at any place."""
+    random = np.random.default_rng(7)
+    for _ in range(questions + _WARMING):
+        length = int(_SHORTEST * (span / _SHORTEST) ** random.random())
+        start = START + int((span - length) * random.random())
+        yield Window(start, start + length)
+
+
+def ask_store(store: Store, span: int, questions: int, *, processor: bool) -> Took:
+    """From a read transaction's beginning to the hulls."""
+    clock = time.thread_time if processor else time.perf_counter
+    took = []
+    for window in windows(span, questions):
+        begun = clock()
+        with store.read() as connection:
+            row = find_channel(connection, NODE, CHANNEL)
+            read_series(connection, row, window, points=POINTS)
+        took.append(clock() - begun)
+    return Took.of(took)
+
+
+def ask_service(service: Service, span: int, questions: int, *, processor: bool) -> dict[str, Took]:
+    """From a client's request to the last byte of the answer; or what the cloud worked for it."""
+    assert service.process is not None
+    clock = partial(_worked, service.process.pid) if processor else time.perf_counter
+    took: dict[str, list[float]] = {name: [] for name in FORMATS}
+    with service.people(service.token()) as client:
+        for window in windows(span, questions):
+            query = {"start": str(window.start), "end": str(window.end), "points": str(POINTS)}
+            for name, media in FORMATS.items():
+                begun = clock()
+                answer = client.get(
+                    f"/api/v1/series/{NODE}/{CHANNEL}", params=query, headers={"Accept": media}
+                )
+                took[name].append(clock() - begun)
+                answer.raise_for_status()
+    return {name: Took.of(each) for name, each in took.items()}
+
+
+def _worked(process: int) -> float:
+    """Seconds that all threads of a process were on a processor (Linux, ``schedstat``)."""
+    threads = Path(f"/proc/{process}/task").glob("*/schedstat")
+    return sum(int(each.read_text().split()[0]) for each in threads) / 1e9
