@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any
 import paho.mqtt.client as paho
 from paho.mqtt.enums import CallbackAPIVersion
 
+from eskin.nodelay import send_at_once
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -24,6 +26,7 @@ class Client(paho.Client):
     def __init__(self, *, take: Callable[[paho.MQTTMessage], None], **options: Any) -> None:
         super().__init__(CallbackAPIVersion.VERSION2, **options)
         self._take = take
+        self.on_socket_open = send_at_once
 
     def _handle_on_message(self, message: paho.MQTTMessage) -> None:
         self._take(message)

@@ -16,6 +16,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 from eskin.envelope import MOST_ENVELOPE
 from eskin.errors import EnvelopeError, FlashError, MessageError
 from eskin.messages import Acknowledgement
+from eskin.nodelay import send_at_once
 from eskin.sequences import SequenceRanges
 from eskin.topics import Stream, node_topic
 from sensor_node.keys import NodeKeys
@@ -124,6 +125,7 @@ class Publisher:
         client.max_queued_messages_set(4 * self._broker.window)
         client.reconnect_delay_set(min_delay=1, max_delay=8)
         client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_socket_open = send_at_once
         client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
         return client
 

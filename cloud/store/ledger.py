@@ -23,6 +23,7 @@ Row: TypeAlias = dict[str, Any]
 MOVING: Final = "moving"
 """Who writes while a store is moved to another place."""
 _MOST_RANGES: Final = 10_000
+_WRITER: Final = select(feed.c.writer)
 _OUTDATE: Final = text(
     "INSERT INTO stale (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
     "ON CONFLICT (node, channel, chunk) DO UPDATE SET mark = excluded.mark"
@@ -49,7 +50,7 @@ class Ledger:
         Raises:
             StoreError: Not all is there yet: a store is being moved here.
         """
-        writer = connection.execute(select(feed.c.writer)).scalar_one()
+        writer = connection.execute(_WRITER).scalar_one()
         if writer == MOVING:
             raise StoreError(
                 "a store is being moved here; let `eskin cloud move` end, or start it again"
@@ -188,9 +189,9 @@ class Ledger:
                 kind = fresh if (table, key) in self._new else changed
                 kind.setdefault(table, []).append(row)
         for table, rows in fresh.items():
-            connection.execute(insert(table), rows)
+            connection.execute(_ADD[table], rows)
         for table, rows in changed.items():
-            connection.execute(update(table).where(_is_at(table)), _placed(table, rows))
+            connection.execute(_CHANGE[table], _placed(table, rows))
         self._changed.clear()
         self._new.clear()
         self._save_ranges(connection)
@@ -209,13 +210,12 @@ class Ledger:
                     kind = grown if first in before else fresh
                     kind.append({**key, "first": first, "last": last})
             self._written[node, boot] = after
-        here = _is_at(sequences)
         if gone:
-            connection.execute(delete(sequences).where(here), _placed(sequences, gone))
+            connection.execute(_REMOVE_RANGES, _placed(sequences, gone))
         if grown:
-            connection.execute(update(sequences).where(here), _placed(sequences, grown))
+            connection.execute(_CHANGE[sequences], _placed(sequences, grown))
         if fresh:
-            connection.execute(insert(sequences), fresh)
+            connection.execute(_ADD[sequences], fresh)
         self._added.clear()
         if len(self._ranges) > _MOST_RANGES:
             self._ranges.clear()
@@ -238,3 +238,10 @@ def _placed(table: Table, rows: Sequence[Row]) -> list[Row]:
         {f"at_{name}" if name in keys else name: value for name, value in row.items()}
         for row in rows
     ]
+
+
+# Made once: to make one takes as long as to have it done.
+_KEPT: Final = (nodes, channels, sequences)
+_CHANGE: Final = {table: update(table).where(_is_at(table)) for table in _KEPT}
+_ADD: Final = {table: insert(table) for table in _KEPT}
+_REMOVE_RANGES: Final = delete(sequences).where(_is_at(sequences))

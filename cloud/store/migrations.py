@@ -115,6 +115,7 @@ MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     *(_eleventh, _twelfth),
 )
 CURRENT: Final = len(MIGRATIONS)
+_STANDING: Final = select(func.max(versions.c.version))
 
 
 def migrate(connection: Connection, *, now: int) -> None:
@@ -139,7 +140,7 @@ def schema_version(connection: Connection) -> int:
     """The version of the schema; 0 where there is none yet."""
     if not inspect(connection).has_table(versions.name):
         return 0
-    return connection.execute(select(func.max(versions.c.version))).scalar_one() or 0
+    return connection.execute(_STANDING).scalar_one() or 0
 
 
 def require_current(connection: Connection) -> None:
@@ -148,7 +149,7 @@ def require_current(connection: Connection) -> None:
     Raises:
         StoreError: It is another one.
     """
-    standing = connection.execute(select(func.max(versions.c.version))).scalar_one() or 0
+    standing = connection.execute(_STANDING).scalar_one() or 0
     if standing > CURRENT:
         raise _later(standing)
     if standing < CURRENT:

@@ -10,6 +10,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.errors import EnvelopeError, MessageError
 from eskin.messages import Acknowledgement, Kind, Position
+from eskin.nodelay import send_at_once
 from eskin.topics import Stream, node_topic
 from sensor_node.fleet.client import BundlingClient
 from sensor_node.uplink import STREAMS, publish_size
@@ -70,6 +71,7 @@ class Radio:
         )
         self._client.tls_set_context(keys.context)
         self._client.max_queued_messages_set(4 * broker.window)
+        self._client.on_socket_open = send_at_once
         self._client.on_connect = _on_connect
         self._client.on_message = _on_message
         self._client.connect_async(broker.host, broker.port, keepalive=broker.keepalive_s)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
+from unittest.mock import Mock
 
 import jwt
 import pytest
 
+from cloud.ingest.gatekeeper import Gatekeeper
 from cloud.ingest.replay import Replay
 from cloud.settings import GatewaysSection
+from eskin.errors import UntrustedCertificateError
 from eskin.identity import IdentityKind
 from eskin.moment import SECOND
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
@@ -139,3 +142,35 @@ def test_replay_forgets_what_expired_and_stays_small() -> None:
     for name in "bcdefg":
         assert replay.first(name, until=30, now=12)
     assert len(replay) == 3
+
+
+def test_judgement_of_a_chain_is_good_for_a_second_and_no_longer_than_its_list(
+    tmp_path: Path,
+) -> None:
+    now = [1000.0]
+    judged: list[tuple[float, list[bytes]]] = []
+    leaf, revocations = Mock(), tmp_path / "list.pem"
+    trust = Mock()
+
+    def verify(chain: list[bytes], _: IdentityKind) -> Mock:
+        judged.append((now[0], chain))
+        return leaf
+
+    trust.verify = verify
+    revocations.write_text("one")
+    keeper = Gatekeeper(trust, revocations=revocations, clock=lambda: now[0])
+    for step in (0.0, 0.9, 0.1, 0.5):
+        now[0] += step
+        assert keeper.verify([b"leaf", b"issuer"]) is leaf
+    assert [when for when, _ in judged] == [1000.0, 1001.0]
+    assert keeper.verify([b"other", b"issuer"]) is leaf
+    assert len(judged) == 3
+    revocations.write_text("another list")
+    assert keeper.verify([b"leaf", b"issuer"]) is leaf
+    assert len(judged) == 4
+    trust.verify = Mock(side_effect=UntrustedCertificateError("revoked"))
+    for _ in range(2):
+        now[0] += 1.0
+        with pytest.raises(UntrustedCertificateError):
+            keeper.verify([b"leaf", b"issuer"])
+    assert trust.verify.call_count == 2
