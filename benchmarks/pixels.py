@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from tests.dashboard.browsing import Visit
 
 _NODES: Final = ("fingertip", "palm", "forearm")
-_BLOCK: Final = 50
-"""Samples of a block: 50 ms at 1 kHz."""
 _HALF_MS: Final = 100.0
 _MOST_MS: Final = 250.0
 
@@ -55,8 +53,7 @@ _WATCH: Final = """
 
 def measure_pixels(data: Path, *, seconds: float) -> list[Row]:
     """p50 and p99 over all samples of all channels that are seen."""
-    env = {"ESKIN_SAMPLING_BLOCK_SAMPLES": str(_BLOCK)}
-    with RunningDemo(data, env=env) as demo, sync_playwright() as playwright:
+    with RunningDemo(data) as demo, sync_playwright() as playwright:
         demo.wait_for_more(_NODES)
         browser = launch(playwright)
         size = {"width": 1280, "height": 900}
@@ -67,7 +64,7 @@ def measure_pixels(data: Path, *, seconds: float) -> list[Row]:
             found = _watch(visit, seconds)
         browser.close()
     ages = np.concatenate([_ages(frames) for frames in found])
-    name = f"sample to pixel, {len(found)} channels of the demo, blocks of {_BLOCK} ms"
+    name = f"sample to pixel, {len(found)} channels of the demo"
     return [
         at_most(f"{name}, p{q}", float(np.percentile(ages, q)), "ms", most)
         for q, most in ((50, _HALF_MS), (99, _MOST_MS))
