@@ -19,13 +19,28 @@ if TYPE_CHECKING:
 
 
 class RunningDemo(Running):
-    """``eskin demo`` on a data folder of its own."""
+    """``eskin demo`` on a data folder of its own.
 
-    def __init__(self, data: Path, *options: str, env: Mapping[str, str] | None = None) -> None:
+    Args:
+        data: The folder; made.
+        options: Of the command.
+        watched: Whether blocks are short where somebody looks on. It takes a processor of its own
+            on two, which tests that look at something else leave to those beside them.
+        env: More of the environment.
+    """
+
+    def __init__(
+        self,
+        data: Path,
+        *options: str,
+        watched: bool = False,
+        env: Mapping[str, str] | None = None,
+    ) -> None:
         self.data = data
         self.port = free_port()
         argv = [ESKIN, "demo", "--data", str(data), "--port", str(self.port), *options]
-        super().__init__(argv, log=data.with_suffix(".log"), env={"COLUMNS": "200", **(env or {})})
+        more = {"COLUMNS": "200"} | ({} if watched else {"ESKIN_SAMPLING_WATCHED_BLOCK_MS": "0"})
+        super().__init__(argv, log=data.with_suffix(".log"), env=more | dict(env or {}))
 
     def start(self) -> None:
         """Start it and wait until all is up."""

@@ -30,10 +30,29 @@ def waiting_in_flash(data: Path, node: str) -> int:
 def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The data of a demo that has ended; to be copied."""
     data = tmp_path_factory.mktemp("ended") / "data"
-    with RunningDemo(data, *SLOWLY) as demo:
+    with RunningDemo(data, *SLOWLY, watched=True) as demo:
         demo.wait_for_more(NODES)
+        with (
+            demo.client() as client,
+            client.stream("GET", "/api/v1/live", params={"node": "fingertip"}) as answer,
+        ):
+            assert answer.is_success
+            wait_until(lambda: 50 in lengths(data, "fingertip"), "blocks are short", seconds=60)
         assert demo.stop() == 0
     return data
+
+
+def lengths(data: Path, node: str) -> set[int]:
+    """Samples of a node's stored blocks of 1 kHz."""
+    path = data / "cloud" / "store.sqlite"
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as db:
+        found = db.execute("SELECT DISTINCT n FROM blocks WHERE node = ? AND dt = 1000000", (node,))
+        return {n for (n,) in found}
+
+
+def test_only_blocks_at_which_somebody_looked_are_short(ended: Path) -> None:
+    assert lengths(ended, "fingertip") >= {50, 250}
+    assert lengths(ended, "palm") == {250}
 
 
 @pytest.fixture
