@@ -45,6 +45,8 @@ class Cipher:
             The plaintext; ``None`` if another key sealed it, or for another place, or if it was
             changed.
         """
+        if type(sealed) is not bytes:  # a damaged file may give anything
+            return None
         aead = self._find(sealed[:SALT_BYTES])
         try:
             return aead.decrypt(sealed[SALT_BYTES:_HEAD], sealed[_HEAD:], place)

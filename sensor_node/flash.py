@@ -17,7 +17,7 @@ from eskin.wholeness import UNREADABLE, require_whole
 from sensor_node.cipher import Cipher
 from sensor_node.migration import connect, migrate
 from sensor_node.proof import PROOF, require_key
-from sensor_node.sealing import ANSWER, Row, Sealing, epitaph, kept_in_clear
+from sensor_node.sealing import ANSWER, Row, Sealing, epitaph, kept_in_clear, read_row
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -233,10 +233,10 @@ class Flash:
 
     def _records(self) -> Iterator[tuple[Sealing, Row]]:
         for row in self._db.execute(_SELECT):
-            yield self._sealing, Row(*row)
+            yield self._sealing, read_row(row, self._path)
 
     def _select(self, condition: str, *values: int) -> list[Kept]:
-        rows = [Row(*row) for row in self._query(_SELECT + condition, *values)]
+        rows = [read_row(row, self._path) for row in self._query(_SELECT + condition, *values)]
         return [self._sealing.open(row) or self._give_up(row) for row in rows]
 
     def _give_up(self, row: Row) -> Kept:

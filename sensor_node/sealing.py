@@ -8,7 +8,7 @@ the others are asked only where a record does not open, to tell what was lost wi
 from __future__ import annotations
 
 from struct import Struct
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from eskin.errors import FlashError
 from eskin.messages import Gap
@@ -19,6 +19,7 @@ from sensor_node.firmware.chip import Kept
 from sensor_node.firmware.record import GAP
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from sensor_node.cipher import Cipher
@@ -54,6 +55,22 @@ class Row(NamedTuple):
     latest: int
     samples: int
     stands_for: int
+
+
+def read_row(values: Sequence[Any], path: Path) -> Row:
+    """A record as a file gives it.
+
+    Raises:
+        FlashError: It is of other types than were ever written: the file's schema is damaged.
+    """
+    row = Row(*values)
+    numbers = *row[:3], *row[4:]
+    if type(row.body) is not bytes or any(type(number) is not int for number in numbers):
+        raise FlashError(
+            f"{path}: flash is damaged: a record is of other types than were written; bring back a "
+            "copy, or remove the file with all that waits in it"
+        )
+    return row
 
 
 class Sealing:

@@ -17,7 +17,7 @@ from sensor_node.cipher import Cipher
 from sensor_node.fleet.schema import RECORDS, SCHEMA, SEAL, teach
 from sensor_node.migration import connect, migrate
 from sensor_node.proof import require_key
-from sensor_node.sealing import ANSWER, Row, Sealing, epitaph
+from sensor_node.sealing import ANSWER, Row, Sealing, epitaph, read_row
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -125,7 +125,7 @@ class Storage:
 
     def _records(self) -> Iterator[tuple[Sealing, Row]]:
         for name, *row in self.db.execute(RECORDS):
-            yield Sealing(self._cipher, name), Row(*row)
+            yield Sealing(self._cipher, name), read_row(row, self.path)
 
 
 class Partition:
@@ -273,7 +273,8 @@ class Partition:
 
     def _select(self, condition: str, *values: int) -> list[Kept]:
         statement = f"{_SELECT} WHERE member = ? {condition}"
-        rows = [Row(*row) for row in self._storage.query(statement, self._member, *values)]
+        found = self._storage.query(statement, self._member, *values)
+        rows = [read_row(row, self._storage.path) for row in found]
         return [self._sealing.open(row) or self._give_up(row) for row in rows]
 
     def _give_up(self, row: Row) -> Kept:

@@ -145,7 +145,7 @@ def _parquet(path: Path) -> Iterator[Row]:
                 for cells in batch.to_pylist():
                     number += 1
                     yield _row(path, layout, f"row {number}", cells)
-    except (pa.ArrowInvalid, UnicodeDecodeError) as error:  # names may be any bytes
+    except (pa.ArrowException, UnicodeDecodeError) as error:  # names may be any bytes
         reason = str(error).splitlines()[0]
         raise RecordingError(path, "file", f"it is no whole Parquet file: {reason}") from error
 

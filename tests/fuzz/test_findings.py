@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -34,6 +35,7 @@ from sensor_node.scenario import read_scenario
 from sensor_node.truth import Truth
 from tests.fuzz.targets import enrolment, requests
 from tests.sensor_node.flashes import open_flash
+from tests.sensor_node.stores import Store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -182,3 +184,33 @@ def test_parquet_whose_names_are_no_text_is_refused(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes().replace(b"tauiueux", b"\xc3auiueux"))
     with pytest.raises(RecordingError, match="no whole Parquet file"):
         list(read_rows(path))
+
+
+def test_record_of_other_types_than_were_written_is_a_damaged_flash(tmp_path: Path) -> None:
+    path = tmp_path / "flash.sqlite"
+    store = Store(path)
+    store.fill(1)
+    store.flash.close()
+    with closing(sqlite3.connect(path, isolation_level=None)) as db:
+        # A worn page may tell another schema, which its rows then obey.
+        db.execute("PRAGMA writable_schema = ON")
+        db.execute(
+            "UPDATE sqlite_master SET sql = replace(sql, 'kind INTEGER NOT NULL', 'kind INTEGER')"
+        )
+    with closing(sqlite3.connect(path, isolation_level=None)) as db:
+        assert db.execute("UPDATE message SET kind = NULL").rowcount == 1
+    flash = open_flash(path)
+    with pytest.raises(FlashError, match="damaged: a record is of other types"):
+        flash.after((-1, -1), 10)
+    flash.close()
+
+
+def test_parquet_of_a_kind_that_nobody_reads_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise pa.ArrowNotImplementedError("Integers with more than 64 bits not implemented")
+
+    monkeypatch.setattr(pq, "ParquetFile", refuse)
+    with pytest.raises(RecordingError, match="more than 64 bits"):
+        list(read_rows(tmp_path / "recording.parquet"))
