@@ -64,7 +64,7 @@ class _Layout:
         """Find the columns; refuse what is missing or told twice."""
         twice = sorted({name for name in columns if list(columns).count(name) > 1})
         if twice:
-            raise RecordingError(path, "header", f"columns that stand twice: {', '.join(twice)}")
+            raise RecordingError(path, "header", f"columns that stand twice: {_listed(twice)}")
         times = [name for name in _TIMES if name in columns]
         if len(times) != 1:
             raise _headless(path, columns, "one of time, time_s and time_ns")
@@ -185,5 +185,9 @@ def _time(cell: Any, unit: int, name: str) -> int:
 
 
 def _headless(path: Path, columns: Sequence[str], wanted: str) -> RecordingError:
-    found = ", ".join(columns)[:80]
-    return RecordingError(path, "header", f"it needs {wanted}; it has {found}")
+    return RecordingError(path, "header", f"it needs {wanted}; it has {_listed(columns)}")
+
+
+def _listed(columns: Sequence[str]) -> str:
+    """Names as a message shows them: a header may be anything."""
+    return ", ".join(columns)[:80]

@@ -214,3 +214,11 @@ def test_parquet_of_a_kind_that_nobody_reads_is_refused(
     monkeypatch.setattr(pq, "ParquetFile", refuse)
     with pytest.raises(RecordingError, match="more than 64 bits"):
         list(read_rows(tmp_path / "recording.parquet"))
+
+
+def test_endless_columns_that_stand_twice_are_told_in_short(tmp_path: Path) -> None:
+    path, name = tmp_path / "recording.csv", "9" * 5000
+    path.write_text(f"time,channel,value,{name},{name}\n0,c,1,1,1\n")
+    with pytest.raises(RecordingError, match="stand twice") as error:
+        list(read_rows(path))
+    assert len(str(error.value)) < 500
