@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -28,7 +29,7 @@ _INTERVAL: Final = 1.0
 
 async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asyncio.Event) -> None:
     """Look every second, until told to stop."""
-    begun = due = cloud.clock()
+    begun, due = cloud.clock(), time.monotonic()
     while not stopping.is_set():
         for certificate in certificates:
             _refresh(certificate)
@@ -36,9 +37,9 @@ async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asy
         # After a start, every node is first given the time to be heard.
         if cloud.clock() - begun >= silence:
             await _judge(cloud, silence)
-        if cloud.clock() >= due:
+        if time.monotonic() >= due:  # whatever the clock of the day does
             await _tell_onlookers(cloud)
-            due = cloud.clock() + int(cloud.settings.live.watched_s * SECOND / 3)
+            due = time.monotonic() + cloud.settings.live.watched_s / 3
         try:
             await asyncio.wait_for(stopping.wait(), _INTERVAL)
         except TimeoutError:

@@ -23,18 +23,6 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "flash.sqlite"
-
-
-@pytest.fixture
-def store(path: Path) -> Iterator[Store]:
-    opened = Store(path)
-    yield opened
-    opened.flash.close()
-
-
-@pytest.fixture
 def small(path: Path) -> Iterator[Store]:
     opened = Store(path, 100_000)
     yield opened

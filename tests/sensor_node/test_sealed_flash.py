@@ -19,23 +19,10 @@ from tests.sensor_node.old_flash import ANSWER, CHARGE, SECRETS, TIME, write_old
 from tests.sensor_node.stores import CHANNEL, Store
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
 SECRET = b"what nobody else may read"
 OLD = {(5, n): b"body %d in the clear" % n * 30 for n in range(60)}
-
-
-@pytest.fixture
-def path(tmp_path: Path) -> Path:
-    return tmp_path / "flash.sqlite"
-
-
-@pytest.fixture
-def store(path: Path) -> Iterator[Store]:
-    opened = Store(path)
-    yield opened
-    opened.flash.close()
 
 
 def sealed_bodies(path: Path) -> list[bytes]:
