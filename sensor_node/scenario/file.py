@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import tomllib
+from functools import cache, lru_cache
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from pydantic import ValidationError
 
@@ -18,11 +19,15 @@ if TYPE_CHECKING:
 
     from sensor_node.scenario.events import AnyEvent
 
+_KEPT: Final = 16
+"""Scenarios that are kept: every taxel of a node asks for its own, and more than once."""
 
-def scenario_names() -> list[str]:
+
+@cache
+def scenario_names() -> tuple[str, ...]:
     """File names of the packaged scenarios."""
     found = files("sensor_node").joinpath("scenarios").iterdir()
-    return sorted(entry.name for entry in found if entry.name.endswith(".toml"))
+    return tuple(sorted(entry.name for entry in found if entry.name.endswith(".toml")))
 
 
 def read_scenario(name: str) -> Script:
@@ -34,7 +39,12 @@ def read_scenario(name: str) -> Script:
     Raises:
         ScenarioError: It cannot be read or played. It names file, place and reason.
     """
-    tables = _tables(name)
+    return _read(name, scenario_text(name))
+
+
+@lru_cache(maxsize=_KEPT)
+def _read(name: str, text: str) -> Script:
+    tables = _tables(name, text)
     try:
         script = Script.model_validate(tables)
     except ValidationError as error:
@@ -63,9 +73,9 @@ def scenario_text(name: str) -> str:
         raise ScenarioError(name, "file", f"it is no text in UTF-8: {error}") from error
 
 
-def _tables(name: str) -> dict[str, Any]:
+def _tables(name: str, text: str) -> dict[str, Any]:
     try:
-        return tomllib.loads(scenario_text(name))
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
         # Also integers of thousands of digits, and arrays in arrays in arrays.
         raise ScenarioError(name, "file", f"it is no TOML that can be read: {error}") from error

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
+from functools import lru_cache
 from typing import Annotated, Final, Literal, TypeAlias
 
 import numpy as np
@@ -17,6 +19,8 @@ _PALM_MM: Final = (80, 60)
 _FINGERS_MM: Final = 4 * ((20, 40),)
 _THUMB_MM: Final = (20, 20)
 _BETWEEN_FINGERS_MM: Final = 25
+_KEPT: Final = 8
+"""Skins that are kept: every taxel of a node asks for the one that it is part of."""
 _BENT: Final = math.pi / 2
 """Angle over which a finger's skin bends around it."""
 
@@ -33,6 +37,14 @@ class _Shape(Section):
         description="share of its neighbours' mean pressure that a taxel feels, besides its own",
     )
 
+    def build(self) -> Skin:
+        """Its taxels; equal shapes share one skin."""
+        return _built(self)
+
+    @abstractmethod
+    def lay_out(self) -> Skin:
+        """Its taxels, anew."""
+
 
 class FlatShape(_Shape):
     """A flat grid in the plane z = 0, numbered row by row from the origin."""
@@ -47,8 +59,8 @@ class FlatShape(_Shape):
     def _not_too_many(cls, value: int, info: ValidationInfo) -> int:
         return _limited(value, info)
 
-    def build(self) -> Skin:
-        """Its taxels."""
+    def lay_out(self) -> Skin:
+        """Its taxels, anew."""
         return _grid(self.columns, self.rows, self.pitch_m)
 
 
@@ -67,8 +79,8 @@ class CylinderShape(_Shape):
     def _not_too_many(cls, value: int, info: ValidationInfo) -> int:
         return _limited(value, info)
 
-    def build(self) -> Skin:
-        """Its taxels."""
+    def lay_out(self) -> Skin:
+        """Its taxels, anew."""
         radius = self.pitch_m / (2.0 * math.sin(math.pi / self.columns))
         rows, columns = np.divmod(np.arange(self.rows * self.columns), self.columns)
         angles = 2.0 * math.pi * columns / self.columns
@@ -92,8 +104,8 @@ class HandShape(_Shape):
         default=1, description="distance of two neighbours in mm"
     )
 
-    def build(self) -> Skin:
-        """Its taxels."""
+    def lay_out(self) -> Skin:
+        """Its taxels, anew."""
         palm = self._patch(_PALM_MM, 0.0, 0.0, bent=False)
         parts = [palm]
         for number, finger in enumerate(_FINGERS_MM):
@@ -122,6 +134,11 @@ class HandShape(_Shape):
 
 Shape: TypeAlias = Annotated[FlatShape | CylinderShape | HandShape, Field(discriminator="shape")]
 """One of them, told apart by ``shape``."""
+
+
+@lru_cache(maxsize=_KEPT)
+def _built(shape: _Shape) -> Skin:
+    return shape.lay_out()
 
 
 def _grid(columns: int, rows: int, pitch: float) -> Skin:

@@ -26,7 +26,7 @@ _REACH: Final = 1.1
 
 @dataclass(frozen=True)
 class Skin:
-    """Taxels on a surface.
+    """Taxels on a surface; its arrays cannot be written.
 
     Attributes:
         positions: Their centres in m, (n, 3).
@@ -39,6 +39,10 @@ class Skin:
     normals: Floats
     pitch: float
     unrolled: Floats
+
+    def __post_init__(self) -> None:
+        for array in (self.positions, self.normals, self.unrolled):
+            array.flags.writeable = False
 
     @classmethod
     def join(cls, parts: Sequence[Skin]) -> Self:
@@ -85,6 +89,7 @@ class Skin:
         table = np.full((len(self), max(1, *map(len, found))), NOBODY, dtype=np.int64)
         for number, near in enumerate(found):
             table[number, : len(near)] = near
+        table.flags.writeable = False
         return table
 
     def _near(

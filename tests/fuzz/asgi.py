@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import dataclass
+from threading import Thread
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote_to_bytes
 
@@ -21,14 +22,22 @@ class Answer:
 
 
 class Asker:
-    """Asks one application, one request after the other."""
+    """Asks one application, one request after the other.
+
+    As under a server, one task outlives all requests: the application's threads are kept with it.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
         self._loop = asyncio.new_event_loop()
+        self._ended = asyncio.Event()
+        self._thread = Thread(target=self._loop.run_until_complete, args=(self._ended.wait(),))
+        self._thread.start()
 
     def close(self) -> None:
         """End its loop."""
+        self._loop.call_soon_threadsafe(self._ended.set)
+        self._thread.join()
         self._loop.close()
 
     def ask(
@@ -50,7 +59,7 @@ class Asker:
             "client": ("127.0.0.1", 5000),
             "server": ("127.0.0.1", 8080),
         }
-        return self._loop.run_until_complete(self._answer(scope, body))
+        return asyncio.run_coroutine_threadsafe(self._answer(scope, body), self._loop).result()
 
     async def _answer(self, scope: dict[str, Any], body: bytes) -> Answer:
         waiting: list[Message] = [{"type": "http.request", "body": body, "more_body": False}]

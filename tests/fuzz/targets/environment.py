@@ -9,7 +9,7 @@ from eskin.errors import SettingsError
 from eskin.settings import table
 from tests.fuzz.mutations.texts import mutate_text
 from tests.fuzz.target import Target
-from tests.fuzz.targets.settings import CLASSES, FILES, require_line
+from tests.fuzz.targets.settings import CLASSES, FILES, bare_environment, require_line
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,4 +45,4 @@ def make(folder: Path) -> Target:
         short = ["ESKIN_BROKER_PORT=1883", "ESKIN_TAXEL=[]", 'ESKIN_NODE={"name": "x"}']
         texts = ["\n".join(lines[k : k + 4]) for k in range(0, len(lines), 4)]
         seeds += [f"{number}{text}".encode() for text in (*texts, *short)]
-    return Target(tuple(seeds), mutate_text, check)
+    return Target(tuple(seeds), mutate_text, check, bare_environment())

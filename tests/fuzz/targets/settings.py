@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
+from unittest.mock import patch
 
 from authority.settings import AuthoritySettings
 from cloud.settings import CloudSettings
@@ -95,7 +98,14 @@ def make(folder: Path) -> Target:
     texts = [*enumerate(FILES), *((0, text) for text in designs)]
     first = ord("0")  # which the number of processes divides
     seeds = tuple(bytes([first + number]) + text.encode() for number, text in texts)
-    return Target(seeds, mutate_text, check)
+    return Target(seeds, mutate_text, check, bare_environment())
+
+
+def bare_environment() -> ExitStack:
+    """An environment without variables until it is closed: each load goes through all of them."""
+    stack = ExitStack()
+    stack.enter_context(patch.dict(os.environ, clear=True))
+    return stack
 
 
 def require_line(text: str) -> None:

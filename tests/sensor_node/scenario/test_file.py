@@ -105,6 +105,11 @@ def test_noise_may_touch_what_comes_before_and_after(tmp_path: Path) -> None:
     assert len(script(tmp_path, HEAD + quiet + TAP).event) == 2
 
 
+def test_file_that_changed_is_read_anew(tmp_path: Path) -> None:
+    assert script(tmp_path, HEAD + TAP).duration_s == 10.0
+    assert script(tmp_path, (HEAD + TAP).replace("= 10.0", "= 20.0")).duration_s == 20.0
+
+
 @pytest.mark.parametrize("name", scenario_names())
 def test_packaged_scenarios_can_be_played(name: str) -> None:
     scene = read_scenario(name)

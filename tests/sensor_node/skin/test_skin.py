@@ -95,3 +95,12 @@ def test_map_lays_neighbours_a_pitch_apart_but_where_it_is_cut(name: str) -> Non
     # A cylinder is cut along one line, from both sides of which each ring's ends see each other.
     assert cut == (2 * 4 if name == "cylinder" else 0)
     assert len(np.unique(skin.unrolled.round(9), axis=0)) == len(skin)
+
+
+def test_equal_shapes_share_a_skin_that_nobody_can_change() -> None:
+    skin = HandShape(shape="hand", pitch_mm=10).build()
+    assert HandShape(shape="hand", pitch_mm=10).build() is skin
+    assert HandShape(shape="hand", pitch_mm=20).build() is not skin
+    for array in (skin.positions, skin.normals, skin.unrolled, skin.neighbours):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
