@@ -23,6 +23,8 @@ log = logging.getLogger(__name__)
 _AT_ONCE: Final = 64
 _PATIENCE_S: Final = 0.2
 """Whoever takes longer to make room for more is slow."""
+_PROMPT_S: Final = 0.02
+"""Whoever is slow stays so until there is room at once: hulls leave room to spare."""
 _JOINED: Final = 2000
 
 
@@ -95,7 +97,8 @@ async def stream(
                     yield _print(feed, said, selection.points, begun if slow else None)
                     asked = time.monotonic()
                     yield b""  # goes on once there is room for more
-                    slow = begun >= present and time.monotonic() - asked > _PATIENCE_S
+                    took = time.monotonic() - asked
+                    slow = begun >= present and took > (_PROMPT_S if slow else _PATIENCE_S)
                 if time.monotonic() >= due:
                     if not await asyncio.to_thread(allowed):
                         return

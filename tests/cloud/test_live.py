@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 from contextlib import aclosing
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -172,6 +173,23 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
         assert hull["hi"] == [max(one.bounds[1] for one in blocks)]
         assert hull["coverage"] <= 1 - 10 * len(blocks) * 0.001
         assert hull["coverage"] == pytest.approx(1 - 10 * len(blocks) * 0.001)
+
+
+async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("cloud.live.stream.time", SimpleNamespace(monotonic=lambda: now[0]))
+    told = []
+    async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
+        await anext(slow)
+        for number, wait in enumerate((0.1, 0.3, 0.1, 0.01, 0.1)):
+            await stand.ingest(batch(block(number)))
+            (event,) = events_of(await anext(slow))
+            told.append(event["data"]["resolution"])
+            assert await anext(slow) == b""
+            now[0] += wait  # until there is room
+    assert told == ["sample", "sample", "hull", "hull", "sample"]
 
 
 async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
