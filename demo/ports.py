@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import socket
+from random import SystemRandom
+from typing import Final
 
 from eskin.errors import SettingsError
 
-LOOPBACK = "127.0.0.1"
+LOOPBACK: Final = "127.0.0.1"
+_PORTS: Final = range(20_000, 32_000)
+"""Below those of outgoing connections: from 32768 on Linux, from 49152 elsewhere (RFC 6335)."""
 
 
 def require_free(port: int) -> int:
@@ -27,15 +31,27 @@ def require_free(port: int) -> int:
 
 
 def free_ports(count: int) -> list[int]:
-    """So many ports, all different, that are free now."""
-    probes = [socket.socket() for _ in range(count)]
-    try:
-        for probe in probes:
-            probe.bind((LOOPBACK, 0))
-        return [int(probe.getsockname()[1]) for probe in probes]
-    finally:
-        for probe in probes:
-            probe.close()
+    """So many ports, all different, that are free now and that no outgoing connection is given.
+
+    While a service is down, somebody's connection could hold its port else, and the service could
+    not come back to it.
+    """
+    found: list[int] = []
+    for port in SystemRandom().sample(_PORTS, len(_PORTS)):
+        if len(found) == count:
+            break
+        if _is_free(port):
+            found.append(port)
+    return found
+
+
+def _is_free(port: int) -> bool:
+    with socket.socket() as probe:
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError:
+            return False
+        return True
 
 
 def accepts(port: int) -> bool:
