@@ -142,6 +142,9 @@ def _parquet(path: Path) -> Iterator[Row]:
             layout = _Layout.of(path, file.schema_arrow.names)
             number = 0
             for batch in file.iter_batches(_PIECE, columns=layout.names):
+                lost = sorted(set(layout.names) - set(batch.schema.names))
+                if lost:  # a group of no columns has a name, and nothing to read
+                    raise _headless(path, batch.schema.names, _listed(lost))
                 for cells in batch.to_pylist():
                     number += 1
                     yield _row(path, layout, f"row {number}", cells)

@@ -186,6 +186,16 @@ def test_parquet_whose_names_are_no_text_is_refused(tmp_path: Path) -> None:
         list(read_rows(path))
 
 
+def test_parquet_with_a_column_of_nothing_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "recording.parquet"
+    pq.write_table(pa.table({"time": [1.0], "channel": ["c"], "lo": [2.0], "hi": [2.0]}), path)
+    lo = b"\x15\n%\x02\x18\x02lo"  # its element of the schema; without a type it is a group
+    assert lo in path.read_bytes()
+    path.write_bytes(path.read_bytes().replace(lo, b"\x13" + lo[1:]))
+    with pytest.raises(RecordingError, match="it needs lo; it has time, channel, hi"):
+        list(read_rows(path))
+
+
 def test_record_of_other_types_than_were_written_is_a_damaged_flash(tmp_path: Path) -> None:
     path = tmp_path / "flash.sqlite"
     store = Store(path)
