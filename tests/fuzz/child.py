@@ -16,7 +16,6 @@ from random import Random
 from typing import TYPE_CHECKING, Final
 
 import atheris
-import psutil
 
 from tests.fuzz.current import CURRENT, LENGTH_BYTES, LONGEST
 from tests.fuzz.target import load
@@ -26,8 +25,6 @@ if TYPE_CHECKING:
 
 SLOWEST_S: Final = 30
 """An input that takes longer is a hang."""
-_WARM: Final = 0.2
-"""Share of the run after which memory must not grow any more."""
 _OURS: Final = ("eskin", "cloud", "gateway", "authority", "sensor_node")
 _NUMERIC: Final = (
     "eskin.kernels",
@@ -48,15 +45,11 @@ class Progress:
         inputs: Tried so far.
         seconds: Since the first.
         slowest_s: The slowest input.
-        warm_bytes: Memory after a fifth of the run.
-        bytes: Memory now.
     """
 
     inputs: int = 0
     seconds: float = 0.0
     slowest_s: float = 0.0
-    warm_bytes: int = 0
-    bytes: int = 0
 
 
 class Trial:
@@ -72,7 +65,6 @@ class Trial:
         self._target = target
         self._inputs = inputs
         self._folder = folder
-        self._process = psutil.Process()
         self._start = time.perf_counter()
         self._step = max(1, inputs // 200)
         self._progress = Progress()
@@ -107,9 +99,6 @@ class Trial:
     def _tell(self) -> None:
         progress = self._progress
         progress.seconds = time.perf_counter() - self._start
-        progress.bytes = self._process.memory_info().rss
-        if progress.inputs <= max(self._inputs * _WARM, self._step):
-            progress.warm_bytes = progress.bytes
         fresh = self._folder / "progress.tmp"
         fresh.write_text(json.dumps(asdict(progress)))
         fresh.replace(self._folder / "progress.json")

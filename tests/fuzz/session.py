@@ -11,15 +11,17 @@ import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, BinaryIO, Final
 
 from tests.fuzz.current import CURRENT, read_current
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-MOST_GROWTH_MIB: Final = 96.0
-"""Room for libFuzzer's own corpus, and for caches that were not full after a fifth of the run."""
+MOST_GROWTH_MIB: Final = 16.0
+"""Room for caches that were not full after a fifth of the inputs."""
+_GROWTH_SHARE: Final = 0.1
+"""So many inputs, of those that are tried, are tried again without instruments."""
 HANGS_S: Final = 60.0
 """An input that takes longer, and cannot even be interrupted by libFuzzer's own alarm."""
 _LOOK_S: Final = 0.5
@@ -40,7 +42,7 @@ class Finding:
         kept: Inputs that reached something new.
         broken: Files with inputs that broke the oracle, or hung.
         slowest_s: The slowest input.
-        growth_mib: Memory from a fifth of the run to its end.
+        growth_mib: Of memory, in a tenth as many inputs without instruments.
         said: The end of what the process said.
         fault: What else is wrong, or empty.
     """
@@ -80,13 +82,15 @@ class Session:
         shutil.rmtree(self._folder, ignore_errors=True)
         self._folder.mkdir(parents=True)
         log = self._folder / "log"
-        words = {"--target": self.target, "--inputs": self.inputs, "--seed": self._seed}
-        argv = [sys.executable, "-m", "tests.fuzz.child", "--folder", str(self._folder)]
-        argv += [str(word) for pair in words.items() for word in pair]
-        # In memory, where it is: a disk would rest at each commit of a store.
-        memory = _MEMORY if _MEMORY.is_dir() else None
-        with log.open("wb") as output, tempfile.TemporaryDirectory(dir=memory) as scratch:
-            argv += ["--scratch", scratch]
+        with log.open("wb") as output:
+            status = self._fuzz(output, tell)
+        tell(self._progress()["inputs"])
+        growth_mib, status = (0.0, status) if status else self._grow(log)
+        return self._finding(status, log.read_text(errors="replace"), growth_mib)
+
+    def _fuzz(self, output: BinaryIO, tell: Callable[[int], None]) -> int:
+        with _scratch() as scratch:
+            argv = self._argv("tests.fuzz.child", self.inputs, scratch)
             child = subprocess.Popen(argv, stdout=output, stderr=subprocess.STDOUT)
             try:
                 while child.poll() is None and not self._hangs():
@@ -95,8 +99,19 @@ class Session:
             finally:
                 child.kill()
                 child.wait()
-        tell(self._progress()["inputs"])
-        return self._finding(child.returncode, log.read_text(errors="replace"))
+        return child.returncode
+
+    def _grow(self, log: Path) -> tuple[float, int]:
+        """By how many MiB its memory grew, and how that ended."""
+        with _scratch() as scratch, log.open("ab") as output:
+            argv = self._argv("tests.fuzz.growth", round(self.inputs * _GROWTH_SHARE), scratch)
+            done = subprocess.run(argv, stdout=subprocess.PIPE, stderr=output, check=False)
+        return (0.0 if done.returncode else int(done.stdout) / _MIB), done.returncode
+
+    def _argv(self, module: str, inputs: int, scratch: str) -> list[str]:
+        words = {"--target": self.target, "--inputs": inputs, "--seed": self._seed}
+        argv = [sys.executable, "-m", module, "--folder", str(self._folder), "--scratch", scratch]
+        return argv + [str(word) for pair in words.items() for word in pair]
 
     def _hangs(self) -> bool:
         """Whether one input is being tried for too long; it is kept then."""
@@ -114,23 +129,22 @@ class Session:
     def _progress(self) -> dict[str, Any]:
         path = self._folder / "progress.json"
         if not path.exists():
-            return {"inputs": 0, "seconds": 0.0, "slowest_s": 0.0, "warm_bytes": 0, "bytes": 0}
+            return {"inputs": 0, "seconds": 0.0, "slowest_s": 0.0}
         found: dict[str, Any] = json.loads(path.read_text())
         return found
 
-    def _finding(self, status: int, said: str) -> Finding:
+    def _finding(self, status: int, said: str, growth_mib: float) -> Finding:
         progress = self._progress()
         covered = _COVERED.findall(said) or [("0", "0", "0")]
         broken = sorted(self._folder.glob("broken-*"))
         if status and not broken and (self._folder / CURRENT).exists():
             broken = [self._folder / "broken-last"]
             broken[0].write_bytes(read_current(self._folder))
-        growth = (progress["bytes"] - progress["warm_bytes"]) / _MIB
         fault = ""
         if status and not broken:
             fault = f"ended with {status}: {said[-2000:]}"
-        elif growth > MOST_GROWTH_MIB:
-            fault = f"memory grew by {growth:.0f} MiB; at most {MOST_GROWTH_MIB:.0f} are allowed"
+        elif growth_mib > MOST_GROWTH_MIB:
+            fault = f"memory grew by {growth_mib:.0f} MiB, allowed are {MOST_GROWTH_MIB:.0f}"
         return Finding(
             target=self.target,
             inputs=progress["inputs"],
@@ -139,7 +153,12 @@ class Session:
             kept=int(covered[-1][2]),
             broken=broken,
             slowest_s=progress["slowest_s"],
-            growth_mib=growth,
+            growth_mib=growth_mib,
             said=said[-2000:],
             fault=fault,
         )
+
+
+def _scratch() -> tempfile.TemporaryDirectory[str]:
+    """A folder in memory, where there is one: a disk would rest at each commit of a store."""
+    return tempfile.TemporaryDirectory(dir=_MEMORY if _MEMORY.is_dir() else None)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from tests.fuzz.growth import grown
 from tests.fuzz.mutations.octets import mutate_octets
 from tests.fuzz.run import BrokenError, run
+from tests.fuzz.session import MOST_GROWTH_MIB
 from tests.fuzz.target import NAMES, Target, load
 
 if TYPE_CHECKING:
@@ -46,6 +48,19 @@ def test_broken_target_names_its_input() -> None:
         run(Target((b"good",), mutate_octets, check), inputs=1000, seed=1)
     assert b"\xff" in caught.value.data
     assert isinstance(caught.value.__cause__, KeyError)
+
+
+def test_growth_is_told() -> None:
+    kept: list[bytes] = []
+
+    def check(data: bytes) -> None:
+        assert isinstance(data, bytes)
+
+    sound = Target((b"good",), mutate_octets, check)
+    leaking = Target((b"good",), mutate_octets, lambda data: kept.append(bytes(4096) + data))
+    most = MOST_GROWTH_MIB * 2**20
+    assert grown(sound, sound.seeds, inputs=10_000, seed=1) < most
+    assert grown(leaking, leaking.seeds, inputs=10_000, seed=1) > most
 
 
 def test_each_file_of_targets_is_a_target() -> None:
