@@ -130,6 +130,7 @@ def main() -> None:
     with atheris.instrument_imports(include=_OURS, exclude=_compiled()):
         target = load(options.target, options.scratch)
     for number, seed in enumerate(target.seeds):
+        target.check(seed)  # what it needs is compiled now, which may take longer than an input may
         (corpus / f"seed-{number}").write_bytes(seed)
     trial = Trial(target, inputs=options.inputs, folder=options.folder)
     flags = {
