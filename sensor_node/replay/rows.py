@@ -23,6 +23,16 @@ if TYPE_CHECKING:
 
 _TIMES: Final = {"time": BILLION, "time_s": BILLION, "time_ns": 1}
 """Column to its nanoseconds."""
+_PLAIN: Final = (
+    pa.types.is_integer,
+    pa.types.is_floating,
+    pa.types.is_decimal,
+    pa.types.is_string,
+    pa.types.is_large_string,
+    lambda kind: pa.types.is_dictionary(kind) and pa.types.is_string(kind.value_type),
+    pa.types.is_null,
+)
+"""Kinds of Parquet's columns that are read."""
 _PIECE: Final = 65_536
 _LATEST: Final = 2**62
 """In ns, either way."""
@@ -145,12 +155,21 @@ def _parquet(path: Path) -> Iterator[Row]:
                 lost = sorted(set(layout.names) - set(batch.schema.names))
                 if lost:  # a group of no columns has a name, and nothing to read
                     raise _headless(path, batch.schema.names, _listed(lost))
+                _require_plain(path, batch.schema)
                 for cells in batch.to_pylist():
                     number += 1
                     yield _row(path, layout, f"row {number}", cells)
     except (pa.ArrowException, UnicodeDecodeError) as error:  # names may be any bytes
         reason = str(error).splitlines()[0]
         raise RecordingError(path, "file", f"it is no whole Parquet file: {reason}") from error
+
+
+def _require_plain(path: Path, schema: pa.Schema) -> None:
+    """Refuse columns of dates, durations, lists and the like."""
+    for column in schema:
+        if not any(is_kind(column.type) for is_kind in _PLAIN):
+            reason = f"{column.name} is {str(column.type)[:80]}, neither number nor text"
+            raise RecordingError(path, "header", reason)
 
 
 def _row(path: Path, layout: _Layout, place: str, cells: dict[str, Any]) -> Row:

@@ -191,6 +191,14 @@ def test_parquet_with_a_column_of_no_type_is_refused() -> None:
         list(read_rows(path))
 
 
+def test_parquet_of_durations_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "recording.parquet"
+    times = pa.array([2**62], pa.duration("us"))  # longer than Python's timedelta
+    pq.write_table(pa.table({"time_ns": times, "channel": ["c"], "value": [2.0]}), path)
+    with pytest.raises(RecordingError, match=r"time_ns is duration\[us\], neither number nor text"):
+        list(read_rows(path))
+
+
 def test_record_of_other_types_than_were_written_is_a_damaged_flash(tmp_path: Path) -> None:
     path = tmp_path / "flash.sqlite"
     store = Store(path)
