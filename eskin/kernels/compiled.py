@@ -47,17 +47,18 @@ def inlined(function: Function) -> Function:
 
 
 def _compiler(**options: bool) -> Any:
-    return numba.njit(nogil=True, error_model="numpy", **options)
+    njit: Any = numba.njit  # its types lack two of the options
+    return njit(nogil=True, error_model="numpy", **options)
 
 
 def _for_kernels(function: Function, **options: bool) -> Function:
     """Have a part compiled once more for kernels, without the entries for Python.
 
-    They are a third of the work of compiling a kernel with all of its parts, and would be linked
-    and optimised in each. Kernels' part is typed once for all constants that it is called with,
-    and not for each anew.
+    They are a fifth of the work of compiling a kernel with all of its parts. It is typed once for
+    all constants that it is called with, and not for each anew.
     """
     made = _compiler(**options)(function)
+    plain: Callable[[Any], Any] = types.unliteral
 
     @functools.cache
     def bare() -> Any:
@@ -65,8 +66,7 @@ def _for_kernels(function: Function, **options: bool) -> Function:
 
     def find_for_types(given: Sequence[Any], named: Mapping[str, Any]) -> Any:
         return bare().get_call_template(
-            tuple(map(types.unliteral, given)),
-            {name: types.unliteral(value) for name, value in named.items()},
+            tuple(map(plain, given)), {name: plain(named[name]) for name in named}
         )
 
     made.get_call_template = find_for_types
