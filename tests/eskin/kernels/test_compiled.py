@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from numba.core.dispatcher import Dispatcher
 
-from eskin.kernels.compiled import kernel
+from eskin.kernels.compiled import kernel, part
 
 if TYPE_CHECKING:
     import pytest
@@ -98,3 +98,18 @@ def test_second_start_compiles_nothing(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert counts[0] > 0
     assert counts[1] == 0
+
+
+def test_part_answers_python_before_and_after_a_kernel_takes_it() -> None:
+    @part
+    def doubled(x: float) -> float:
+        return 2.0 * x
+
+    @kernel
+    def quadrupled(x: float) -> float:
+        return doubled(doubled(x))
+
+    assert doubled(1.5) == 3.0
+    assert quadrupled(1.5) == 6.0
+    assert doubled(2) == 4.0
+    assert quadrupled(2) == 8.0

@@ -1,0 +1,100 @@
+"""What is compiled, on disk: as fresh as its sources, written and read by one process at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import os
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+def enable_cache(made: Any) -> None:
+    """Keep what is compiled of a function on disk; nothing is kept where nothing can be written.
+
+    Args:
+        made: What numba makes of the function.
+    """
+    try:
+        made.enable_caching()
+    except RuntimeError:  # numba found no folder to write to
+        return
+    file = made._cache._cache_file  # noqa: SLF001 - has no other way
+    # numba looks at the kernel's own file alone, and would keep old parts in new kernels.
+    file._source_stamp = _Stamps(made.py_func)  # noqa: SLF001 - likewise
+    made.compile = _one_at_a_time(made.compile, Path(f"{file._index_path}.lock"))  # noqa: SLF001 - likewise
+
+
+class _Stamps:
+    """Name, time and size of the files that a kernel and the parts in it come from.
+
+    Looked up when numba first asks: when a kernel is made, parts below it are still to come.
+    """
+
+    __hash__ = None  # type: ignore[assignment]  # files change
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    def __eq__(self, other: object) -> bool:
+        return self._found == other
+
+    def __reduce__(self) -> tuple[type, tuple[list[tuple[str, int, int]]]]:
+        return list, (self._found,)
+
+    @functools.cached_property
+    def _found(self) -> list[tuple[str, int, int]]:
+        known: set[Any] = set()
+        waiting: list[Any] = [self._function]
+        while waiting:
+            each = waiting.pop()
+            known.add(each)
+            names = each.__code__.co_names
+            used = [each.__globals__.get(name) for name in names]
+            # Parts named by their module: the attribute's name stands beside the module's.
+            modules = [value for value in used if isinstance(value, ModuleType)]
+            used += [getattr(module, name, None) for module in modules for name in names]
+            parts = (value.py_func for value in used if isinstance(value, Dispatcher))
+            waiting += [found for found in parts if found not in known]
+        files = sorted({each.__code__.co_filename for each in known})
+        stats = ((name, Path(name).stat()) for name in files)
+        return [(name, stat.st_mtime_ns, stat.st_size) for name, stat in stats]
+
+
+def _one_at_a_time(find: Callable[[Any], Any], lock: Path) -> Callable[[Any], Any]:
+    """Of processes that need a kernel at the same time let one compile, and the others wait.
+
+    numba writes the index before the code that it names: whoever reads or writes between the two
+    would take another signature's code, or that of an older source.
+
+    Args:
+        find: Looks a signature up on disk, or compiles and saves it.
+        lock: Held meanwhile.
+    """
+
+    def compile_(signature: Any) -> Any:
+        # Threads first, as inside of numba: no thread holds a kernel that it does not work at.
+        with global_compiler_lock, _held(lock):
+            return find(signature)
+
+    return compile_
+
+
+@contextmanager
+def _held(lock: Path) -> Iterator[None]:
+    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        # By name: a process that was forked meanwhile holds the same descriptor.
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
+        os.close(descriptor)
