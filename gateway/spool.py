@@ -20,7 +20,7 @@ from eskin.errors import LockedError, MessageError, SpoolError
 from eskin.lockfile import LockFile
 from eskin.messages import Position
 from eskin.sequences import SequenceRanges
-from eskin.wholeness import UNREADABLE, require_whole
+from eskin.wholeness import UNREADABLE, require_whole, why
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
 from gateway.reserve import Reserve
@@ -102,7 +102,7 @@ class Spool:
                 f"spool {path}: another gateway runs on it; stop it first, or give each its own"
             ) from error
         except (OSError, *UNREADABLE) as error:
-            raise SpoolError(f"spool {path} cannot be opened: {error}") from error
+            raise SpoolError(f"spool {path} cannot be opened: {why(error)}") from error
 
     def _open(self, path: Path, opened: ExitStack) -> None:
         """Open all of it; what was opened before a failure is closed again."""
@@ -179,7 +179,7 @@ class Spool:
                 taken.append(Stored(*row))
             cursor.close()
         except UNREADABLE as error:
-            raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
+            raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
         return taken
 
     def settle(self, stored: Sequence[Stored], dead: Sequence[DeadLetter] = ()) -> None:
@@ -245,7 +245,7 @@ class Spool:
             with self._lock:
                 return self._intake.execute(query, values).fetchall()
         except UNREADABLE as error:
-            raise SpoolError(f"spool {self._path} cannot be read: {error}") from error
+            raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
 
     def _forget(self, stored: Sequence[Stored], dead: Sequence[DeadLetter]) -> tuple[int, int]:
         with self._transaction(self._outlet) as connection:
@@ -268,11 +268,11 @@ class Spool:
             connection.execute("BEGIN IMMEDIATE")
             yield connection
             connection.execute("COMMIT")
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             # A full disk may have ended the transaction already.
             if connection.in_transaction:
                 connection.execute("ROLLBACK")
-            raise SpoolError(f"spool {self._path} cannot be written: {error}") from error
+            raise SpoolError(f"spool {self._path} cannot be written: {why(error)}") from error
 
     def _bury(self, connection: sqlite3.Connection, dead: Sequence[DeadLetter]) -> tuple[int, int]:
         """Keep dead letters, each content once; gives how many came and how many gave way."""

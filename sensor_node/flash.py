@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
-from eskin.wholeness import UNREADABLE, require_whole
+from eskin.wholeness import UNREADABLE, require_whole, why
 from sensor_node.cipher import Cipher
 from sensor_node.migration import connect, migrate
 from sensor_node.proof import PROOF, require_key
@@ -111,7 +111,7 @@ class Flash:
             raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
         except (OSError, *UNREADABLE) as error:
             raise FlashError(
-                f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
+                f"{path}: flash cannot be opened: {why(error)}; check folder, rights and free space"
             ) from error
 
     def restart(self) -> None:
@@ -252,7 +252,7 @@ class Flash:
         try:
             return self._db.execute(statement, values).fetchall()
         except UNREADABLE as error:
-            raise FlashError(f"{self._path}: flash cannot be read: {error}") from error
+            raise FlashError(f"{self._path}: flash cannot be read: {why(error)}") from error
 
     @contextmanager
     def _writing(self) -> Iterator[None]:
@@ -260,8 +260,8 @@ class Flash:
             yield
         except UNREADABLE as error:
             raise FlashError(
-                f"{self._path}: flash cannot be written: {error}; make room, sampling goes on "
-                "and a gap will tell"
+                f"{self._path}: flash cannot be written: {why(error)}; make room, sampling "
+                "goes on and a gap will tell"
             ) from error
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
 from eskin.messages import Position
+from eskin.wholeness import UNREADABLE, why
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -107,8 +108,8 @@ class Truth:
                 opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another node keeps its truth here; stop it first") from error
-        except (OSError, sqlite3.Error) as error:
-            raise FlashError(f"{path}: the truth cannot be opened: {error}") from error
+        except (OSError, *UNREADABLE) as error:
+            raise FlashError(f"{path}: the truth cannot be opened: {why(error)}") from error
 
     @classmethod
     def read(
@@ -198,8 +199,8 @@ class Truth:
         """
         try:
             self._db.execute("INSERT OR REPLACE INTO supply VALUES (?, ?, ?)", (node, time, energy))
-        except sqlite3.Error as error:
-            raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
+        except UNREADABLE as error:
+            raise FlashError(f"{self._path}: the truth cannot be written: {why(error)}") from error
 
     def store(self, blocks: Mapping[str, Sequence[TrueBlock]]) -> None:
         """Keep the truth behind some blocks of each of some nodes, in one commit.
@@ -242,8 +243,8 @@ class Truth:
     def _writing(self) -> Iterator[None]:
         try:
             yield
-        except sqlite3.Error as error:
-            raise FlashError(f"{self._path}: the truth cannot be written: {error}") from error
+        except UNREADABLE as error:
+            raise FlashError(f"{self._path}: the truth cannot be written: {why(error)}") from error
 
     def close(self) -> None:
         """Close the file."""
@@ -274,8 +275,8 @@ def _reading(path: Path) -> Iterator[sqlite3.Connection]:
     try:
         with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
             yield db
-    except sqlite3.Error as error:
-        raise FlashError(f"{path}: the truth cannot be read: {error}") from error
+    except UNREADABLE as error:
+        raise FlashError(f"{path}: the truth cannot be read: {why(error)}") from error
 
 
 def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | str, ...]]:

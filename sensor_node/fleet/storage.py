@@ -6,13 +6,13 @@ What is told of the skin is sealed before it reaches the file (`sensor_node.seal
 from __future__ import annotations
 
 import logging
-import sqlite3
 import time
 from contextlib import ExitStack, closing, contextmanager
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
+from eskin.wholeness import UNREADABLE, why
 from sensor_node.cipher import Cipher
 from sensor_node.fleet.schema import RECORDS, SCHEMA, SEAL, teach
 from sensor_node.migration import connect, migrate
@@ -71,9 +71,9 @@ class Storage:
                 opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another fleet runs on this flash; stop it first") from error
-        except (OSError, sqlite3.Error) as error:
+        except (OSError, *UNREADABLE) as error:
             raise FlashError(
-                f"{path}: flash cannot be opened: {error}; check folder, rights and free space"
+                f"{path}: flash cannot be opened: {why(error)}; check folder, rights and free space"
             ) from error
         rows = self.query("SELECT name, id, boot FROM member")
         self._members = {name: (number, boot) for name, number, boot in rows}
@@ -99,18 +99,18 @@ class Storage:
         """Read."""
         try:
             return self.db.execute(statement, values).fetchall()
-        except sqlite3.Error as error:
-            raise FlashError(f"{self.path}: flash cannot be read: {error}") from error
+        except UNREADABLE as error:
+            raise FlashError(f"{self.path}: flash cannot be read: {why(error)}") from error
 
     @contextmanager
     def writing(self) -> Iterator[None]:
         """Say what went wrong in our words."""
         try:
             yield
-        except sqlite3.Error as error:
+        except UNREADABLE as error:
             raise FlashError(
-                f"{self.path}: flash cannot be written: {error}; make room, sampling goes on "
-                "and gaps will tell"
+                f"{self.path}: flash cannot be written: {why(error)}; make room, sampling "
+                "goes on and gaps will tell"
             ) from error
 
     def close(self) -> None:

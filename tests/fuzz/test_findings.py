@@ -6,7 +6,7 @@ import base64
 import sqlite3
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 import pyarrow as pa
@@ -122,6 +122,21 @@ def test_odd_body_for_the_ca_is_refused_and_no_fault(tmp_path: Path) -> None:
     target = enrolment.make(tmp_path)
     with target.stack:
         target.check(b'POST /enrol\n\n{"\\ud800": "\\ud800"}')
+
+
+def test_flash_or_spool_that_asks_for_too_much_memory_is_damaged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As SQLite does of some damaged pages."""
+
+    def refuse(*_: object, **__: object) -> NoReturn:
+        raise MemoryError
+
+    monkeypatch.setattr(sqlite3, "connect", refuse)
+    with pytest.raises(FlashError, match="cannot be opened: the file is damaged, or"):
+        open_flash(tmp_path / "flash.db")
+    with pytest.raises(SpoolError, match="cannot be opened: the file is damaged, or"):
+        Spool(tmp_path / "spool.db", capacity=1 << 20, letters=5)
 
 
 def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
