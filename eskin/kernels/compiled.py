@@ -54,8 +54,8 @@ def _compiler(**options: bool) -> Any:
 def _for_kernels(function: Function, **options: bool) -> Function:
     """Have a part compiled once more for kernels, without the entries for Python.
 
-    They are a fifth of the work of compiling a kernel with all of its parts. It is typed once for
-    all constants that it is called with, and not for each anew.
+    They would be compiled with each part and linked into each kernel. It is typed once for all
+    constants that it is called with, and not for each anew.
     """
     made = _compiler(**options)(function)
     plain: Callable[[Any], Any] = types.unliteral
