@@ -1,8 +1,8 @@
 """Questions to a store of very many samples: 1000 hulls of any window, as quick as of a few.
 
 ``python -m benchmarks.pyramid --samples 1e9`` builds a channel of 1 kHz in packs, as blocks lie in
-an old store, and asks for windows of every length at any place: first of a hundredth of it, then of
-all; in the store, and over HTTP with a token. The disk must hold 3 bytes a sample.
+an old store, and a hundredth of it in another. It asks both in turns for windows of every length at
+any place, in the store, and over HTTP with a token. The disk must hold 3 bytes a sample.
 """
 
 from __future__ import annotations
@@ -10,6 +10,8 @@ from __future__ import annotations
 import argparse
 import tempfile
 import time
+from contextlib import ExitStack
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -17,8 +19,8 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from rich.progress import Progress
 
-from benchmarks.long_store import LongStore
-from benchmarks.questions import POINTS, ask_service, ask_store
+from benchmarks.long_store import DT, LongStore
+from benchmarks.questions import IN_STORE, POINTS, ask_in_turns, ask_service, ask_store
 from benchmarks.report import Row
 from cloud.store import Store
 from cloud.store.bulk import insert_many
@@ -30,49 +32,58 @@ from tests.cloud.service import Service
 from tests.identities import Identities
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from benchmarks.questions import Took
+    from cloud.query.window import Window
     from cloud.store.place import Place
 
 _SAMPLES: Final = 500
-_DT: Final = 1_000_000
 _BATCH: Final = 5000
-_MOST_MS: Final = {"in the store": 10.0}
+_MOST_MS: Final = {IN_STORE: 10.0}
 _MOST_SERVED_MS: Final = 25.0
 _GROWTH: Final = 1.5
 
 
 def measure_pyramid(
-    place: Place, folder: Path, *, samples: int, questions: int, processor: bool = False
+    places: Mapping[int, Place], folder: Path, *, questions: int, processor: bool = False
 ) -> list[Row]:
-    """Fill a store, build its pyramid, ask; gives milliseconds.
+    """Fill two stores, build their pyramids, ask both in turns; gives milliseconds.
 
     Args:
-        place: Of a store, empty or filled here before.
+        places: Of stores, empty or filled here before, by the samples that they hold in the end.
         folder: For the cloud's files.
-        samples: How many in the end; a hundredth of it is asked first.
         questions: How many at each size.
         processor: Count time on the processor alone, where others use it, too: the asking thread's
             in the store, and all of the cloud's over HTTP.
     """
     identities = Identities(folder / "pki")
-    found: dict[int, dict[str, Took]] = {}
-    for size in (samples // 100, samples):
-        with Store(place) as store, Progress() as screen:
-            long = LongStore(store, screen)
-            begun = time.perf_counter()
-            long.grow(size)
-            filled = time.perf_counter()
-            long.build()
-            built = time.perf_counter()
-            print(f"{size:.0e}: filled {filled - begun:.0f} s, built {built - filled:.0f} s")
-            found[size] = {
-                "in the store": ask_store(store, size * _DT, questions, processor=processor)
-            }
-        with Service(folder / f"{size:.0e}", identities, place=place) as service:
-            found[size] |= ask_service(service, size * _DT, questions, processor=processor)
-    return list(_rows(found))
+    asking: dict[int, Callable[[Window], Mapping[str, float]]] = {}
+    with ExitStack() as stack:
+        for size, place in places.items():
+            store = stack.enter_context(Store(place))
+            _grow(store, size)
+            asking[size] = partial(ask_store, store, processor=processor)
+        found = ask_in_turns(asking, DT, questions)
+    with ExitStack() as stack:
+        for size, place in places.items():
+            cloud = Service(folder / f"{size:.0e}", identities, place=place)
+            service = stack.enter_context(cloud)
+            client = stack.enter_context(service.people(service.token()))
+            asking[size] = partial(ask_service, service, client, processor=processor)
+        served = ask_in_turns(asking, DT, questions)
+    return list(_rows({size: found[size] | served[size] for size in places}))
+
+
+def _grow(store: Store, size: int) -> None:
+    with Progress() as screen:
+        long = LongStore(store, screen)
+        begun = time.perf_counter()
+        long.grow(size)
+        filled = time.perf_counter()
+        long.build()
+        built = time.perf_counter()
+    print(f"{size:.0e}: filled {filled - begun:.0f} s, built {built - filled:.0f} s")
 
 
 def _rows(found: Mapping[int, Mapping[str, Took]]) -> Iterator[Row]:
@@ -90,7 +101,7 @@ def _rows(found: Mapping[int, Mapping[str, Took]]) -> Iterator[Row]:
             yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
 
 
-def patterns(dt: int = _DT) -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
+def patterns(dt: int = DT) -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
     """Blocks as the store reads and keeps them, of samples ``dt`` ns apart."""
     random = np.random.default_rng(1)
     for number in count():
@@ -143,15 +154,12 @@ def main() -> None:
     parser.add_argument("--processor", action="store_true", help="time on the processor alone")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(prefix="eskin-pyramid-") as folder:
-        place = Path(folder) / "store.sqlite"
+        samples = int(options.samples)
+        places = {size: Path(folder) / f"{size:.0e}.sqlite" for size in (samples // 100, samples)}
         rows = measure_pyramid(
-            place,
-            Path(folder),
-            samples=int(options.samples),
-            questions=options.questions,
-            processor=options.processor,
+            places, Path(folder), questions=options.questions, processor=options.processor
         )
-        print(f"{place.stat().st_size / options.samples:.2f} bytes a sample")
+        print(f"{places[samples].stat().st_size / samples:.2f} bytes a sample")
     for row in rows:
         print(f"{row.name}: {row.value:.2f} {row.unit}")
 

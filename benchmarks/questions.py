@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
@@ -15,12 +16,15 @@ from cloud.query.window import Window
 from tests.cloud.messages import CHANNEL, NODE, START
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator, Mapping
+
+    import httpx
 
     from cloud.store import Store
     from tests.cloud.service import Service
 
 POINTS: Final = 1000
+IN_STORE: Final = "in the store"
 FORMATS: Final = {
     "over HTTP in JSON": "application/json",
     "over HTTP in Arrow": "application/vnd.apache.arrow.stream",
@@ -51,35 +55,54 @@ def windows(span: int, questions: int) -> Iterator[Window]:
         yield Window(start, start + length)
 
 
-def ask_store(store: Store, span: int, questions: int, *, processor: bool) -> Took:
+def ask_in_turns(
+    asking: Mapping[int, Callable[[Window], Mapping[str, float]]], dt: int, questions: int
+) -> dict[int, dict[str, Took]]:
+    """Ask several sizes in turns, so that whatever else the machine does meets them alike.
+
+    They take turns in lots: each finds in the processor's caches what it read just before.
+
+    Args:
+        asking: By samples: what asks for a window, and gives seconds by way.
+        dt: Between two samples, in ns.
+        questions: How many at each size.
+    """
+    drawn = {size: list(windows(size * dt, questions)) for size in asking}
+    took: dict[int, dict[str, list[float]]] = {size: defaultdict(list) for size in asking}
+    for first in range(0, questions + _WARMING, _WARMING):
+        for size, ask in asking.items():
+            for window in drawn[size][first : first + _WARMING]:
+                for way, seconds in ask(window).items():
+                    took[size][way].append(seconds)
+    return {size: {way: Took.of(each) for way, each in ways.items()} for size, ways in took.items()}
+
+
+def ask_store(store: Store, window: Window, *, processor: bool) -> dict[str, float]:
     """From a read transaction's beginning to the hulls."""
     clock = time.thread_time if processor else time.perf_counter
-    took = []
-    for window in windows(span, questions):
-        begun = clock()
-        with store.read() as connection:
-            row = find_channel(connection, NODE, CHANNEL)
-            read_series(connection, row, window, points=POINTS)
-        took.append(clock() - begun)
-    return Took.of(took)
+    begun = clock()
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        read_series(connection, row, window, points=POINTS)
+    return {IN_STORE: clock() - begun}
 
 
-def ask_service(service: Service, span: int, questions: int, *, processor: bool) -> dict[str, Took]:
+def ask_service(
+    service: Service, client: httpx.Client, window: Window, *, processor: bool
+) -> dict[str, float]:
     """From a client's request to the last byte of the answer; or what the cloud worked for it."""
     assert service.process is not None
     clock = partial(_worked, service.process.pid) if processor else time.perf_counter
-    took: dict[str, list[float]] = {name: [] for name in FORMATS}
-    with service.people(service.token()) as client:
-        for window in windows(span, questions):
-            query = {"start": str(window.start), "end": str(window.end), "points": str(POINTS)}
-            for name, media in FORMATS.items():
-                begun = clock()
-                answer = client.get(
-                    f"/api/v1/series/{NODE}/{CHANNEL}", params=query, headers={"Accept": media}
-                )
-                took[name].append(clock() - begun)
-                answer.raise_for_status()
-    return {name: Took.of(each) for name, each in took.items()}
+    query = {"start": str(window.start), "end": str(window.end), "points": str(POINTS)}
+    took = {}
+    for name, media in FORMATS.items():
+        begun = clock()
+        answer = client.get(
+            f"/api/v1/series/{NODE}/{CHANNEL}", params=query, headers={"Accept": media}
+        )
+        took[name] = clock() - begun
+        answer.raise_for_status()
+    return took
 
 
 def _worked(process: int) -> float:

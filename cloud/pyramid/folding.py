@@ -171,10 +171,11 @@ def gather(body: Bytes, out: Integers, at: int, n: int) -> None:
         n: How many.
     """
     rows = out.shape[0]
+    planes = body.reshape((8, rows, n))
     for row in range(rows):
+        line = out[row, at : at + n]  # one line in itself becomes vector instructions
         for k in range(n):
-            place = row * n + k
             number = np.int64(0)
             for weight in range(8):
-                number |= np.int64(body[weight * rows * n + place]) << (8 * weight)
-            out[row, at + k] = number
+                number |= np.int64(planes[weight, row, k]) << (8 * weight)
+            line[k] = number
