@@ -27,7 +27,8 @@ from benchmarks.row_stores import (
     SQLiteRows,
 )
 from cloud.store import Store
-from cloud.store.intake import Item, take_in
+from cloud.store.intake import take_in
+from cloud.store.item import Item
 from eskin.identity import client_context
 from eskin.messages import Encoding
 from tests.cloud.messages import START, block

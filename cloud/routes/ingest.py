@@ -18,7 +18,8 @@ from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
 from cloud.state import Cloud
 from cloud.store.gateways import hear
-from cloud.store.intake import Item, Outcome, take_in
+from cloud.store.intake import Outcome, take_in
+from cloud.store.item import Item
 from eskin.messages import Result
 
 router = APIRouter(tags=["ingest"])

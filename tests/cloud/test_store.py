@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sqlalchemy import event, select
 
 from cloud.store import Store
-from cloud.store.intake import Item
+from cloud.store.item import Item
 from cloud.store.presence import give_up
 from cloud.store.schema import (
     blocks,
