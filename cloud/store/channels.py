@@ -59,11 +59,13 @@ def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -
 
 
 def require_row(connection: Connection, ledger: Ledger, node: str, block: BlockSummary) -> Row:
-    """The row of a block's channel; made where there is none."""
+    """The row of a block's channel, before its first block at the latest."""
     row = ledger.row(connection, channels, node, block.channel)
     if row is None:
         row = _fresh(node, block.channel, block.unit, block.coverage, block.dt)
         ledger.create(channels, (node, block.channel), row)
+    if row["grain"] is None:
+        row["grain"] = grain_of(block.dt)
     return row
 
 
@@ -82,8 +84,6 @@ def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
     if row["blocks"] == 0:
         row |= {"t_first": first, "t_last": last, "lo": lo, "hi": hi}
         row |= {"coverage": coverage, "dt": dt}
-    if row["grain"] is None:
-        row["grain"] = grain_of(rows[0]["dt"])
     if row["built"] is not None and first < row["built"]:
         for each in zip(firsts, lasts, strict=True):
             ledger.outdate(row, *each)
