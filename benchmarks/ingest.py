@@ -27,7 +27,8 @@ from benchmarks.row_stores import (
     SQLiteRows,
 )
 from cloud.store import Store
-from cloud.store.intake import Item, take_in
+from cloud.store.intake import take_in
+from cloud.store.item import Item
 from eskin.identity import client_context
 from eskin.messages import Encoding
 from tests.cloud.messages import START, block
@@ -77,27 +78,30 @@ class Stored:
 
     target = _STORED
 
-    def __init__(self, name: str, place: Place, encoding: Encoding, blocks: int) -> None:
+    def __init__(
+        self, name: str, place: Place, encoding: Encoding, blocks: int, stack: ExitStack
+    ) -> None:
         self.name = f"interval samples into {name}, {encoding.name.lower()}"
-        self._place, self._encoding, self._blocks = place, encoding, blocks
+        self._encoding, self._blocks = encoding, blocks
+        self._store = stack.enter_context(Store(place, queue=blocks // _BATCH + 1))
 
     def run(self, number: int) -> float:
         """Batches are read while those before them are written."""
         said = say(self._encoding, self._blocks, boot=number)
         batches = [said[at : at + _BATCH] for at in range(0, len(said), _BATCH)]
-        with Store(self._place, queue=len(batches)) as store:
+        store = self._store
 
-            def keep(batch: Said) -> Callable[[Any], object]:
-                items = [Item.read(node, data) for node, data in batch]
-                return lambda connection: take_in(
-                    connection, store.ledger, items, gateway="g", now=START, dead_letters=1
-                )
+        def keep(batch: Said) -> Callable[[Any], object]:
+            items = [Item.read(node, data) for node, data in batch]
+            return lambda connection: take_in(
+                connection, store.ledger, items, gateway="g", now=START, dead_letters=1
+            )
 
-            def work() -> None:
-                for future in [store.write(keep(batch)) for batch in batches]:
-                    future.result(600)
+        def work() -> None:
+            for future in [store.write(keep(batch)) for batch in batches]:
+                future.result(600)
 
-            return _rate(work, len(said) * _SAMPLES)
+        return _rate(work, len(said) * _SAMPLES)
 
 
 class Posted:
@@ -147,7 +151,7 @@ def measure_ingest(folder: Path, *, blocks: int) -> list[Row]:
     with ExitStack() as stack:
         cluster = stack.enter_context(Cluster())
         subjects: list[Subject] = [
-            Stored(name, place, encoding, few)
+            Stored(name, place, encoding, few, stack)
             for encoding in (Encoding.F32, Encoding.Q16)
             for name, place in (
                 ("SQLite", folder / f"{encoding.name}.sqlite"),

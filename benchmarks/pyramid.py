@@ -24,8 +24,8 @@ from benchmarks.questions import IN_STORE, POINTS, ask_in_turns, ask_service, as
 from benchmarks.report import Row
 from cloud.store import Store
 from cloud.store.bulk import insert_many
-from cloud.store.channels import add_block
-from cloud.store.schema import blocks, channels
+from cloud.store.channels import add_blocks, require_row
+from cloud.store.schema import blocks
 from eskin.messages import BlockSummary, Encoding, decode_summary
 from tests.cloud.messages import CHANNEL, NODE, START, block
 from tests.cloud.service import Service
@@ -137,10 +137,7 @@ def fill(
 
         def keep(connection: Any, rows: list[dict[str, Any]] = rows) -> None:
             insert_many(connection, blocks, rows)
-            add_block(connection, store.ledger, NODE, said[0][0])
-            row = store.ledger.row(connection, channels, NODE, CHANNEL)
-            assert row is not None
-            row["t_last"] = rows[-1]["t_end"]
+            add_blocks(store.ledger, require_row(connection, store.ledger, NODE, said[0][0]), rows)
             store.ledger.save(connection)
 
         store.write(keep).result()

@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 _ADMIN: Final = "eskin"
 _TEMPLATE: Final = "pattern"
-_SETTINGS: Final = {"listen_addresses": "", "max_connections": "60", "shared_buffers": "32MB"}
+_SETTINGS: Final = Path(__file__).parents[1] / "services" / "database" / "postgresql.conf"
+"""Those of the cluster that is shipped, but for where it is and who may come in."""
 
 
 def program(name: str) -> str:
@@ -65,12 +66,17 @@ class Cluster:
              "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
             check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
         )  # fmt: skip
-        settings = dict(_SETTINGS)
+        shutil.copyfile(_SETTINGS, self.folder / "postgresql.conf")
+        settings = {
+            "config_file": f"{self.folder}/postgresql.conf",
+            "hba_file": f"{data}/pg_hba.conf",
+            "unix_socket_directories": str(self.folder),
+        }
         if identity is not None:
             settings |= {"listen_addresses": "127.0.0.1", "port": str(self.port)}
             settings |= self._encrypt(identity)
         options = [f"-c{name}={value}" for name, value in settings.items()]
-        words = [*prefix, program("postgres"), "-D", str(data), "-k", str(self.folder), *options]
+        words = [*prefix, program("postgres"), "-D", str(data), *options]
         self.running = Running(words, log=self.folder / "log")
 
     def _encrypt(self, identity: Identity) -> dict[str, str]:

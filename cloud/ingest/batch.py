@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import cbor2
 
 from cloud.ingest.errors import BatchError
-from cloud.store.intake import Item
+from cloud.store.item import Item
 from eskin.errors import MessageError
 from eskin.messages.fields import MOST_BYTES, load_any
 

@@ -24,8 +24,15 @@ _SMALL: Final = 65_536
 
 
 @asynccontextmanager
-async def received(cloud: Cloud, request: Request) -> AsyncIterator[tuple[Warrant, bytes]]:
+async def received(
+    cloud: Cloud, request: Request, *, within: bool = False
+) -> AsyncIterator[tuple[Warrant, bytes]]:
     """The gateway's warrant, and the body that it was made for, which has room while this runs.
+
+    Args:
+        cloud: The cloud.
+        request: What a gateway posts.
+        within: The caller asks `Warrant.require_first` in its own transaction.
 
     Raises:
         IngestError: It is not CBOR, from no gateway of ours, too long, or of another hash.
@@ -36,7 +43,7 @@ async def received(cloud: Cloud, request: Request) -> AsyncIterator[tuple[Warran
         raise BatchTypeError(f"Content-Type is {kind!r}; send {MEDIA_TYPE}")
     # A stranger shall not fill our memory.
     authorization = request.headers.get("authorization")
-    warrant = await asyncio.to_thread(cloud.verifier.verify, authorization)
+    warrant = await asyncio.to_thread(cloud.verifier.verify, authorization, within=within)
     most = cloud.settings.gateways.body_bytes
     announced = request.headers.get("content-length", "")
     size = int(announced) if announced.isdecimal() else most

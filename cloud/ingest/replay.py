@@ -13,6 +13,8 @@ from cloud.store.schema import warrants
 from eskin.moment import SECOND
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sqlalchemy import Connection
 
     from cloud.store import Store
@@ -30,6 +32,14 @@ class Memory(Protocol):
             name: Unique among tokens.
             until: When it expires, in seconds.
             now: The present, in seconds.
+        """
+        ...
+
+    def within(self, name: str, *, until: float, now: float) -> Callable[[Connection], bool]:
+        """The same question, to be asked in a transaction, with which the name is remembered.
+
+        So a batch and its token need one commit, and no batch waits for those of others before it
+        is read. Whoever keeps names in memory answers at once.
         """
         ...
 
@@ -63,6 +73,11 @@ class Replay:
             self._names.add(name)
             return True
 
+    def within(self, name: str, *, until: float, now: float) -> Callable[[Connection], bool]:
+        """The answer of `first`, whatever becomes of the transaction; see `Memory`."""
+        is_first = self.first(name, until=until, now=now)
+        return lambda _: is_first
+
 
 class SharedReplay:
     """The same for all processes on one store."""
@@ -76,6 +91,10 @@ class SharedReplay:
         Raises:
             StoreError: It cannot be remembered.
         """
+        return self._store.write(self.within(name, until=until, now=now)).result(_PATIENCE_S)
+
+    def within(self, name: str, *, until: float, now: float) -> Callable[[Connection], bool]:
+        """The question, to be asked in a transaction; see `Memory`."""
         digest = hashlib.sha256(name.encode("utf-8", "surrogatepass")).hexdigest()
 
         def work(connection: Connection) -> bool:
@@ -86,4 +105,4 @@ class SharedReplay:
             connection.execute(insert(warrants).values(digest=digest, until=int(until * SECOND)))
             return True
 
-        return self._store.write(work).result(_PATIENCE_S)
+        return work

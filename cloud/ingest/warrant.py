@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from cryptography import x509
+    from sqlalchemy import Connection
 
     from cloud.ingest.replay import Memory
 
@@ -38,11 +39,22 @@ class Warrant:
         gateway: Common name.
         sha256: Hash of the body that it was made for, hexadecimal.
         condition: What the gateway tells of itself, if it does.
+        is_first: Whether the token comes for the first time, asked in a transaction.
     """
 
     gateway: str
     sha256: str
-    condition: Condition | None = None
+    condition: Condition | None
+    is_first: Callable[[Connection], bool]
+
+    def require_first(self, connection: Connection) -> None:
+        """Check that the token was not used before, and remember it with this transaction.
+
+        Raises:
+            UnauthenticatedError: It was.
+        """
+        if not self.is_first(connection):
+            raise _used()
 
     def require_body(self, sha256: str) -> None:
         """Check the hash of the body that came.
@@ -84,8 +96,13 @@ class Verifier:
         self._clock = clock
         self._replay = replay
 
-    def verify(self, authorization: str | None) -> Warrant:
+    def verify(self, authorization: str | None, *, within: bool = False) -> Warrant:
         """Check an ``Authorization`` header, and that its token was not used before.
+
+        Args:
+            authorization: The header.
+            within: The caller asks `Warrant.require_first` in its own transaction; what it writes
+                there is then all that the token is good for.
 
         Raises:
             UnauthenticatedError: It proves nothing.
@@ -112,10 +129,19 @@ class Verifier:
         except (jwt.PyJWTError, IdentityError, RecursionError) as error:
             raise UnauthenticatedError(f"the gateway's token is refused: {error}") from error
         name = common_name(leaf)
-        self._require_claims(claims, name)
-        return Warrant(name, claims["sha256"], Condition.read(claims.get("state")))
+        now = self._clock() / SECOND
+        expires = self._require_claims(claims, name, now)
+        condition = Condition.read(claims.get("state"))
+        known, until = f"{name} {claims['jti']}", expires + self._skew
+        if within:
+            is_first = self._replay.within(known, until=until, now=now)
+            return Warrant(name, claims["sha256"], condition, is_first)
+        if not self._replay.first(known, until=until, now=now):
+            raise _used()
+        return Warrant(name, claims["sha256"], condition, lambda _: True)
 
-    def _require_claims(self, claims: dict[str, Any], name: str) -> None:
+    def _require_claims(self, claims: dict[str, Any], name: str, now: float) -> float:
+        """Check what a token says; gives when it expires, in seconds."""
         if claims["iss"] != name:
             raise UnauthenticatedError(
                 f"iss is {claims['iss']!r}, and the certificate is of {name!r}"
@@ -128,14 +154,16 @@ class Verifier:
             raise UnauthenticatedError(
                 f"the token is good for {expires - issued:g} s; allowed are {LONGEST} s"
             )
-        now = self._clock() / SECOND
         if issued > now + self._skew or expires < now - self._skew:
             raise UnauthenticatedError(
                 f"the token is good from {issued:.0f} to {expires:.0f}, and it is {now:.0f}; "
                 "set the gateway's clock"
             )
-        if not self._replay.first(f"{name} {claims['jti']}", until=expires + self._skew, now=now):
-            raise UnauthenticatedError("the token was used before; make one for each request")
+        return expires
+
+
+def _used() -> UnauthenticatedError:
+    return UnauthenticatedError("the token was used before; make one for each request")
 
 
 def _chain(header: dict[str, Any]) -> list[bytes]:

@@ -13,7 +13,8 @@ from sqlalchemy import create_engine, insert, select
 from sqlalchemy.pool import StaticPool
 
 from cloud.privacy.errors import ErasedError
-from cloud.store.intake import Item, take_in
+from cloud.store.intake import take_in
+from cloud.store.item import Item
 from cloud.store.ledger import Ledger
 from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, sequences
 from cloud.store.sealed import veiled

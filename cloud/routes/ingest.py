@@ -18,7 +18,8 @@ from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
 from cloud.state import Cloud
 from cloud.store.gateways import hear
-from cloud.store.intake import Item, Outcome, take_in
+from cloud.store.intake import Outcome, take_in
+from cloud.store.item import Item
 from eskin.messages import Result
 
 router = APIRouter(tags=["ingest"])
@@ -34,7 +35,7 @@ log = logging.getLogger(__name__)
 )
 async def post_ingest(cloud: CloudState, request: Request) -> Response:
     """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
-    async with received(cloud, request) as (warrant, body):
+    async with received(cloud, request, within=True) as (warrant, body):
         with cloud.metrics.ingest_seconds.time():
             items = await apart(len(body), lambda: read_batch(body))
             outcome = await _store(cloud, warrant, items)
@@ -53,6 +54,7 @@ async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outco
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(connection: Connection) -> Outcome:
+        warrant.require_first(connection)
         now, gateway = cloud.clock(), warrant.gateway
         outcome = take_in(
             connection, store.ledger, items, gateway=gateway, now=now, dead_letters=most

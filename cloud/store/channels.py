@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from operator import sub
+from typing import TYPE_CHECKING, Any, Final
 
 from cloud.store.grid import grain_of
 from cloud.store.schema import channels
@@ -10,6 +11,8 @@ from eskin.messages import BlockSummary, Peak, Status
 from eskin.messages.head import Kind
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
@@ -55,31 +58,48 @@ def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -
             ledger.change(channels, node, info.channel)
 
 
-def add_block(connection: Connection, ledger: Ledger, node: str, block: BlockSummary) -> None:
-    """Add a block to its channel's sums; a channel claims the least coverage of its blocks."""
-    key = node, block.channel
-    row = ledger.row(connection, channels, *key)
+def require_row(connection: Connection, ledger: Ledger, node: str, block: BlockSummary) -> Row:
+    """The row of a block's channel, before its first block at the latest."""
+    row = ledger.row(connection, channels, node, block.channel)
     if row is None:
         row = _fresh(node, block.channel, block.unit, block.coverage, block.dt)
-        ledger.create(channels, key, row)
-    first, span = block.first_moment, block.span
-    lo, hi = block.bounds
-    if row["blocks"] == 0:
-        row |= {"t_first": first, "t_last": first + span, "lo": lo, "hi": hi}
-        row |= {"coverage": block.coverage, "dt": block.dt}
+        ledger.create(channels, (node, block.channel), row)
     if row["grain"] is None:
         row["grain"] = grain_of(block.dt)
+    return row
+
+
+def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
+    """Add blocks to their channel's sums; a channel claims the least coverage of its blocks.
+
+    Args:
+        ledger: The writing thread's.
+        row: The channel's.
+        rows: The blocks'.
+    """
+    firsts, lasts = _column(rows, "t"), _column(rows, "t_end")
+    first, last = min(firsts), max(lasts)
+    lo, hi = min(_column(rows, "lo")), max(_column(rows, "hi"))
+    coverage, dt = min(_column(rows, "coverage")), min(_column(rows, "dt"))
+    if row["blocks"] == 0:
+        row |= {"t_first": first, "t_last": last, "lo": lo, "hi": hi}
+        row |= {"coverage": coverage, "dt": dt}
     if row["built"] is not None and first < row["built"]:
-        ledger.outdate(row, first, first + span)
+        for each in zip(firsts, lasts, strict=True):
+            ledger.outdate(row, *each)
     if row["packed"] is not None:
         row["packed"] = min(row["packed"], first)
-    row["blocks"] += 1
-    row["samples"] += block.n
-    row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], first + span)
-    row["longest"] = max(row["longest"], span)
+    row["blocks"] += len(rows)
+    row["samples"] += sum(_column(rows, "n"))
+    row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], last)
+    row["longest"] = max(row["longest"], *map(sub, lasts, firsts))
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
-    row["coverage"], row["dt"] = min(row["coverage"], block.coverage), min(row["dt"], block.dt)
-    ledger.change(channels, *key)
+    row["coverage"], row["dt"] = min(row["coverage"], coverage), min(row["dt"], dt)
+    ledger.change(channels, row["node"], row["channel"])
+
+
+def _column(rows: Sequence[Row], name: str) -> list[Any]:
+    return [row[name] for row in rows]
 
 
 def add_veiled(connection: Connection, ledger: Ledger, node: str, message: Veiled) -> None:

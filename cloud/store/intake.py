@@ -2,81 +2,37 @@
 
 from __future__ import annotations
 
-import functools
 import hashlib
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from sqlalchemy import insert
 
 from cloud.store.bulk import insert_many
-from cloud.store.channels import add_block, add_veiled, check_units, declare, units
+from cloud.store.channels import add_veiled, check_units, declare, units
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
-from cloud.store.presence import note_lag, see
-from cloud.store.schema import NODE_LENGTH, blocks, events
+from cloud.store.presence import see
+from cloud.store.schema import blocks, events
 from cloud.store.sealed import veiled
-from eskin.errors import IdentityError, MessageError
-from eskin.identity import IdentityKind
-from eskin.messages import BlockSummary, Gap, Peak, Result, Summary, decode_summary
-from eskin.messages.head import Kind
-from eskin.privacy import Veiled, is_biometric, is_veiled
+from cloud.store.stretch import Stretch
+from eskin.messages import BlockSummary, Gap, Peak, Result, Status
+from eskin.privacy import Veiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from sqlalchemy import Connection
 
+    from cloud.store.item import Item
     from cloud.store.ledger import Ledger, Row
+    from eskin.messages import Position
 
 STORED: Final = "stored"
 DUPLICATE: Final = "duplicate"
 REJECTED: Final = "rejected"
-
-_MOST_MOMENT: Final = 2**63 - 1
-IN_THE_CLEAR: Final = (
-    "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
-    "seals bring it"
-)
-
-
-class Item(NamedTuple):
-    """One message of a batch, already read.
-
-    Attributes:
-        node: Who said it, as the gateway vouches.
-        data: Its bytes.
-        message: What they say; ``None`` if they say nothing.
-        reason: Why not.
-    """
-
-    node: str
-    data: bytes
-    message: Summary | Veiled | None
-    reason: str | None = None
-
-    @classmethod
-    def read(cls, node: str, data: bytes) -> Item:
-        """Read a message; a poor one becomes an item with a reason."""
-        try:
-            _require_node(node)
-            if is_veiled(data):
-                return cls(node, data, _require_biometric(Veiled.decode(data)))
-            message = decode_summary(data)
-            if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
-                return cls.refused(node, b"", IN_THE_CLEAR)
-            _require_storable(message)
-        except (MessageError, IdentityError) as error:
-            return cls.refused(node, data, str(error))
-        return cls(node, data, message)
-
-    @classmethod
-    def refused(cls, node: str, data: bytes, reason: str) -> Item:
-        """An item that says nothing."""
-        shown = "".join(letter for letter in node[:NODE_LENGTH] if letter.isprintable())
-        return cls(shown, data, None, reason)
 
 
 class Receipt(NamedTuple):
@@ -91,6 +47,8 @@ class Receipt(NamedTuple):
     reason: str | None = None
 
 
+_Other: TypeAlias = Peak | Gap | Status | Result | Veiled
+"""Whatever is no block."""
 _KEPT: Final = Receipt(STORED)
 _AGAIN: Final = Receipt(DUPLICATE)
 
@@ -122,7 +80,7 @@ class _Batch:
     veiled: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
-    lag: tuple[int, int] | None = None
+    stretches: dict[tuple[str, int, str], Stretch] = field(default_factory=dict)
 
     def tell(self, row: Row) -> None:
         cursor = self.ledger.next_cursor(self.connection)
@@ -151,13 +109,9 @@ def take_in(
         dead_letters: How many dead letters are kept.
     """
     batch = _Batch(connection, ledger, now)
-    said = [(item.node, item.message) for item in items if item.message is not None]
-    ledger.prepare(
-        connection,
-        boots=[(node, message.position.boot) for node, message in said],
-        places=[(node, place) for node, message in said for place, _ in units(message)],
-    )
+    _prepare(batch, items)
     results = [_take(batch, item, gateway) for item in items]
+    lag = _settle(batch)
     if batch.blocks:
         insert_many(connection, blocks, batch.blocks)
     if batch.events:
@@ -166,36 +120,88 @@ def take_in(
         connection.execute(insert(veiled), batch.veiled)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
     ledger.save(connection)
-    return Outcome(results, batch.entries, buried, batch.lag)
+    return Outcome(results, batch.entries, buried, lag)
+
+
+def _prepare(batch: _Batch, items: Sequence[Item]) -> None:
+    boots: dict[tuple[str, int], None] = {}
+    places: dict[tuple[str, str], None] = {}
+    for node, _, message, _ in items:
+        if message is None:
+            continue
+        boots[node, message.position.boot] = None
+        if isinstance(message, BlockSummary):
+            places[node, message.channel] = None
+        else:
+            places |= dict.fromkeys((node, channel) for channel, _ in units(message))
+    batch.ledger.prepare(batch.connection, boots=boots, places=places)
+
+
+def _settle(batch: _Batch) -> tuple[int, int] | None:
+    """Add each stretch's blocks to what is known of its node and channel; gives the last's lag."""
+    begun = [stretch for stretch in batch.stretches.values() if stretch.rows]
+    lag = None
+    for stretch in sorted(begun, key=Stretch.cursor):
+        lag = stretch.settle(batch.connection, batch.ledger, now=batch.now)
+    return lag
 
 
 def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
     message, reason = item.message, item.reason
+    if isinstance(message, BlockSummary):
+        return _take_block(batch, item, message, gateway)
     if message is not None:
         place = message.position
         if place.sequence in batch.ledger.ranges(batch.connection, item.node, place.boot):
             return _AGAIN
         reason = check_units(batch.connection, batch.ledger, item.node, message)
     if message is None or reason is not None:
-        reason = reason or "no message"
-        batch.dead.append(_letter(item, reason, gateway, batch.now))
-        return Receipt(REJECTED, reason)
+        return _refuse(batch, item, reason or "no message", gateway)
+    _see(batch, item.node, message.position)
     _store(batch, item.node, message, item.data)
     batch.ledger.add(batch.connection, item.node, place.boot, place.sequence)
     return _KEPT
 
 
-def _store(batch: _Batch, node: str, message: Summary | Veiled, data: bytes) -> None:
-    back = see(batch.connection, batch.ledger, node, message.position, now=batch.now)
+def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) -> Receipt:
+    """Take a block in; what its stretch shares waits for `_settle`, as most items are blocks."""
+    node, (boot, sequence) = item.node, block.position
+    stretch = batch.stretches.get((node, boot, block.channel))
+    if stretch is None:
+        ranges = batch.ledger.ranges(batch.connection, node, boot)
+        stretch = Stretch(node, boot, block.channel, ranges)
+        batch.stretches[node, boot, block.channel] = stretch
+    if sequence in stretch.ranges:
+        return _AGAIN
+    if block.unit != stretch.unit:
+        reason = check_units(batch.connection, batch.ledger, node, block)
+        if reason is not None:
+            return _refuse(batch, item, reason, gateway)
+    if not stretch.rows:
+        _see(batch, node, block.position)
+        stretch.begin(batch.connection, batch.ledger, block)
+    cursor = batch.ledger.next_cursor(batch.connection)
+    row = block_row(node, block, item.data, cursor, batch.now)
+    stretch.rows.append(row)
+    stretch.ranges.add(sequence)
+    batch.blocks.append(row)
+    batch.entries.append(Entry(cursor, node, block.channel, item.data, None))
+    return _KEPT
+
+
+def _refuse(batch: _Batch, item: Item, reason: str, gateway: str) -> Receipt:
+    batch.dead.append(_letter(item, reason, gateway, batch.now))
+    return Receipt(REJECTED, reason)
+
+
+def _see(batch: _Batch, node: str, position: Position) -> None:
+    back = see(batch.connection, batch.ledger, node, position, now=batch.now)
     if back is not None:
         batch.tell(back)
-    if isinstance(message, BlockSummary):
-        cursor = batch.ledger.next_cursor(batch.connection)
-        batch.blocks.append(block_row(node, message, data, cursor, batch.now))
-        batch.entries.append(Entry(cursor, node, message.channel, data, None))
-        add_block(batch.connection, batch.ledger, node, message)
-        batch.lag = note_lag(batch.connection, batch.ledger, node, message, now=batch.now)
-    elif isinstance(message, Veiled):
+
+
+def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
+    if isinstance(message, Veiled):
         cursor = batch.ledger.next_cursor(batch.connection)
         batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, None, None, data))
@@ -219,11 +225,11 @@ def _tell_if_any(batch: _Batch, row: Row | None) -> None:
 def block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: int) -> Row:
     """A block's row in the store."""
     first = block.first_moment
-    (t_lo, t_hi), (lo, hi) = block.time, block.bounds
+    (boot, sequence), (t_lo, t_hi), (lo, hi) = block.position, block.time, block.bounds
     return {
         "node": node,
-        "boot": block.position.boot,
-        "sequence": block.position.sequence,
+        "boot": boot,
+        "sequence": sequence,
         "cursor": cursor,
         "channel": block.channel,
         "t": first,
@@ -267,22 +273,3 @@ def _letter(item: Item, reason: str, gateway: str, now: int) -> Row:
         "received": now,
         "data": item.data,
     }
-
-
-@functools.lru_cache(4096)
-def _require_node(name: str) -> None:
-    IdentityKind.NODE.require_name(name)
-
-
-def _require_biometric(message: Veiled) -> Veiled:
-    if message.kind is Kind.VEILED or not is_biometric(message.channel):
-        raise MessageError(f"channel {message.channel} is not biometric; it is not to be sealed")
-    return message
-
-
-def _require_storable(message: Summary) -> None:
-    if isinstance(message, BlockSummary) and message.time[1] + message.span > _MOST_MOMENT:
-        raise MessageError(
-            f"last sample lies after the year 2262: first at {message.time[1]} ns, "
-            f"{message.n} samples of {message.dt} ns"
-        )

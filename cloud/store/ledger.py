@@ -133,6 +133,10 @@ class Ledger:
     def add(self, connection: Connection, node: str, boot: int, sequence: int) -> None:
         """Remember that a message is stored."""
         self.ranges(connection, node, boot).add(sequence)
+        self.grow(node, boot)
+
+    def grow(self, node: str, boot: int) -> None:
+        """Have the ranges of a boot written, to which somebody added what is stored."""
         self._added[node, boot] = None
 
     def row(self, connection: Connection, table: Table, *key: str) -> Row | None:

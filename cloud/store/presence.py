@@ -12,10 +12,11 @@ from cloud.store.schema import events, nodes
 from eskin.messages import Position
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
-    from eskin.messages import BlockSummary
 
 
 def see(
@@ -36,15 +37,29 @@ def see(
     return event_row(node, "status", position, (min(last, now), now), detail="online again")
 
 
-def note_lag(
-    connection: Connection, ledger: Ledger, node: str, block: BlockSummary, *, now: int
+def note_blocks(
+    connection: Connection, ledger: Ledger, rows: Sequence[Row], *, now: int
 ) -> tuple[int, int]:
-    """Note how long after its last sample a node's block is stored: an enclosure, ns."""
-    lag = now - block.time[1] - block.span, now - block.time[0] - block.span
-    row = ledger.row(connection, nodes, node)
+    """Note where a node is, and how long after the last block's last sample that was stored.
+
+    Args:
+        connection: The writing thread's, in a transaction.
+        ledger: The writing thread's.
+        rows: Rows of blocks of one boot of a node that was seen, in the order they came.
+        now: UTC ns.
+
+    Returns:
+        The lag: an enclosure, ns.
+    """
+    last = rows[-1]
+    span = last["t_end"] - last["t"]
+    lag = now - last["t_hi"] - span, now - last["t_lo"] - span
+    row = ledger.row(connection, nodes, last["node"])
     if row is not None:
+        place = last["boot"], max(each["sequence"] for each in rows)
+        row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
         row["lag_lo"], row["lag_hi"] = lag
-        ledger.change(nodes, node)
+        ledger.change(nodes, last["node"])
     return lag
 
 

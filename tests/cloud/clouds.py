@@ -22,7 +22,8 @@ from cloud.application import gateway_application, people_application
 from cloud.service import make_cloud
 from cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from cloud.store import Store
-from cloud.store.intake import Item, Outcome, take_in
+from cloud.store.intake import Outcome, take_in
+from cloud.store.item import Item
 from cloud.store.schema import blocks
 from eskin.identity import IdentityKind, der
 from eskin.moment import SECOND

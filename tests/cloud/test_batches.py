@@ -34,6 +34,14 @@ async def test_batch_of_another_type_is_refused(stand: Stand) -> None:
         problem(await post(stand, body, "Bearer x", kind=kind), 415)
 
 
+async def test_token_is_remembered_with_its_batch_in_one_commit(stand: Stand) -> None:
+    before = stand.cloud.store.writer.commits
+    assert (await stand.ingest(batch(block(0)), jti="once")).status_code == 200
+    assert stand.cloud.store.writer.commits == before + 1
+    assert "used before" in problem(await stand.ingest(batch(block(1)), jti="once"), 401)
+    assert count_blocks(stand) == 1
+
+
 async def test_batch_too_large_is_refused_while_it_streams(
     tmp_path: Path, identities: Identities
 ) -> None:

@@ -4,29 +4,36 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
+from random import Random
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from sqlalchemy import event, select
+from sqlalchemy import event, select, update
 
 from cloud.store import Store
-from cloud.store.intake import Item
+from cloud.store.item import Item
 from cloud.store.presence import give_up
 from cloud.store.schema import (
     blocks,
+    channels,
     dead_letters,
     events,
     nodes,
     sequences,
 )
+from cloud.store.tiles import stale
 from eskin.messages import ResetCause
+from eskin.moment import SECOND
 from eskin.sequences import SequenceRanges
 from tests.cloud.clouds import Clock, put, put_items
 from tests.cloud.messages import CHANNEL, NODE, START, block, gap, lying, peak, status
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from sqlalchemy import Connection, Table
 
 
@@ -96,6 +103,50 @@ def test_each_message_is_stored_once_in_any_order_also_after_reopening(
         cursors = sorted(row["cursor"] for row in rows(store, blocks))
         assert cursors == list(range(1, len(seen) + 1))
         store.close()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_batch_leaves_what_its_messages_leave_one_by_one(seed: int, tmp_path: Path) -> None:
+    """Whatever nodes, boots, channels, units and moments follow each other."""
+    items = list(drawn_items(Random(seed)))  # noqa: S311 - no secret
+    assert left_by(tmp_path / "batch", [items]) == left_by(
+        tmp_path / "single", [[item] for item in items]
+    )
+
+
+def drawn_items(draw: Random) -> Iterator[Item]:
+    """Blocks, some of them twice, late or of another unit, and a few statuses."""
+    for _ in range(40):
+        node, boot, sequence = draw.choice(["n1", "n2"]), draw.randint(1, 2), draw.randint(0, 15)
+        time = START + draw.randint(-3, 20) * SECOND
+        made = block(
+            sequence,
+            [draw.random(), 1.0],
+            [30.0, 40.0 + draw.random()],
+            boot=boot,
+            time=(time, time + sequence),
+            dt=draw.choice([1_000_000, 2_000_000]),
+            channel=draw.choice(["t01.a", "t02.b", "t03.c"]),
+            unit=draw.choice("FFFH"),
+            coverage=draw.random(),
+        )
+        yield Item.read(node, made.encode())
+        if draw.random() < 0.2:
+            yield Item.read(node, status(sequence + 20, boot=boot).encode())
+
+
+def left_by(path: Path, batches: list[list[Item]]) -> list[Any]:
+    """What a store tells of batches, and holds after them; parts of it are built and packed."""
+    late = {"built": START + 5 * SECOND, "packed": START + 4 * SECOND}
+    with Store(path, clock=Clock(START + 3600 * SECOND)) as store:
+        for node in ("n1", "n2"):
+            put(store, block(99, channel="t01.a"), node=node)
+        store.write(lambda connection: connection.execute(update(channels), late)).result()
+        store.ledger.forget()
+        told = [result for each in batches for result in put_items(store, each).results]
+        tables = (blocks, nodes, channels, events, sequences, dead_letters, stale)
+        kept = [[row | {"mark": None} for row in rows(store, table)] for table in tables]
+        return [told, *(sorted(map(repr, each)) for each in kept)]
 
 
 def test_poison_goes_to_dead_letters_and_harms_no_other(store: Store) -> None:

@@ -10,7 +10,8 @@ from sqlalchemy import func, insert, select, text
 
 from cloud.store import Store, migrations
 from cloud.store.events import ENERGY
-from cloud.store.intake import Item, take_in
+from cloud.store.intake import take_in
+from cloud.store.item import Item
 from cloud.store.schema import (
     blocks,
     channels,

@@ -6,7 +6,8 @@ from functools import cache
 from typing import TYPE_CHECKING, Any, Final
 
 from cloud.store import Store
-from cloud.store.intake import DUPLICATE, STORED, Item
+from cloud.store.intake import DUPLICATE, STORED
+from cloud.store.item import Item
 from tests.chaos.verdict import Verdict, add_up
 from tests.cloud.clouds import put_items
 from tests.cloud.messages import NODE, block, peak

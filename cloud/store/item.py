@@ -1,0 +1,75 @@
+"""One message of a batch, read and checked, before the store is asked anything."""
+
+from __future__ import annotations
+
+import functools
+from typing import Final, NamedTuple
+
+from cloud.store.schema import NODE_LENGTH
+from eskin.errors import IdentityError, MessageError
+from eskin.identity import IdentityKind
+from eskin.messages import BlockSummary, Peak, Summary, decode_summary
+from eskin.messages.head import Kind
+from eskin.privacy import Veiled, is_biometric, is_veiled
+
+_MOST_MOMENT: Final = 2**63 - 1
+IN_THE_CLEAR: Final = (
+    "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
+    "seals bring it"
+)
+
+
+class Item(NamedTuple):
+    """One message of a batch, already read.
+
+    Attributes:
+        node: Who said it, as the gateway vouches.
+        data: Its bytes.
+        message: What they say; ``None`` if they say nothing.
+        reason: Why not.
+    """
+
+    node: str
+    data: bytes
+    message: Summary | Veiled | None
+    reason: str | None = None
+
+    @classmethod
+    def read(cls, node: str, data: bytes) -> Item:
+        """Read a message; a poor one becomes an item with a reason."""
+        try:
+            _require_node(node)
+            if is_veiled(data):
+                return cls(node, data, _require_biometric(Veiled.decode(data)))
+            message = decode_summary(data)
+            if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
+                return cls.refused(node, b"", IN_THE_CLEAR)
+            _require_storable(message)
+        except (MessageError, IdentityError) as error:
+            return cls.refused(node, data, str(error))
+        return cls(node, data, message)
+
+    @classmethod
+    def refused(cls, node: str, data: bytes, reason: str) -> Item:
+        """An item that says nothing."""
+        shown = "".join(letter for letter in node[:NODE_LENGTH] if letter.isprintable())
+        return cls(shown, data, None, reason)
+
+
+@functools.lru_cache(4096)
+def _require_node(name: str) -> None:
+    IdentityKind.NODE.require_name(name)
+
+
+def _require_biometric(message: Veiled) -> Veiled:
+    if message.kind is Kind.VEILED or not is_biometric(message.channel):
+        raise MessageError(f"channel {message.channel} is not biometric; it is not to be sealed")
+    return message
+
+
+def _require_storable(message: Summary) -> None:
+    if isinstance(message, BlockSummary) and message.time[1] + message.span > _MOST_MOMENT:
+        raise MessageError(
+            f"last sample lies after the year 2262: first at {message.time[1]} ns, "
+            f"{message.n} samples of {message.dt} ns"
+        )
