@@ -9,10 +9,11 @@ import { ChannelData } from "../live/channel-data";
 import type { LiveEdge } from "../live/edge";
 import type { View } from "../state/place";
 import type { Range } from "../state/window";
+import { Beat, TEXT_MS } from "../time/beat";
 import { printClock } from "../time/instant";
 import { hullWithin } from "../tube/entries";
 import type { Context } from "./context";
-import { element, setText } from "./element";
+import { element, setText, setTitle } from "./element";
 import { operateByKeys } from "./keys";
 import { NoticeBoard } from "./notice";
 import { panelHead } from "./panel-head";
@@ -27,7 +28,6 @@ export interface PanelOptions {
 }
 
 const REFRESH_MS = 2_000;
-const READOUT_MS = 200;
 const MOST_POINTS = 20_000;
 const STALE_MS = 4_000;
 
@@ -50,7 +50,7 @@ export class ChannelPanel {
   });
   private drawnEdge = Number.NaN;
   private dirty = true;
-  private readAt = 0;
+  private readonly texts = new Beat(TEXT_MS);
   private reloadAt = 0;
   private loaded = false;
   private readonly watcher: IntersectionObserver;
@@ -136,8 +136,9 @@ export class ChannelPanel {
     this.drawnEdge = x1;
     this.dirty = false;
     this.data.evictBefore(x1 - 1.5 * span);
-    this.draw({ x0: x1 - span, x1 });
-    if (at - this.readAt > READOUT_MS) this.readOut(at, x1);
+    const settled = this.texts.due(at);
+    this.draw({ x0: x1 - span, x1 }, settled);
+    if (settled) this.readOut(at, x1);
   }
 
   repaint(): void {
@@ -223,9 +224,9 @@ export class ChannelPanel {
     if (range === null || this.view.kind !== "history") return;
     this.dirty = false;
     this.chartRoot.dataset["mode"] = "history";
-    this.draw(range);
+    this.draw(range, true);
     setText(this.value, describeHull(this.data.history, range, this.data.facts.unit));
-    this.value.title = "The hull of everything in this window";
+    setTitle(this.value, "The hull of everything in this window");
   }
 
   /** Asks the store for the window. */
@@ -269,19 +270,18 @@ export class ChannelPanel {
     return shown !== null && range.x1 >= shown.x0 && range.x0 <= shown.x1;
   }
 
-  private draw(range: Range): void {
+  private draw(range: Range, settled: boolean): void {
     const { peaks, gaps, rolling, history } = this.data;
-    this.chart.show(this.view.kind === "live" ? rolling : history, { ...this.answers, peaks, gaps }, range);
+    this.chart.show(this.view.kind === "live" ? rolling : history, { ...this.answers, peaks, gaps }, range, settled);
   }
 
   private readOut(at: number, x1: number): void {
-    this.readAt = at;
     const { t, width, lo, hi } = this.data.rolling;
     let last = t.length - 1;
     while (last > 0 && t[last]! + width[last]! > x1) last -= 1;
     const interval = last < 0 ? null : { lo: lo[last]!, hi: hi[last]! };
     setText(this.value, interval ? formatInterval(interval, this.data.facts.unit) : "–");
-    this.value.title = "The newest interval";
+    setTitle(this.value, "The newest interval");
     const { edge, context } = this.options;
     const newest = edge.newest();
     if (newest !== null && edge.silence(at) > Math.max(STALE_MS, 4 * edge.rhythm())) {
