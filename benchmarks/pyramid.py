@@ -126,7 +126,8 @@ def fill(
 
         def keep(connection: Any, rows: list[dict[str, Any]] = rows) -> None:
             insert_many(connection, blocks, rows)
-            add_block(connection, store.ledger, NODE, said[0][0])
+            size = len(said[0][1]["data"])
+            add_block(connection, store.ledger, NODE, said[0][0], size)
             row = store.ledger.row(connection, channels, NODE, CHANNEL)
             assert row is not None
             row["t_last"] = rows[-1]["t_end"]

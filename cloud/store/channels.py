@@ -55,8 +55,10 @@ def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -
             ledger.change(channels, node, info.channel)
 
 
-def add_block(connection: Connection, ledger: Ledger, node: str, block: BlockSummary) -> None:
-    """Add a block to its channel's sums; a channel claims the least coverage of its blocks."""
+def add_block(
+    connection: Connection, ledger: Ledger, node: str, block: BlockSummary, size: int
+) -> None:
+    """Add a block of so many bytes to its channel's sums; the least coverage is the channel's."""
     key = node, block.channel
     row = ledger.row(connection, channels, *key)
     if row is None:
@@ -75,6 +77,7 @@ def add_block(connection: Connection, ledger: Ledger, node: str, block: BlockSum
         row["packed"] = min(row["packed"], first)
     row["blocks"] += 1
     row["samples"] += block.n
+    row["bytes"] += size
     row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], first + span)
     row["longest"] = max(row["longest"], span)
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
@@ -113,4 +116,5 @@ def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
         "grain": None,
         "built": None,
         "packed": None,
+        "bytes": 0,
     }

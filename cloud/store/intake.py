@@ -15,7 +15,7 @@ from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
-from cloud.store.presence import note_lag, see
+from cloud.store.presence import note_lag, note_veiled_lag, see
 from cloud.store.schema import NODE_LENGTH, blocks, events
 from cloud.store.sealed import veiled
 from eskin.errors import IdentityError, MessageError
@@ -193,13 +193,14 @@ def _store(batch: _Batch, node: str, message: Summary | Veiled, data: bytes) -> 
         cursor = batch.ledger.next_cursor(batch.connection)
         batch.blocks.append(block_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, data, None))
-        add_block(batch.connection, batch.ledger, node, message)
+        add_block(batch.connection, batch.ledger, node, message, len(data))
         batch.lag = note_lag(batch.connection, batch.ledger, node, message, now=batch.now)
     elif isinstance(message, Veiled):
         cursor = batch.ledger.next_cursor(batch.connection)
         batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, None, None, data))
         add_veiled(batch.connection, batch.ledger, node, message)
+        note_veiled_lag(batch.connection, batch.ledger, node, message, now=batch.now)
     elif isinstance(message, Peak):
         batch.tell(peak_row(node, message, data))
     elif isinstance(message, Gap):

@@ -21,8 +21,9 @@ LIVELY = {"reduced_motion": "no-preference"}
 INK = """
 () => {
   const root = document.querySelector("[data-testid=chart]");
-  const { plotLeft, plotTop, plotWidth, plotHeight } = root.dataset;
-  const [left, top, width, height] = [plotLeft, plotTop, plotWidth, plotHeight].map(Number);
+  const { plotLeft, plotTop, plotWidth, plotHeight, pixelRatio } = root.dataset;
+  const box = [plotLeft, plotTop, plotWidth, plotHeight];
+  const [left, top, width, height] = box.map((side) => Math.round(side * pixelRatio));
   const pen = root.querySelector("canvas").getContext("2d");
   const inked = (...box) => pen.getImageData(...box).data.filter((_, i) => i % 4 === 3)
     .reduce((sum, alpha) => sum + (alpha > 100), 0);
