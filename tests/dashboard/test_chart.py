@@ -147,6 +147,34 @@ def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
     visit.wait_for_chart(mode="live")
 
 
+def test_samples_that_are_known_are_shown_without_a_question(
+    demo: RunningDemo, visit: Visit, recorded: int
+) -> None:
+    visit.page.route("**/api/v1/events*", without_events)
+    asked: list[str] = []
+    visit.page.on(
+        "request", lambda sent: asked.append(sent.url) if "/series/" in sent.url else None
+    )
+    visit.open(history("palm/t01.energy", recorded - 150 * MS, recorded - 20 * MS))
+    wide = visit.wait_for_chart(mode="history", resolution="sample")
+    assert len(asked) == 1
+    visit.page.locator(CHART).focus()
+    for key in ("+", "+", "ArrowLeft"):
+        visit.page.keyboard.press(key)
+    near = visit.wait_for_chart(resolution="sample")
+    assert len(asked) == 1
+    plot = read_plot(visit)
+    series = demo.get("/series/palm/t01.energy", start=plot.start, end=plot.end, points=20_000)
+    samples = [one for one in samples_of(series) if plot.start <= one[0] < plot.end]
+    assert len(samples) >= 20
+    assert [one for one in samples if not plot.encloses(*one)] == []
+    assert int(near["xMax"]) - int(near["xMin"]) < int(wide["xMax"]) - int(wide["xMin"])
+    for _ in range(4):
+        visit.page.keyboard.press("-")
+    visit.wait_for_chart(mode="history")
+    wait_until(lambda: len(asked) > 1, "what is not known is asked for")
+
+
 @pytest.mark.parametrize("options", [{}, FINE])
 def test_both_axes_are_labelled(visit: Visit, recorded: int) -> None:
     visit.open(history("palm/t01.energy", recorded - 2000 * MS, recorded))

@@ -16,7 +16,7 @@ import type { Context } from "./context";
 import { element, setText, setTitle } from "./element";
 import { operateByKeys } from "./keys";
 import { NoticeBoard } from "./notice";
-import { panelHead } from "./panel-head";
+import { chartRoot, panelHead } from "./panel-head";
 
 export interface PanelOptions {
   readonly context: Context;
@@ -43,11 +43,7 @@ export class ChannelPanel {
   private view: View;
   private visible = false;
   private filling = new AbortController();
-  private readonly turns = new Turns({
-    ask: (signal) => this.load(signal),
-    onIdle: () => this.root.classList.remove("busy"),
-    now: () => performance.now(),
-  });
+  private readonly turns = new Turns({ ask: (signal) => this.load(signal), onIdle: () => this.settle(), now: () => performance.now() });
   private drawnEdge = Number.NaN;
   private dirty = true;
   private readonly texts = new Beat(TEXT_MS);
@@ -57,17 +53,9 @@ export class ChannelPanel {
 
   constructor(private readonly options: PanelOptions) {
     const { context, node, channel, edge } = options;
+    this.chartRoot = chartRoot(node, channel.id);
     this.view = context.place().view;
     this.data = new ChannelData({ client: context.client, timeline: context.timeline, node, channel, edge });
-    this.chartRoot = element("div", {
-      class: "chart",
-      tabindex: 0,
-      role: "group",
-      "aria-label": `Chart of ${node} ${channel.id}. Arrows pan, plus and minus zoom, comma and full stop read values, L goes live.`,
-      "data-testid": "chart",
-      "data-node": node,
-      "data-channel": channel.id,
-    });
     this.root = element("section", { class: "panel", "data-testid": "channel", "data-channel": channel.id }, panelHead({ context, node, channel, alone: options.alone, value: this.value }), element("div", { class: "chart-frame" }, this.chartRoot, this.notices.root));
     this.chart = new BandChart({
       root: this.chartRoot,
@@ -100,8 +88,7 @@ export class ChannelPanel {
       return;
     }
     if (before.kind === "live") this.data.freeze();
-    this.showHistory();
-    this.ask();
+    this.look();
   }
 
   /** Takes a live block of this channel. */
@@ -174,17 +161,14 @@ export class ChannelPanel {
     this.visible = visible;
     if (!visible) this.stopLive();
     else if (this.view.kind === "live") this.startLive();
-    else {
-      this.showHistory();
-      this.ask();
-    }
+    else this.look();
   }
 
   private stopLive(): void {
     this.turns.stop();
     this.filling.abort();
     this.filling = new AbortController();
-    this.root.classList.remove("busy");
+    this.settle();
     this.data.clear();
     this.drawnEdge = Number.NaN;
   }
@@ -229,6 +213,31 @@ export class ChannelPanel {
     setTitle(this.value, "The hull of everything in this window");
   }
 
+  /** Shows what is known of a window of the past, and has the store tell the rest; the question goes first. */
+  private look(): void {
+    const range = this.range();
+    if (range !== null && this.data.holds(range)) {
+      this.turns.stop();
+      this.settle();
+      this.present(range);
+    } else {
+      this.ask();
+      this.showHistory();
+    }
+  }
+
+  private settle(): void {
+    this.root.classList.remove("busy");
+  }
+
+  /** Shows a window of the past of which all is known. */
+  private present(range: Range): void {
+    if (!this.chart.busy) this.chart.resetValues();
+    this.chartRoot.dataset["resolution"] = this.data.resolution;
+    this.showHistory();
+    this.sayWhatIsThere(range);
+  }
+
   /** Asks the store for the window. */
   private ask(): void {
     this.root.classList.add("busy");
@@ -243,10 +252,7 @@ export class ChannelPanel {
       await this.data.load(range, this.width, signal);
       if (this.view.kind !== "history") return;
       this.loaded = true;
-      if (!this.chart.busy) this.chart.resetValues();
-      this.chartRoot.dataset["resolution"] = this.data.resolution;
-      this.showHistory();
-      this.sayWhatIsThere(range);
+      this.present(range);
     } catch (error) {
       this.fail(error, () => this.ask());
     }
@@ -254,14 +260,11 @@ export class ChannelPanel {
 
   private sayWhatIsThere(range: Range): void {
     const { extent } = this.data;
-    const any = hullWithin(this.data.history, range.x0, range.x1).count > 0;
-    if (any) this.notices.clear();
+    if (hullWithin(this.data.history, range.x0, range.x1).count > 0) this.notices.clear();
     else if (extent === null) this.notices.say("empty", "No data yet", "This channel has not sent a block so far.");
     else {
-      this.notices.say("empty", "No samples in this window", "", {
-        label: "Show all data",
-        act: () => this.options.context.showRange(extent),
-      });
+      const all = { label: "Show all data", act: () => this.options.context.showRange(extent) };
+      this.notices.say("empty", "No samples in this window", "", all);
     }
   }
 
