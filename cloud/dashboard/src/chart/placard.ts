@@ -1,5 +1,5 @@
 import type { Timeline } from "../time/timeline";
-import { endOf, type Entries } from "../tube/entries";
+import { endOf, firstAtOrAfter, firstReaching, type Entries } from "../tube/entries";
 import type { PlotMap } from "./plot-map";
 
 /** What was painted where. The corner is in device pixels of the root, of which a CSS pixel has `ratio`. */
@@ -9,6 +9,11 @@ export interface Painted {
   readonly ratio: number;
   readonly entries: Entries;
   readonly predicted: Entries;
+}
+
+/** How many entries touch a window; more may be held. */
+function countWithin(entries: Entries, { xMin, xMax }: PlotMap): number {
+  return Math.max(0, firstAtOrAfter(entries.t, xMax) - firstReaching(entries, xMin));
 }
 
 /** Tells tests and tools, by attributes of a chart's root, which values its pixels stand for. */
@@ -29,7 +34,7 @@ export class Placard {
     this.say("plotWidth", String(map.width / ratio));
     this.say("plotHeight", String(map.height / ratio));
     this.say("pixelRatio", String(ratio));
-    this.say("entries", String(entries.t.length));
+    this.say("entries", String(countWithin(entries, map)));
     this.say("predicted", String(predicted.t.length));
     this.say("newest", end === null ? "" : timeline.toInstant(Math.min(end, map.xMax)).toString());
   }
