@@ -18,6 +18,7 @@ from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
+    from cloud.store import Store
     from eskin.messages import Block
     from tests.cloud.clouds import Stand
 
@@ -43,6 +44,10 @@ def counted(stand: Stand) -> dict[str, int]:
     query = select(blocks.c.channel, func.sum(func.length(blocks.c.data)))
     with stand.cloud.store.read() as connection:
         return {row[0]: int(row[1]) for row in connection.execute(query.group_by("channel"))}
+
+
+def shorten(store: Store, sweep: Sweep) -> None:
+    store.write(lambda c: remove(c, store.ledger, sweep, most=1000, now=store.clock())).result(20)
 
 
 async def test_bytes_a_sample_are_all_bytes_by_all_samples(stand: Stand) -> None:
@@ -75,10 +80,7 @@ async def test_channel_tells_what_its_blocks_take_also_packed_and_in_part_remove
     assert packed[OTHER] == came[OTHER]
     for kept in (50, 10):
         before = START + (64 - kept) * SAMPLES * DT
-        sweep = Sweep(NODE, CHANNEL, Reason.AGE, before)
-        store.write(
-            lambda c, sweep=sweep: remove(c, store.ledger, sweep, most=1000, now=store.clock())
-        ).result(20)
+        shorten(store, Sweep(NODE, CHANNEL, Reason.AGE, before))
         assert await told(stand) == counted(stand)
 
 
