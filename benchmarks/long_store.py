@@ -95,6 +95,7 @@ class LongStore:
         assert channel is not None
         channel["blocks"] += count * _BLOCKS
         channel["samples"] += count * _BLOCKS * _SAMPLES
+        channel["bytes"] += sum(len(row["data"]) for row in rows)
         channel["t_last"] = rows[-1]["t_end"]
         channel["packed"] = channel["t_last"] + 1
         channel["longest"] = _SPAN

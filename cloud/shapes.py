@@ -142,6 +142,7 @@ def seconds(nanoseconds: int, side: float) -> float:
 def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
     """A channel; ``removed`` is how many messages went, and before when."""
     taxel, _, quantity = row["channel"].partition(".")
+    biometric = is_biometric(row["channel"])
     return {
         "id": row["channel"],
         "taxel": taxel,
@@ -151,10 +152,11 @@ def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
         "dt": row["dt"],
         "blocks": row["blocks"],
         "samples": row["samples"],
+        "bytes": None if biometric else row["bytes"],
         "first": _moment(row["t_first"]),
         "last": _moment(row["t_last"]),
         "bounds": _interval(row["lo"], row["hi"]),
-        "biometric": is_biometric(row["channel"]),
+        "biometric": biometric,
         "removed": None
         if removed is None
         else {"messages": removed[0], "before": format_moment(removed[1])},

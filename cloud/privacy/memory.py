@@ -106,7 +106,7 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> Non
     memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None
     unit = first.unit if isinstance(first, BlockSummary) else channel["unit"]
-    empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0}
+    empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "bytes": 0}
     empty |= dict.fromkeys(("t_first", "t_last", "grain", "built", "packed"))
     memory.execute(insert(channels), dict(channel) | empty)
     outcome = take_in(memory, Ledger(), items, gateway="", now=0, dead_letters=0)

@@ -57,7 +57,7 @@ class OutboxDocument(BaseModel):
     """What waits in a node's flash."""
 
     messages: int
-    bytes: int
+    bytes: int | None
     capacity_bytes: int
 
 
@@ -119,7 +119,7 @@ class RemovedDocument(BaseModel):
 
 
 class ChannelDocument(BaseModel):
-    """A channel."""
+    """A channel; ``bytes`` is what its blocks take, without indices and hulls; of sealed: null."""
 
     id: str
     taxel: str
@@ -129,6 +129,7 @@ class ChannelDocument(BaseModel):
     dt: int
     blocks: int
     samples: int
+    bytes: int
     first: Moment | None
     last: Moment | None
     bounds: IntervalDocument | None

@@ -91,6 +91,7 @@ def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
         row["packed"] = min(row["packed"], first)
     row["blocks"] += len(rows)
     row["samples"] += sum(_column(rows, "n"))
+    row["bytes"] += sum(map(len, _column(rows, "data")))
     row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], last)
     row["longest"] = max(row["longest"], *map(sub, lasts, firsts))
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
@@ -133,4 +134,5 @@ def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:
         "grain": None,
         "built": None,
         "packed": None,
+        "bytes": 0,
     }

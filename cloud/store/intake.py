@@ -14,7 +14,7 @@ from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
-from cloud.store.presence import see
+from cloud.store.presence import note_veiled_lag, see
 from cloud.store.schema import blocks, events
 from cloud.store.sealed import veiled
 from cloud.store.stretch import Stretch
@@ -206,6 +206,7 @@ def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
         batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, None, None, data))
         add_veiled(batch.connection, batch.ledger, node, message)
+        note_veiled_lag(batch.connection, batch.ledger, node, message, now=batch.now)
     elif isinstance(message, Peak):
         batch.tell(peak_row(node, message, data))
     elif isinstance(message, Gap):

@@ -110,9 +110,20 @@ def _twelfth(connection: Connection) -> None:
     _add_columns(connection, nodes, ("lag_lo", "lag_hi"))
 
 
+def _thirteenth(connection: Connection) -> None:
+    """Count the bytes of each channel, once; from then on they are kept."""
+    _add_columns(connection, channels, ("bytes",))
+    connection.execute(update(channels).values(bytes=0))
+    here = (blocks.c.node, blocks.c.channel)
+    query = select(*here, func.sum(func.length(blocks.c.data))).group_by(*here)
+    for node, channel, size in connection.execute(query).all():
+        where = (channels.c.node == node) & (channels.c.channel == channel)
+        connection.execute(update(channels).where(where).values(bytes=int(size)))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth, _tenth),
-    *(_eleventh, _twelfth),
+    *(_eleventh, _twelfth, _thirteenth),
 )
 CURRENT: Final = len(MIGRATIONS)
 _STANDING: Final = select(func.max(versions.c.version))

@@ -43,6 +43,7 @@ class Made:
         channel: The channel.
         gone: Keys of the blocks that were packed.
         rows: Their packs.
+        saved: How many bytes fewer these are.
         since: From when on the page was, UTC ns; ``None`` for the channel's beginning.
         until: From when on the next one is.
         more: Whether there is a next one.
@@ -52,6 +53,7 @@ class Made:
     channel: str
     gone: Sequence[tuple[Any, ...]]
     rows: Sequence[Row]
+    saved: int
     since: int | None
     until: int
     more: bool
@@ -120,15 +122,17 @@ def _make(connection: Connection, place: tuple[str, str], behind: int) -> Made |
     until = rows[old - left]["t"] if old - left < len(rows) else rows[-1]["t"] + 1
     gone: list[tuple[Any, ...]] = []
     packs: list[Row] = []
+    saved = 0
     for group in groups:
         try:
             packs.append(join(group))
         except MessageError:
             continue  # of a kind that stays as it came
         gone += [tuple(row[column.name] for column in _KEY) for row in group]
+        saved += sum(len(row["data"]) for row in group) - len(packs[-1]["data"])
     if until == since and not packs:
         return None
-    return Made(*place, gone, packs, since, until, full)
+    return Made(*place, gone, packs, saved, since, until, full)
 
 
 def _group(rows: Sequence[Any]) -> tuple[list[list[Any]], int]:
@@ -165,6 +169,7 @@ def _keep(connection: Connection, store: Store, made: Made) -> bool:
             return False
         connection.execute(delete(blocks).where(where))
         insert_many(connection, blocks, made.rows)
+        row["bytes"] -= made.saved
         row["longest"] = max(row["longest"], *(each["t_end"] - each["t"] for each in made.rows))
     row["packed"] = made.until
     ledger.change(channels, made.node, made.channel)

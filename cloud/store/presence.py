@@ -10,6 +10,8 @@ from cloud.store.entry import Entry
 from cloud.store.events import event_row
 from cloud.store.schema import events, nodes
 from eskin.messages import Position
+from eskin.messages.head import Kind
+from eskin.privacy.veiled import MINUTE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
+    from eskin.privacy import Veiled
 
 
 def see(
@@ -61,6 +64,22 @@ def note_blocks(
         row["lag_lo"], row["lag_hi"] = lag
         ledger.change(nodes, last["node"])
     return lag
+
+
+def note_veiled_lag(
+    connection: Connection, ledger: Ledger, node: str, message: Veiled, *, now: int
+) -> None:
+    """Note a sealed block's lag, as wide as the minutes that it tells, where no other one is known.
+
+    Not that of a peak: it would tell everybody when that came. What a block in the clear told stays
+    until another such block comes.
+    """
+    row = ledger.row(connection, nodes, node)
+    if row is None or message.kind is not Kind.BLOCK:
+        return
+    if row["lag_lo"] is None or row["lag_hi"] - row["lag_lo"] >= MINUTE:
+        row["lag_lo"], row["lag_hi"] = now - message.time[1], now - message.time[0]
+        ledger.change(nodes, node)
 
 
 def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: int) -> list[Entry]:

@@ -20,7 +20,7 @@ from cloud.store.sealed import erased_subjects, removals, veiled
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sqlalchemy import Column, ColumnElement, Connection, Table
+    from sqlalchemy import ColumnElement, Connection, Table
 
     from cloud.store.ledger import Ledger
 
@@ -67,7 +67,7 @@ def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, n
         query = select(*keys, *_counted(table)).where(*where).limit(most - gone)
         rows = connection.execute(query).all() if gone < most else []
         # Only then are few left to look through.
-        if table is blocks and gone + len(rows) < most and _open_packs(connection, sweep):
+        if table is blocks and gone + len(rows) < most and _open_packs(connection, ledger, sweep):
             rows = connection.execute(query).all()
         if rows:
             found = [tuple(row)[: len(keys)] for row in rows]
@@ -113,7 +113,7 @@ def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
     ]
 
 
-def _open_packs(connection: Connection, sweep: Sweep) -> bool:
+def _open_packs(connection: Connection, ledger: Ledger, sweep: Sweep) -> bool:
     """Put blocks in the place of packs of which a part is too old, so that it alone goes."""
     b = blocks.c
     here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
@@ -122,8 +122,20 @@ def _open_packs(connection: Connection, sweep: Sweep) -> bool:
     for row in found:
         key = [column == row[column.name] for column in blocks.primary_key.columns]
         connection.execute(delete(blocks).where(*key))
-        insert_many(connection, blocks, part(dict(row)))
+        parts = part(dict(row))
+        insert_many(connection, blocks, parts)
+        _grow(
+            connection, ledger, sweep, sum(len(each["data"]) for each in parts) - len(row["data"])
+        )
     return bool(found)
+
+
+def _grow(connection: Connection, ledger: Ledger, sweep: Sweep, more: int) -> None:
+    """Note that a channel's rows hold so many more bytes."""
+    row = ledger.row(connection, channels, sweep.node, sweep.channel)
+    if row is not None:
+        row["bytes"] += more
+        ledger.change(channels, sweep.node, sweep.channel)
 
 
 def _messages(removed: Any) -> int:
@@ -131,10 +143,11 @@ def _messages(removed: Any) -> int:
     return getattr(removed, "packed", None) or 1
 
 
-def _counted(table: Table) -> list[Column[Any]]:
+def _counted(table: Table) -> list[ColumnElement[Any]]:
     """What of a removed row counts in its channel's sums."""
     if table is blocks:
-        return [table.c.packed, table.c.n, table.c.t, table.c.t_end]
+        size = func.length(table.c.data).label("size")
+        return [size, table.c.packed, table.c.n, table.c.t, table.c.t_end]
     return [table.c.kind] if table is veiled else []
 
 
@@ -148,6 +161,7 @@ def _count(
     if table is blocks:
         row["blocks"] -= sum(map(_messages, rows))
         row["samples"] -= sum(removed.n for removed in rows)
+        row["bytes"] -= sum(removed.size for removed in rows)
         if row["built"] is not None:
             for removed in rows:
                 ledger.outdate(row, *removed[-2:])

@@ -99,8 +99,12 @@ channels = Table(
     Column("grain", Integer),
     Column("built", BigInteger),
     Column("packed", BigInteger),
+    Column("bytes", BigInteger),
 )
 """Each channel with sums over its blocks; ``longest`` is the greatest ``t_end - t`` of a row.
+
+``bytes`` is how long all ``data`` of its rows in `blocks` are. What is sealed is not counted: then
+anybody could see when its peaks come.
 
 ``grain`` is the lowest level of its pyramid, and ``built`` up to when there is one, UTC ns; before
 ``packed``, blocks were packed where that is possible.

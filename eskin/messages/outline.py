@@ -73,7 +73,7 @@ def find_fault(data: bytes) -> int:
 
 @part
 def _find_fault_of_one(data: bytes, major: int, count: int, behind: int) -> int:
-    """What is wrong with an item by itself, given its type, its number and what follows its head."""
+    """What is wrong with an item by itself: its type, its number, and what follows its head."""
     end = behind + count
     if major == 3 and end <= len(data) and not _is_text(data, behind, end):
         return _TEXT

@@ -189,12 +189,11 @@ async def test_silent_node_is_late_then_offline(stand: Stand) -> None:
 
 
 async def test_channels_sum_over_blocks(stand: Stand) -> None:
-    put(
-        stand.cloud.store,
-        status(0, channels=(CHANNEL, "t02.inductance")),
+    brought = (
         block(1, [1.0, 2.0], [3.0, float("inf")]),
         block(2, [0.5], [0.75], time=(START + 10 * DT, START + 10 * DT), coverage=0.5),
     )
+    put(stand.cloud.store, status(0, channels=(CHANNEL, "t02.inductance")), *brought)
     items = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
     assert items[0] == {
         "id": CHANNEL,
@@ -205,6 +204,7 @@ async def test_channels_sum_over_blocks(stand: Stand) -> None:
         "dt": DT,
         "blocks": 2,
         "samples": 3,
+        "bytes": sum(len(said.encode()) for said in brought),
         "first": "2027-01-15T08:00:00.000000000Z",
         "last": "2027-01-15T08:00:00.010000000Z",
         "bounds": {"lo": 0.5, "hi": None},

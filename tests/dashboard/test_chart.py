@@ -17,6 +17,33 @@ if TYPE_CHECKING:
     from tests.demos import RunningDemo
 
 MS = 1_000_000
+LIVELY = {"reduced_motion": "no-preference"}
+INK = """
+() => {
+  const root = document.querySelector("[data-testid=chart]");
+  const { plotLeft, plotTop, plotWidth, plotHeight, pixelRatio } = root.dataset;
+  const box = [plotLeft, plotTop, plotWidth, plotHeight];
+  const [left, top, width, height] = box.map((side) => Math.round(side * pixelRatio));
+  const pen = root.querySelector("canvas").getContext("2d");
+  const inked = (...box) => pen.getImageData(...box).data.filter((_, i) => i % 4 === 3)
+    .reduce((sum, alpha) => sum + (alpha > 100), 0);
+  return [inked(0, top, left - 2, height), inked(left, top + height + 2, width, 20)];
+}
+"""
+"""How many pixels are painted left of the plot, and below it."""
+PICTURES = """
+(seconds) => new Promise((done) => {
+  const { dataset } = document.querySelector("[data-testid=chart]");
+  const begin = performance.now();
+  const pictures = new Set();
+  const frame = (now) => {
+    pictures.add(dataset.xMin);
+    if (now - begin < 1000 * seconds) requestAnimationFrame(frame);
+    else done(pictures.size);
+  };
+  requestAnimationFrame(frame);
+})
+"""
 FINE = {"device_scale_factor": 1.5}
 
 
@@ -118,3 +145,65 @@ def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
     assert press("-") == pytest.approx((start, end), abs=10)
     visit.page.keyboard.press("l")
     visit.wait_for_chart(mode="live")
+
+
+def test_samples_that_are_known_are_shown_without_a_question(
+    demo: RunningDemo, visit: Visit, recorded: int
+) -> None:
+    visit.page.route("**/api/v1/events*", without_events)
+    asked: list[str] = []
+    visit.page.on(
+        "request", lambda sent: asked.append(sent.url) if "/series/" in sent.url else None
+    )
+    visit.open(history("palm/t01.energy", recorded - 150 * MS, recorded - 20 * MS))
+    wide = visit.wait_for_chart(mode="history", resolution="sample")
+    assert len(asked) == 1
+    visit.page.locator(CHART).focus()
+    for key in ("+", "+", "ArrowLeft"):
+        visit.page.keyboard.press(key)
+    near = visit.wait_for_chart(resolution="sample")
+    assert len(asked) == 1
+    plot = read_plot(visit)
+    series = demo.get("/series/palm/t01.energy", start=plot.start, end=plot.end, points=20_000)
+    samples = [one for one in samples_of(series) if plot.start <= one[0] < plot.end]
+    assert len(samples) >= 20
+    assert [one for one in samples if not plot.encloses(*one)] == []
+    assert int(near["xMax"]) - int(near["xMin"]) < int(wide["xMax"]) - int(wide["xMin"])
+    for _ in range(4):
+        visit.page.keyboard.press("-")
+    visit.wait_for_chart(mode="history")
+    wait_until(lambda: len(asked) > 1, "what is not known is asked for")
+
+
+@pytest.mark.parametrize("options", [{}, FINE])
+def test_both_axes_are_labelled(visit: Visit, recorded: int) -> None:
+    visit.open(history("palm/t01.energy", recorded - 2000 * MS, recorded))
+    visit.wait_for_chart(mode="history")
+    values, times = visit.evaluate(INK)
+    assert values > 60
+    assert times > 60
+    assert visit.page.locator(".chart-unit").inner_text().endswith("J")
+
+
+@pytest.mark.parametrize("options", [LIVELY])
+def test_pictures_of_a_live_page_leave_its_layout_and_styles_alone(visit: Visit) -> None:
+    visit.open("fingertip?live=10s")
+    visit.wait_for_chart(mode="live")
+    session = visit.page.context.new_cdp_session(visit.page)
+    session.send("Performance.enable")
+
+    def counts() -> tuple[int, int]:
+        told = {
+            one["name"]: int(one["value"])
+            for one in session.send("Performance.getMetrics")["metrics"]
+        }
+        return told["LayoutCount"], told["RecalcStyleCount"]
+
+    before = counts()
+    pictures = visit.evaluate(PICTURES, 4)
+    layouts, recalculated = (now - then for now, then in zip(counts(), before, strict=True))
+    session.detach()
+    assert pictures > 4
+    texts_and_events = 4 * 12
+    assert layouts < texts_and_events
+    assert recalculated < texts_and_events

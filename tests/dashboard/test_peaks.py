@@ -5,8 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
+import pytest
+
 from eskin.moment import parse_moment
-from tests.dashboard.browsing import history
+from tests.dashboard.browsing import CHART, history
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -85,6 +87,19 @@ def test_certain_and_possible_peaks_carry_different_shapes(demo: RunningDemo, vi
     hollow = {one["inside"] for one in found if one["verdict"] == "possible"}
     assert solid == {"184 58 0"}
     assert hollow == {"255 255 255"}
+
+
+@pytest.mark.parametrize("options", [{"reduced_motion": "no-preference"}])
+def test_what_lies_over_peaks_moves_with_them_where_somebody_points(visit: Visit) -> None:
+    visit.open("palm/t01.energy?live=10s")
+    visit.wait_for_chart(mode="live")
+    visit.page.locator(CHART).hover(position={"x": 3, "y": 3})
+    for _ in range(5):
+        wait_until(lambda: len(visit.evaluate(TRIANGLES)) > 1, "peaks are placed")
+        found = visit.evaluate(TRIANGLES)
+        inside = {"certain": "184 58 0", "possible": "255 255 255"}
+        assert [one for one in found if one["inside"] != inside[one["verdict"]]] == []
+        visit.page.wait_for_timeout(130)
 
 
 def test_listed_events_carry_different_symbols(visit: Visit) -> None:

@@ -23,19 +23,19 @@ function series(from: number, to: number): SeriesAnswer {
 
 function channel(end: number, samples = end): ChannelItem {
   return {
-    id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS, blocks: 1, samples,
+    id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS, blocks: 1, samples, bytes: 4 * samples,
     first: iso(0), last: iso(end - 1), bounds: null,
   };
 }
 
 /** A channel whose store answers with the samples of the given stretches. */
-function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[]): ChannelData {
+function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[], resolution: "sample" | "hull" = "sample"): ChannelData {
   const answer = (url: string): SeriesAnswer => {
     const query = new URL(url, "http://cloud").searchParams;
     const [start, end] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
     const found = stored.map(([from, to]) => [Math.max(from, start!), Math.min(to, end!)] as const);
     const [from, to] = found.find(([one, other]) => other > one) ?? [start!, start!];
-    return series(from, to);
+    return { ...series(from, to), resolution };
   };
   const client = new Client({
     fetch: (url) => Promise.resolve(Response.json(answer(String(url)))),
@@ -117,6 +117,36 @@ function event(ms: number, kind: "peak" | "gap" = "peak"): EventItem {
   const verdict = kind === "peak" ? "certain" : null;
   return { id: `${kind}${ms}`, node: "n", channel: "c", kind, verdict, time, boot: 1, sequence: ms, ...nothing };
 }
+
+describe("history", () => {
+  const WINDOW = { x0: 100 * MS, x1: 400 * MS };
+  const within = { x0: 150 * MS, x1: 300 * MS };
+
+  test("a window of which every sample was loaded is not asked for again", async () => {
+    const data = dataOf(channel(1000), [[0, 1000]]);
+    expect(data.holds(within)).toBe(false);
+    await data.load(WINDOW, 500, SIGNAL);
+    expect(data.holds(WINDOW)).toBe(true);
+    expect(data.holds(within)).toBe(true);
+    expect(data.holds({ x0: 150 * MS, x1: 401 * MS })).toBe(false);
+    expect(data.holds({ x0: 99 * MS, x1: 300 * MS })).toBe(false);
+  });
+
+  test("what is not over yet is asked for again, and so is what a late block belongs to", async () => {
+    const data = dataOf(channel(300), [[0, 300]]);
+    await data.load(WINDOW, 500, SIGNAL);
+    expect(data.holds(WINDOW)).toBe(false);
+    expect(data.holds({ x0: 150 * MS, x1: 200 * MS })).toBe(true);
+    data.take(series(160, 170), 0, null);
+    expect(data.holds({ x0: 150 * MS, x1: 200 * MS })).toBe(false);
+  });
+
+  test("hulls do not hold what is finer", async () => {
+    const data = dataOf(channel(1000), [[0, 1000]], "hull");
+    await data.load(WINDOW, 500, SIGNAL);
+    expect(data.holds(within)).toBe(false);
+  });
+});
 
 describe("marks", () => {
   const WINDOW = { x0: 0, x1: 5000 * MS };

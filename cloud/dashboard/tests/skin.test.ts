@@ -6,7 +6,7 @@ import { hullOf } from "../src/view/skin-picture";
 
 function channel(id: string, bounds: ChannelItem["bounds"]): ChannelItem {
   const [taxel = "", quantity = ""] = id.split(".");
-  return { id, taxel, quantity, unit: "F", coverage: 1, dt: 1, blocks: 1, samples: 1, first: null, last: null, bounds };
+  return { id, taxel, quantity, unit: "F", coverage: 1, dt: 1, blocks: 1, samples: 1, bytes: 4, first: null, last: null, bounds };
 }
 
 test("contact is certain above a level, possible across it, and none below", () => {

@@ -93,6 +93,8 @@ export interface ChannelItem {
   readonly dt: number;
   readonly blocks: number;
   readonly samples: number;
+  /** What its blocks take in the store, without indices and hulls; null for a sealed channel. */
+  readonly bytes: number | null;
   readonly first: string | null;
   readonly last: string | null;
   readonly bounds: IntervalJson | null;

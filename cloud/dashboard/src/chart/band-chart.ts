@@ -1,16 +1,18 @@
 import uPlot from "uplot";
 import type { Range } from "../state/window";
 import type { Timeline } from "../time/timeline";
-import { endOf, NOTHING, type Entries } from "../tube/entries";
+import { NOTHING, type Entries } from "../tube/entries";
 import { element, setText } from "../view/element";
-import { makeAxes } from "./axes";
+import { makeAxes, type Ticks } from "./axes";
+import { AxisLabels } from "./axis-labels";
 import { halfMarkFor, reduceToColumns } from "./columns";
 import { Gestures } from "./gestures";
-import { paintBand, type Canvas } from "./paint-band";
+import { BandPainter, type Canvas } from "./paint-band";
 import type { Palette } from "./palette";
 import { PeakOverlay } from "./peak-overlay";
 import type { PeakMark } from "./peak-groups";
 import { paintPeaks, paintRegions, placePeaks, type PlacedPeak } from "./peaks";
+import { Placard } from "./placard";
 import type { PlotMap } from "./plot-map";
 import { paintPredicted } from "./predicted";
 import { describeHull, nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
@@ -53,6 +55,11 @@ export class BandChart {
   private readonly overlay: PeakOverlay;
   private readonly tooltip: Tooltip;
   private readonly unitLabel = element("span", { class: "chart-unit", "aria-hidden": "true" });
+  private readonly ticks: Ticks = { times: [], step: 1e9, values: [] };
+  private readonly labels: AxisLabels;
+  private readonly band = new BandPainter();
+  private hovered = false;
+  private readonly placard: Placard;
   private readonly resizing: ResizeObserver;
   private entries: Entries = NOTHING;
   private marks: Marks = { ...NO_ANSWERS, peaks: [], gaps: [] };
@@ -65,6 +72,8 @@ export class BandChart {
   constructor(private readonly options: ChartOptions) {
     const { root } = options;
     this.facts = options.facts;
+    this.placard = new Placard(root, options.timeline);
+    this.labels = new AxisLabels(options.timeline, (unit) => setText(this.unitLabel, unit));
     root.append(this.host, this.unitLabel);
     this.plot = new uPlot(this.plotOptions(), [[0], [null]], this.host);
     this.tooltip = new Tooltip(root);
@@ -85,6 +94,13 @@ export class BandChart {
       onPoint: (placed) => this.pointAt(placed),
       onOpen: options.onPeak,
     });
+    root.addEventListener("pointerenter", () => {
+      this.hovered = true;
+      this.overlay.sync(this.placed, uPlot.pxRatio);
+    });
+    root.addEventListener("pointerleave", () => {
+      this.hovered = false;
+    });
     this.plot.over.addEventListener("pointermove", this.onPointer);
     this.plot.over.addEventListener("pointerleave", this.onLeave);
     this.resizing = new ResizeObserver(() => this.resize());
@@ -96,12 +112,22 @@ export class BandChart {
     return Math.max(1, this.plot.bbox.width / uPlot.pxRatio);
   }
 
+  /** Whether somebody points at the chart, or has the focus in it. */
+  private get attended(): boolean {
+    return this.hovered || this.options.root.contains(document.activeElement);
+  }
+
   get busy(): boolean {
     return this.gestures.busy;
   }
 
-  /** Shows entries and marks over a window, and paints. */
-  show(entries: Entries, marks: Marks, range: Range): void {
+  /**
+   * Shows entries and marks over a window, and paints.
+   *
+   * @param settled whether what lies over the peaks is to be in its place, too; where the pointer or the focus is it
+   * always follows. Each of these elements that moves has the page composed anew
+   */
+  show(entries: Entries, marks: Marks, range: Range, settled: boolean): void {
     this.entries = entries;
     this.marks = marks;
     this.range = range;
@@ -111,7 +137,7 @@ export class BandChart {
       this.plot.setScale("x", { min: range.x0, max: range.x1 });
       this.plot.setScale("y", { min, max });
     });
-    this.overlay.sync(this.placed, uPlot.pxRatio);
+    if (settled || this.attended) this.overlay.sync(this.placed, uPlot.pxRatio);
     if (this.pointer) this.tip(this.pointer, false);
   }
 
@@ -155,7 +181,6 @@ export class BandChart {
 
   private plotOptions(): uPlot.Options {
     const { palette, timeline } = this.options;
-    const onUnit = (unit: string): void => setText(this.unitLabel, unit);
     return {
       width: Math.max(120, this.host.clientWidth),
       height: Math.max(80, this.host.clientHeight),
@@ -164,7 +189,7 @@ export class BandChart {
       cursor: { drag: { x: false, y: false }, y: false, points: { show: false }, sync: { key: "eskin", scales: ["x", null] } },
       scales: { x: { time: false, auto: false }, y: { auto: false } },
       series: [{}, { paths: () => null, points: { show: false } }],
-      axes: makeAxes({ palette, timeline, unit: this.facts.unit, onUnit }),
+      axes: makeAxes({ palette, timeline, ticks: this.ticks }),
       hooks: { drawAxes: [(plot) => this.paint(plot)] },
     };
   }
@@ -187,6 +212,7 @@ export class BandChart {
     const corner = { left: Math.round(plot.bbox.left), top: Math.round(plot.bbox.top) };
     context.save();
     context.translate(corner.left, corner.top);
+    this.labels.paint(canvas, map, this.ticks, this.facts.unit);
     context.beginPath();
     context.rect(0, 0, map.width, map.height);
     context.clip();
@@ -199,30 +225,11 @@ export class BandChart {
     this.placed = placePeaks(this.marks.peaks, map, ratio);
     paintRegions(canvas, this.placed);
     paintPredicted(canvas, reduceToColumns(this.marks.predicted, map, { ...style, timeError: 0 }), map.height);
-    paintBand(canvas, reduceToColumns(this.entries, map, style), map.height);
+    this.band.paint(canvas, reduceToColumns(this.entries, map, style), map.height);
     if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
     paintPeaks(canvas, map, this.placed);
     context.restore();
-    this.publish(map, corner, ratio);
-  }
-
-  /** Tells tests and tools which values the pixels stand for. The box is in CSS pixels of the root. */
-  private publish(map: PlotMap, corner: { left: number; top: number }, ratio: number): void {
-    const { timeline, root } = this.options;
-    const data = root.dataset;
-    data["xMin"] = timeline.toInstant(map.xMin).toString();
-    data["xMax"] = timeline.toInstant(map.xMax).toString();
-    data["yMin"] = String(map.yMin);
-    data["yMax"] = String(map.yMax);
-    data["plotLeft"] = String(corner.left / ratio);
-    data["plotTop"] = String(corner.top / ratio);
-    data["plotWidth"] = String(map.width / ratio);
-    data["plotHeight"] = String(map.height / ratio);
-    data["pixelRatio"] = String(ratio);
-    data["entries"] = String(this.entries.t.length);
-    data["predicted"] = String(this.marks.predicted.t.length);
-    const end = endOf(this.entries);
-    data["newest"] = end === null ? "" : timeline.toInstant(Math.min(end, map.xMax)).toString();
+    this.placard.publish({ map, corner, ratio, entries: this.entries, predicted: this.marks.predicted });
   }
 
   private resize(): void {

@@ -1,3 +1,6 @@
+import { element } from "../view/element";
+import { Stamps } from "./stamps";
+
 const NAMES = [
   "axis", "grid", "band", "band-edge", "certain", "certain-fill", "possible", "missing", "text", "plot",
   "segment-certain", "segment-possible", "threshold", "predicted", "predicted-edge",
@@ -9,6 +12,9 @@ export type Colour = (typeof NAMES)[number];
 export class Palette {
   private colours = new Map<Colour, string>();
   private readonly hatches = new Map<string, CanvasPattern>();
+  private readonly pixels = new Map<Colour, number>();
+  /** Texts in these colours. */
+  readonly stamps = new Stamps();
 
   constructor(private readonly root: HTMLElement) {
     this.refresh();
@@ -19,10 +25,25 @@ export class Palette {
     const style = getComputedStyle(this.root);
     this.colours = new Map(NAMES.map((name) => [name, style.getPropertyValue(`--chart-${name}`).trim()]));
     this.hatches.clear();
+    this.pixels.clear();
+    this.stamps.clear();
   }
 
   colour(name: Colour): string {
     return this.colours.get(name) ?? "";
+  }
+
+  /** A colour as a pixel of image data, in this machine's order of bytes. */
+  pixel(name: Colour): number {
+    const known = this.pixels.get(name);
+    if (known !== undefined) return known;
+    const pen = element("canvas", { width: 1, height: 1 }).getContext("2d");
+    if (!pen) return 0;
+    pen.fillStyle = this.colour(name);
+    pen.fillRect(0, 0, 1, 1);
+    const pixel = new Uint32Array(pen.getImageData(0, 0, 1, 1).data.buffer)[0]!;
+    this.pixels.set(name, pixel);
+    return pixel;
   }
 
   /** A diagonal hatch, which tells "possible" and "missing" apart from a solid fill without colour. */

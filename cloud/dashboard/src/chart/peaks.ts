@@ -1,6 +1,7 @@
 import { formatCount } from "../interval/format";
 import type { Canvas } from "./paint-band";
 import { groupPeaks, type PeakMark } from "./peak-groups";
+import { place, type Lettering } from "./stamps";
 import { enclosingBox, type PixelBox, type PlotMap } from "./plot-map";
 
 /** Where a peak was painted, for the elements that make it reachable by mouse and keyboard. */
@@ -85,19 +86,14 @@ export function paintRegions(canvas: Canvas, placed: readonly PlacedPeak[]): voi
  */
 export function paintPeaks(canvas: Canvas, map: PlotMap, placed: readonly PlacedPeak[]): void {
   const { context, palette, ratio } = canvas;
-  context.font = `600 ${Math.round(10 * ratio)}px system-ui, sans-serif`;
-  context.textBaseline = "middle";
-  context.textAlign = "left";
+  const lettering: Lettering = { size: Math.round(10 * ratio), weight: 600, colour: palette.colour("text"), halo: palette.colour("plot") };
   for (const [index, peak] of placed.entries()) {
     paintTriangle(canvas, peak);
     const count = formatCount(peak.mark.count);
     const text = { x: peak.tip.x + (HALF_TRIANGLE + 3) * ratio, y: peak.tip.y - (TRIANGLE_HEIGHT / 2) * ratio };
     const next = (placed[index + 1]?.tip.x ?? map.width) - HALF_TRIANGLE * ratio;
-    if (count === "1" || text.x + context.measureText(count).width > next) continue;
-    context.lineWidth = 3 * ratio;
-    context.strokeStyle = palette.colour("plot");
-    context.strokeText(count, text.x, text.y);
-    context.fillStyle = palette.colour("text");
-    context.fillText(count, text.x, text.y);
+    if (count === "1") continue;
+    const stamp = palette.stamps.stamp(count, lettering);
+    if (text.x + stamp.width <= next) place(context, stamp, text.x, text.y);
   }
 }

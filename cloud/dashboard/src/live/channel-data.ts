@@ -56,6 +56,8 @@ export class ChannelData {
   private readonly peakMarks = new Map<string, PeakMark>();
   private readonly gapMarks = new Map<string, Stretch>();
 
+  /** The stretch of which history has every sample. */
+  private loaded: Range | null = null;
   private latest: ChannelItem;
   /** Up to here the store has everything, and every block after it is told by the live stream. */
   private told: number | null;
@@ -120,6 +122,8 @@ export class ChannelData {
     if (end === null) return { block: null, hole: null };
     const start = run.t[0]!;
     const before = this.told ?? start;
+    // What comes late lies in the middle of what was loaded.
+    if (this.loaded && !apart(this.loaded, { x0: start, x1: end })) this.loaded = null;
     // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
     this.told = Math.max(before, block.resolution === "hull" ? run.t.at(-1)! : end + block.dt);
     this.options.edge.observe(end, at);
@@ -152,12 +156,20 @@ export class ChannelData {
     this.note(answer);
     this.resolution = answer.resolution;
     this.history = readSeries(answer, this.options.timeline);
+    this.loaded = answer.resolution === "sample" ? range : null;
+  }
+
+  /** Whether history has every sample of a window that is over: then there is nothing to ask for. */
+  holds(range: Range): boolean {
+    const { loaded } = this;
+    return loaded !== null && range.x0 >= loaded.x0 && range.x1 <= loaded.x1 && this.told !== null && range.x1 < this.told;
   }
 
   /** Starts history with what the rolling window shows, until the store has answered. */
   freeze(): void {
     const { t, width, lo, hi, reach } = this.rolling;
     this.history = { t: t.slice(), width: width.slice(), lo: lo.slice(), hi: hi.slice(), reach };
+    this.loaded = null;
   }
 
   /** Forgets the rolling window. */

@@ -6,6 +6,7 @@ import { Ticker } from "../live/ticker";
 import { printPlace, readPlace, type Place } from "../state/place";
 import type { ThemeChoice } from "../state/theme";
 import type { Range } from "../state/window";
+import { Beat } from "../time/beat";
 import type { Timeline } from "../time/timeline";
 import type { Context } from "./context";
 import { button, element, icon } from "./element";
@@ -37,7 +38,7 @@ export class App {
   private dragPans = false;
   private polledAt = -Infinity;
   private reachable = true;
-  private stripAt = 0;
+  private readonly seconds = new Beat(1_000);
   private readonly status = new LiveStatus();
   private readonly strip: NodeStrip;
   private readonly stack = new StackStrip();
@@ -145,10 +146,7 @@ export class App {
       this.polledAt = at;
       void this.poll();
     }
-    if (at - this.stripAt > 1_000) {
-      this.stripAt = at;
-      this.showStrip();
-    }
+    if (this.seconds.due(at)) this.showStrip();
   }
 
   private async poll(): Promise<void> {

@@ -9,13 +9,14 @@ import { ChannelData } from "../live/channel-data";
 import type { LiveEdge } from "../live/edge";
 import type { View } from "../state/place";
 import type { Range } from "../state/window";
+import { Beat, TEXT_MS } from "../time/beat";
 import { printClock } from "../time/instant";
 import { hullWithin } from "../tube/entries";
 import type { Context } from "./context";
-import { element, setText } from "./element";
+import { element, setText, setTitle } from "./element";
 import { operateByKeys } from "./keys";
 import { NoticeBoard } from "./notice";
-import { panelHead } from "./panel-head";
+import { chartRoot, panelHead } from "./panel-head";
 
 export interface PanelOptions {
   readonly context: Context;
@@ -27,7 +28,6 @@ export interface PanelOptions {
 }
 
 const REFRESH_MS = 2_000;
-const READOUT_MS = 200;
 const MOST_POINTS = 20_000;
 const STALE_MS = 4_000;
 
@@ -43,31 +43,19 @@ export class ChannelPanel {
   private view: View;
   private visible = false;
   private filling = new AbortController();
-  private readonly turns = new Turns({
-    ask: (signal) => this.load(signal),
-    onIdle: () => this.root.classList.remove("busy"),
-    now: () => performance.now(),
-  });
+  private readonly turns = new Turns({ ask: (signal) => this.load(signal), onIdle: () => this.settle(), now: () => performance.now() });
   private drawnEdge = Number.NaN;
   private dirty = true;
-  private readAt = 0;
+  private readonly texts = new Beat(TEXT_MS);
   private reloadAt = 0;
   private loaded = false;
   private readonly watcher: IntersectionObserver;
 
   constructor(private readonly options: PanelOptions) {
     const { context, node, channel, edge } = options;
+    this.chartRoot = chartRoot(node, channel.id);
     this.view = context.place().view;
     this.data = new ChannelData({ client: context.client, timeline: context.timeline, node, channel, edge });
-    this.chartRoot = element("div", {
-      class: "chart",
-      tabindex: 0,
-      role: "group",
-      "aria-label": `Chart of ${node} ${channel.id}. Arrows pan, plus and minus zoom, comma and full stop read values, L goes live.`,
-      "data-testid": "chart",
-      "data-node": node,
-      "data-channel": channel.id,
-    });
     this.root = element("section", { class: "panel", "data-testid": "channel", "data-channel": channel.id }, panelHead({ context, node, channel, alone: options.alone, value: this.value }), element("div", { class: "chart-frame" }, this.chartRoot, this.notices.root));
     this.chart = new BandChart({
       root: this.chartRoot,
@@ -100,8 +88,7 @@ export class ChannelPanel {
       return;
     }
     if (before.kind === "live") this.data.freeze();
-    this.showHistory();
-    this.ask();
+    this.look();
   }
 
   /** Takes a live block of this channel. */
@@ -136,8 +123,9 @@ export class ChannelPanel {
     this.drawnEdge = x1;
     this.dirty = false;
     this.data.evictBefore(x1 - 1.5 * span);
-    this.draw({ x0: x1 - span, x1 });
-    if (at - this.readAt > READOUT_MS) this.readOut(at, x1);
+    const settled = this.texts.due(at);
+    this.draw({ x0: x1 - span, x1 }, settled);
+    if (settled) this.readOut(at, x1);
   }
 
   repaint(): void {
@@ -173,17 +161,14 @@ export class ChannelPanel {
     this.visible = visible;
     if (!visible) this.stopLive();
     else if (this.view.kind === "live") this.startLive();
-    else {
-      this.showHistory();
-      this.ask();
-    }
+    else this.look();
   }
 
   private stopLive(): void {
     this.turns.stop();
     this.filling.abort();
     this.filling = new AbortController();
-    this.root.classList.remove("busy");
+    this.settle();
     this.data.clear();
     this.drawnEdge = Number.NaN;
   }
@@ -223,9 +208,34 @@ export class ChannelPanel {
     if (range === null || this.view.kind !== "history") return;
     this.dirty = false;
     this.chartRoot.dataset["mode"] = "history";
-    this.draw(range);
+    this.draw(range, true);
     setText(this.value, describeHull(this.data.history, range, this.data.facts.unit));
-    this.value.title = "The hull of everything in this window";
+    setTitle(this.value, "The hull of everything in this window");
+  }
+
+  /** Shows what is known of a window of the past, and has the store tell the rest; the question goes first. */
+  private look(): void {
+    const range = this.range();
+    if (range !== null && this.data.holds(range)) {
+      this.turns.stop();
+      this.settle();
+      this.present(range);
+    } else {
+      this.ask();
+      this.showHistory();
+    }
+  }
+
+  private settle(): void {
+    this.root.classList.remove("busy");
+  }
+
+  /** Shows a window of the past of which all is known. */
+  private present(range: Range): void {
+    if (!this.chart.busy) this.chart.resetValues();
+    this.chartRoot.dataset["resolution"] = this.data.resolution;
+    this.showHistory();
+    this.sayWhatIsThere(range);
   }
 
   /** Asks the store for the window. */
@@ -242,10 +252,7 @@ export class ChannelPanel {
       await this.data.load(range, this.width, signal);
       if (this.view.kind !== "history") return;
       this.loaded = true;
-      if (!this.chart.busy) this.chart.resetValues();
-      this.chartRoot.dataset["resolution"] = this.data.resolution;
-      this.showHistory();
-      this.sayWhatIsThere(range);
+      this.present(range);
     } catch (error) {
       this.fail(error, () => this.ask());
     }
@@ -253,14 +260,11 @@ export class ChannelPanel {
 
   private sayWhatIsThere(range: Range): void {
     const { extent } = this.data;
-    const any = hullWithin(this.data.history, range.x0, range.x1).count > 0;
-    if (any) this.notices.clear();
+    if (hullWithin(this.data.history, range.x0, range.x1).count > 0) this.notices.clear();
     else if (extent === null) this.notices.say("empty", "No data yet", "This channel has not sent a block so far.");
     else {
-      this.notices.say("empty", "No samples in this window", "", {
-        label: "Show all data",
-        act: () => this.options.context.showRange(extent),
-      });
+      const all = { label: "Show all data", act: () => this.options.context.showRange(extent) };
+      this.notices.say("empty", "No samples in this window", "", all);
     }
   }
 
@@ -269,19 +273,18 @@ export class ChannelPanel {
     return shown !== null && range.x1 >= shown.x0 && range.x0 <= shown.x1;
   }
 
-  private draw(range: Range): void {
+  private draw(range: Range, settled: boolean): void {
     const { peaks, gaps, rolling, history } = this.data;
-    this.chart.show(this.view.kind === "live" ? rolling : history, { ...this.answers, peaks, gaps }, range);
+    this.chart.show(this.view.kind === "live" ? rolling : history, { ...this.answers, peaks, gaps }, range, settled);
   }
 
   private readOut(at: number, x1: number): void {
-    this.readAt = at;
     const { t, width, lo, hi } = this.data.rolling;
     let last = t.length - 1;
     while (last > 0 && t[last]! + width[last]! > x1) last -= 1;
     const interval = last < 0 ? null : { lo: lo[last]!, hi: hi[last]! };
     setText(this.value, interval ? formatInterval(interval, this.data.facts.unit) : "–");
-    this.value.title = "The newest interval";
+    setTitle(this.value, "The newest interval");
     const { edge, context } = this.options;
     const newest = edge.newest();
     if (newest !== null && edge.silence(at) > Math.max(STALE_MS, 4 * edge.rhythm())) {

@@ -40,3 +40,8 @@ export function icon(path: string, filled = false): SVGSVGElement {
 export function setText(target: HTMLElement, text: string): void {
   if (target.textContent !== text) target.textContent = text;
 }
+
+/** Sets what is shown where the mouse rests, only when it differs. */
+export function setTitle(target: HTMLElement, text: string): void {
+  if (target.title !== text) target.title = text;
+}

@@ -1,6 +1,7 @@
 import type { EventItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import { printPlace } from "../state/place";
+import { Beat, TEXT_MS } from "../time/beat";
 import { parseInstant } from "../time/instant";
 import type { Context } from "./context";
 import { button, element, setText } from "./element";
@@ -16,7 +17,6 @@ const PAGE = 50;
 const MOST_ROWS = 300;
 /** How much time to show around an event that is opened, at least (ns). */
 const AROUND = 2_000_000_000n;
-const FLUSH_MS = 250;
 const RETRY_MS = 5_000;
 
 /** The latest events of the view's scope, newest first, with filters. */
@@ -28,7 +28,7 @@ export class EventList {
   private readonly filter: Filter = { kind: "", verdict: "" };
   private readonly known = new Set<string>();
   private waiting: EventItem[] = [];
-  private flushAt = 0;
+  private readonly beat = new Beat(TEXT_MS);
   private cursor: string | null = null;
   private loading = new AbortController();
   private retry: ReturnType<typeof setTimeout> | null = null;
@@ -58,8 +58,7 @@ export class EventList {
 
   /** Writes what has come in; a few times a second is enough. */
   frame(at: number): void {
-    if (this.waiting.length === 0 || at < this.flushAt) return;
-    this.flushAt = at + FLUSH_MS;
+    if (!this.beat.due(at) || this.waiting.length === 0) return;
     const fresh = this.waiting.filter((event) => !this.known.has(event.id));
     this.waiting = [];
     for (const event of fresh) this.rows.prepend(this.row(event));

@@ -13,6 +13,7 @@ function outboxBytes({ outbox }: NodeItem): string | null {
   return outbox && `outbox ${formatBytes(outbox.bytes)} of ${formatBytes(outbox.capacity_bytes)}`;
 }
 
+const MINUTE_NS = 60e9;
 const SUSTAINS = { certain: "sustains itself", possible: "may sustain itself", impossible: "discharges" };
 
 /** State of charge as bounds, rounded outward, and whether the node sustains itself. */
@@ -49,6 +50,13 @@ function broken({ faults }: NodeItem): HTMLElement[] {
   );
 }
 
+/** Of a node that seals all it sends, times are known to the minute alone. */
+function lagOf({ lag }: NodeItem): HTMLElement {
+  const sealed = lag !== null && lag.hi_ns - lag.lo_ns >= MINUTE_NS;
+  const title = sealed ? "Its blocks are sealed: of their times only the minutes are known" : null;
+  return element("span", { "data-testid": "node-lag", title }, sealed ? `${formatLag(lag)}, sealed` : formatLag(lag));
+}
+
 /** A node at a glance: health by shape and text, last seen, outbox and gaps. */
 export function nodeCard(
   node: NodeItem,
@@ -68,7 +76,7 @@ export function nodeCard(
     "dl",
     { class: "facts" },
     ...fact("seen", seen === null ? "never" : heardAgo(seen, options.now)),
-    ...fact("lag", element("span", { "data-testid": "node-lag" }, formatLag(node.lag))),
+    ...fact("lag", lagOf(node)),
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
     ...battery(node),

@@ -8,31 +8,41 @@ import { nodeCard } from "./node-card";
 export class NodeStrip {
   readonly root = element("nav", { class: "nodes", "aria-label": "nodes", "data-testid": "nodes" });
   private drawn = "";
+  private linked = "";
 
   constructor(private readonly context: Context) {}
 
   /**
-   * Draws the cards anew when anything has changed; the focus stays on its card.
+   * Draws the cards anew when anything has changed; the focus stays on its card. Where only the window has, as with
+   * every step of a gesture, it is enough that they lead to it.
    *
    * @param reachable whether the cloud answers: if not, nobody knows how the nodes are
    */
   show(nodes: readonly NodeItem[], now: bigint, reachable: boolean): void {
     const place = this.context.place();
-    const state = JSON.stringify([nodes, reachable, place.node, printPlace({ ...place, node: null }), Number(now / 1_000_000_000n)]);
-    if (state === this.drawn) return;
-    this.drawn = state;
-    const cards = nodes.map((node) => {
-      const current = place.node === node.id;
-      const back = current && place.channel === null;
-      const target = { ...place, node: back ? null : node.id, channel: null, question: null };
-      return nodeCard(node, { href: printPlace(target), current, now, reachable });
-    });
+    const state = JSON.stringify([nodes, reachable, place.node, Number(now / 1_000_000_000n)]);
+    const links = printPlace({ ...place, node: null });
+    const same = state === this.drawn;
+    if (same && links === this.linked) return;
+    [this.drawn, this.linked] = [state, links];
+    if (same) {
+      for (const [index, node] of nodes.entries()) this.root.children[index]?.setAttribute("href", this.href(node.id));
+      return;
+    }
+    const cards = nodes.map((node) => nodeCard(node, { href: this.href(node.id), current: place.node === node.id, now, reachable }));
     const held = new Map([...this.root.children].map((card) => [card.getAttribute("data-node"), card]));
     for (const [index, card] of cards.entries()) {
       const shown = this.adopt(held.get(card.getAttribute("data-node")) ?? null, card);
       if (this.root.children[index] !== shown) this.root.insertBefore(shown, this.root.children[index] ?? null);
     }
     while (this.root.children.length > cards.length) this.root.lastElementChild?.remove();
+  }
+
+  /** Where a card leads: to its node, and from that back to all of them. */
+  private href(node: string): string {
+    const place = this.context.place();
+    const back = place.node === node && place.channel === null;
+    return printPlace({ ...place, node: back ? null : node, channel: null, question: null });
   }
 
   /** Fills a card that is on the page already, so that a click or the focus on it is not lost. */

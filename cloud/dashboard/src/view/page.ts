@@ -6,6 +6,7 @@ import { Feed, type FeedState } from "../live/feed";
 import type { StreamMessage } from "../live/stream";
 import type { Place } from "../state/place";
 import type { Range } from "../state/window";
+import { Beat, TEXT_MS } from "../time/beat";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import { channelFacts, crumbs } from "./channel-detail";
 import { ChannelQuestions } from "./channel-questions";
@@ -47,6 +48,7 @@ export class Page {
   private eventLoading = new AbortController();
   /** Of which kinds there are too many events to mark, and since when they are marked. */
   private unmarked: { readonly kind: string; readonly since: number }[] = [];
+  private readonly texts = new Beat(TEXT_MS);
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(private readonly options: PageOptions) {
@@ -99,7 +101,7 @@ export class Page {
     this.list.frame(at);
     this.questions?.frame(at);
     this.settings?.frame(at);
-    this.remark();
+    if (this.texts.due(at)) this.remark();
   }
 
   repaint(): void {

@@ -37,3 +37,11 @@ export function panelHead(options: PanelHeadOptions): HTMLElement {
   const coverage = element("span", { class: "coverage", title: meaning }, `coverage ${formatCoverage(channel.coverage)}`);
   return element("header", { class: "panel-head" }, title, value, coverage);
 }
+
+/** What a panel's chart stands in, and is worked through by keys. */
+export function chartRoot(node: string, channel: string): HTMLElement {
+  const keys = "Arrows pan, plus and minus zoom, comma and full stop read values, L goes live.";
+  const label = `Chart of ${node} ${channel}. ${keys}`;
+  const place = { "data-testid": "chart", "data-node": node, "data-channel": channel };
+  return element("div", { class: "chart", tabindex: 0, role: "group", "aria-label": label, ...place });
+}

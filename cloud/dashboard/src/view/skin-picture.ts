@@ -5,6 +5,7 @@ import { readInterval, type Interval } from "../interval/interval";
 import { judge, levelOf, quantitiesOf, type Contact } from "../skin/contact";
 import { layOut, PITCH } from "../skin/layout";
 import { printPlace, type View } from "../state/place";
+import { Beat, TEXT_MS } from "../time/beat";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 import { LevelField } from "./level-field";
@@ -47,7 +48,8 @@ export class SkinPicture {
   private taxels: readonly TaxelItem[] = [];
   private loading = new AbortController();
   private timer: ReturnType<typeof setTimeout> | null = null;
-  private paintedAt = 0;
+  private readonly beat = new Beat(REPAINT_MS);
+  private readonly texts = new Beat(TEXT_MS);
   private view: View;
 
   constructor(private readonly context: Context, private readonly node: string) {
@@ -82,9 +84,7 @@ export class SkinPicture {
   }
 
   frame(at: number): void {
-    if (this.root.hidden || at - this.paintedAt < REPAINT_MS) return;
-    this.paintedAt = at;
-    this.paint();
+    if (!this.root.hidden && this.beat.due(at)) this.paint(this.texts.due(at));
   }
 
   destroy(): void {
@@ -161,7 +161,7 @@ export class SkinPicture {
     this.paint();
   }
 
-  private paint(): void {
+  private paint(texts = true): void {
     const counts: Record<Contact, number> = { certain: 0, possible: 0, none: 0, unknown: 0 };
     const now = performance.now();
     const unit = this.channels.find(({ quantity }) => quantity === this.choice.value)?.unit ?? "1";
@@ -170,8 +170,10 @@ export class SkinPicture {
       const interval = known && now - known.at < STALE_MS ? known.interval : null;
       const contact = judge(interval, this.level.value);
       counts[contact] += 1;
-      mark.dataset["contact"] = contact;
-      mark.setAttribute("href", printPlace({ ...this.context.place(), node: this.node, channel: this.channelOf(taxel), question: null }));
+      if (mark.dataset["contact"] !== contact) mark.dataset["contact"] = contact;
+      if (!texts) continue;
+      const href = printPlace({ ...this.context.place(), node: this.node, channel: this.channelOf(taxel), question: null });
+      if (mark.getAttribute("href") !== href) mark.setAttribute("href", href);
       const text = `${taxel}: ${contact}${interval ? `, ${formatInterval(interval, unit)}` : ""}`;
       if (mark.getAttribute("aria-label") !== text) {
         mark.setAttribute("aria-label", text);

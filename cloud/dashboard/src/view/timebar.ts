@@ -1,5 +1,6 @@
 import { SPANS, type View } from "../state/place";
 import { pan, zoom, type Range } from "../state/window";
+import { Beat, TEXT_MS } from "../time/beat";
 import { formatDuration } from "../time/duration";
 import { decimalsFor, printClock, printDay } from "../time/instant";
 import type { Context } from "./context";
@@ -21,7 +22,7 @@ export class Timebar {
   private readonly text = element("span", { class: "window-text", "data-testid": "window-text" });
   private readonly panMode: HTMLButtonElement;
   private lastSpan = 10e9;
-  private shownAt = 0;
+  private readonly texts = new Beat(TEXT_MS);
 
   constructor(private readonly options: TimebarOptions) {
     for (const { label, ns } of SPANS) this.span.append(element("option", { value: ns }, label));
@@ -53,13 +54,12 @@ export class Timebar {
     if (view.kind === "live") this.lastSpan = view.span;
     this.span.value = String(this.lastSpan);
     this.live.setAttribute("aria-pressed", String(view.kind === "live"));
-    this.shownAt = 0;
+    this.texts.reset();
   }
 
-  /** Writes the window's times, four times a second. */
+  /** Writes the window's times. */
   frame(at: number): void {
-    if (at - this.shownAt < 250) return;
-    this.shownAt = at;
+    if (!this.texts.due(at)) return;
     const range = this.options.range();
     setText(this.text, range === null ? "" : this.describe(range));
   }
