@@ -49,5 +49,5 @@ def der_of_pem(text: str) -> bytes:
     """
     try:
         return x509.load_pem_x509_csr(text.encode()).public_bytes(serialization.Encoding.DER)
-    except ValueError as error:
+    except UNREADABLE as error:
         raise IdentityError(f"no PKCS #10 request: {error}") from error

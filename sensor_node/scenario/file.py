@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
     from sensor_node.scenario.events import AnyEvent
 
+_LONGEST_PLACE: Final = 200
+"""As errors show it: a key may be anything."""
 _KEPT: Final = 16
 """Scenarios that are kept: every taxel of a node asks for its own, and more than once."""
 
@@ -158,4 +160,4 @@ def _place(location: tuple[int | str, ...]) -> str:
             text += f" ({part})" if len(location) > 2 or before == "skin" else f".{part}"
         else:
             text += f".{part}" if text else part
-    return text or "scenario"
+    return text[:_LONGEST_PLACE] or "scenario"

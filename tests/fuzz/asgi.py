@@ -31,7 +31,9 @@ class Asker:
         self._app = app
         self._loop = asyncio.new_event_loop()
         self._ended = asyncio.Event()
-        self._thread = Thread(target=self._loop.run_until_complete, args=(self._ended.wait(),))
+        serve = self._loop.run_until_complete
+        # It does not outlive a process that an input broke.
+        self._thread = Thread(target=serve, args=(self._ended.wait(),), daemon=True)
         self._thread.start()
 
     def close(self) -> None:

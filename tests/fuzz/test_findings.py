@@ -12,10 +12,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from cryptography.hazmat.primitives import serialization
 
+from authority.requests import der_of_pem, make_request
 from cloud.settings import CloudSettings
 from eskin.errors import (
     FlashError,
+    IdentityError,
     MessageError,
     RecordingError,
     ScenarioError,
@@ -23,7 +26,7 @@ from eskin.errors import (
     SpoolError,
     UntrustedCertificateError,
 )
-from eskin.identity import IdentityKind, Trust, der
+from eskin.identity import IdentityKind, Trust, der, new_key
 from eskin.interval import Interval
 from eskin.messages import Block, Encoding, Position, decode_message
 from eskin.tube import Tube
@@ -36,6 +39,7 @@ from sensor_node.scenario import read_scenario
 from sensor_node.truth import Truth
 from tests.fuzz.targets import enrolment, requests
 from tests.sensor_node.flashes import open_flash
+from tests.sensor_node.scenario.scripts import HEAD
 from tests.sensor_node.stores import Store
 
 if TYPE_CHECKING:
@@ -122,6 +126,22 @@ def test_odd_body_for_the_ca_is_refused_and_no_fault(tmp_path: Path) -> None:
     target = enrolment.make(tmp_path)
     with target.stack:
         target.check(b'POST /enrol\n\n{"\\ud800": "\\ud800"}')
+
+
+def test_request_of_an_unknown_version_is_none() -> None:
+    request = make_request(new_key(), "fingertip").public_bytes(serialization.Encoding.DER)
+    version, later = b"\x02\x01\x00\x30", b"\x02\x01\x02\x30"  # and the subject after it
+    pem = base64.encodebytes(request.replace(version, later, 1)).decode()
+    with pytest.raises(IdentityError, match="not a valid CSR version"):
+        der_of_pem(f"-----BEGIN CERTIFICATE REQUEST-----\n{pem}-----END CERTIFICATE REQUEST-----\n")
+
+
+def test_key_without_end_in_a_scenario_is_told_in_short(tmp_path: Path) -> None:
+    path = tmp_path / "scenario.toml"
+    path.write_text(f'{HEAD}[[event]]\nkind = "hold"\n{"9" * 5000} = 1\n')
+    with pytest.raises(ScenarioError) as error:
+        read_scenario(str(path))
+    assert len(str(error.value)) < 1000
 
 
 def test_flash_or_spool_that_asks_for_too_much_memory_is_damaged(
