@@ -1,6 +1,6 @@
 const CALM_FRAME_MS = 500;
-/** Painting may take at most this share of the time, so that a slow machine stays usable. */
-const SHARE = 0.6;
+/** What paints may take at most this share of the time: the browser takes as much again to bring it to the screen. */
+const SHARE = 0.3;
 
 /** Calls for a frame as often as the screen shows one, and less often when painting is slow. */
 export class Ticker {
