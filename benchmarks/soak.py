@@ -133,13 +133,14 @@ def _missing(stack: RealStack, sent: int) -> int:
 
 def _process(seconds: list[float], used: list[int], idle: int, after: int) -> dict[str, Any]:
     trend = Trend.of(seconds, used)
+    stretches = np.array_split(used, min(_STRETCHES, len(used)))
     return {
         "idle": idle,
         "mean": trend.mean,
         "most": max(used),
         "after": after,
         "growth_an_hour": [trend.lo, trend.hi],
-        "stretches": [int(np.median(part)) for part in np.array_split(used, _STRETCHES)],
+        "stretches": [int(np.median(part)) for part in stretches],
         "verdict": trend.verdict,
     }
 
