@@ -23,6 +23,10 @@ _STALLED_S: Final = 30.0
 """For so long somebody may read nothing of an answer."""
 _UNSENT_BYTES: Final = 16_384
 """What waits to be sent lies with who makes it, who may still think better of it."""
+_PROMPT_BYTES: Final = 2048
+"""The same where what waits grows stale."""
+PROMPT: Final = "eskin.prompt"
+"""Extension of ASGI: an answer that calls its ``begin`` has as little as can be wait to be sent."""
 _DETAILS: Final = {
     400: "this is no HTTP/1.1 request",
     408: "the request came too slowly",
@@ -82,10 +86,7 @@ class GuardedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
-        transport.set_write_buffer_limits(_UNSENT_BYTES)
-        transport.get_extra_info("socket").setsockopt(
-            socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, _UNSENT_BYTES
-        )
+        self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
         others = [getattr(other, "client", None) for other in self.connections]
         same = sum(1 for other in others if other and self.client and other[0] == self.client[0])
         if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:
@@ -114,6 +115,8 @@ class GuardedProtocol(HttpToolsProtocol):
     def on_message_begin(self) -> None:
         """A request begins."""
         super().on_message_begin()
+        begin = functools.partial(self._limit_unsent, 0, _PROMPT_BYTES)
+        self.scope["extensions"] = {PROMPT: {"begin": begin}}
         self._in_head, self._body_bytes = True, 0
         self._expect(self._bounds.head_s, self._too_slow)
 
@@ -170,6 +173,12 @@ class GuardedProtocol(HttpToolsProtocol):
         )
         self.transport.write(head.encode() + body)
         self.transport.close()
+
+    def _limit_unsent(self, ours: int, kernel: int) -> None:
+        """Have an answer wait when so many bytes do, here or in the kernel."""
+        self.transport.set_write_buffer_limits(ours)
+        connection = self.transport.get_extra_info("socket")
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NOTSENT_LOWAT, kernel)
 
     def _look(self) -> None:
         """Enough of the body came, or we are who did not read it."""

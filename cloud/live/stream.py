@@ -8,6 +8,7 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
+from cloud.live.pace import Pace
 from cloud.live.printing import event, print_joined
 from eskin.errors import StoreError
 
@@ -21,10 +22,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _AT_ONCE: Final = 64
-_PATIENCE_S: Final = 0.2
-"""Whoever takes longer to make room for more is slow."""
-_PROMPT_S: Final = 0.02
-"""Whoever is slow stays so until there is room at once: hulls leave room to spare."""
 _JOINED: Final = 2000
 
 
@@ -81,7 +78,7 @@ async def stream(
         allowed: Whether the one who asked still may; asked at every heartbeat.
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
     """
-    present, slow = feed.last, False
+    present, pace = feed.last, Pace(time.monotonic)
     try:
         with feed.subscribed(), onlookers.looking(selection.looked_at):
             yield b"retry: 2000\n: connected\n\n"
@@ -91,14 +88,15 @@ async def stream(
                     missed, cursor = cursor, feed.last - backlog
                     yield event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
                 begun = cursor
-                found, cursor = await feed.after(cursor, _JOINED if slow else _AT_ONCE)
+                found, cursor = await feed.after(cursor, _JOINED if pace.slow else _AT_ONCE)
                 said = _choose(found, selection, reveal)
                 if said:
-                    yield _print(feed, said, selection.points, begun if slow else None)
+                    yield _print(feed, said, selection.points, begun if pace.slow else None)
                     asked = time.monotonic()
                     yield b""  # goes on once there is room for more
-                    took = time.monotonic() - asked
-                    slow = begun >= present and took > (_PROMPT_S if slow else _PATIENCE_S)
+                    if begun >= present:
+                        pace.note(time.monotonic() - asked)
+                        await asyncio.sleep(pace.pause)
                 if time.monotonic() >= due:
                     if not await asyncio.to_thread(allowed):
                         return

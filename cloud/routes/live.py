@@ -7,6 +7,7 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Header, Query
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response, StreamingResponse
+from starlette.types import Receive, Scope, Send
 
 from cloud.dependencies import CloudState, Reader
 from cloud.live.stream import Selection, stream
@@ -15,6 +16,7 @@ from cloud.query.places import find_node, read_place
 from cloud.routes.documents import REFUSALS_OF_PLACE
 from cloud.state import Cloud
 from eskin.errors import QueryError
+from eskin.listening import PROMPT
 from eskin.privacy import is_biometric
 
 router = APIRouter(tags=["live"])
@@ -37,9 +39,15 @@ class LiveQuery(BaseModel):
 
 
 class EventStream(StreamingResponse):
-    """Server-sent events."""
+    """Server-sent events: what is said of now, and is told late, had better be said anew."""
 
     media_type = _MEDIA_TYPE
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, with as little as can be between who tells and who reads."""
+        if prompt := scope.get("extensions", {}).get(PROMPT):
+            prompt["begin"]()
+        await super().__call__(scope, receive, send)
 
 
 @router.get(

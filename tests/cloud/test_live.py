@@ -144,7 +144,8 @@ async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
 async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cloud.live.stream._PATIENCE_S", -1.0)  # however quickly it reads
+    monkeypatch.setattr("cloud.live.pace.PAUSE_S", 1e-9)
+    monkeypatch.setattr("cloud.live.pace.PATIENCE_S", -1.0)  # however quickly it reads
 
     def said(first: int, moment: int) -> Block:
         lo = np.random.default_rng(first).normal(size=10)
@@ -180,22 +181,24 @@ async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
 ) -> None:
     now = [0.0]
     monkeypatch.setattr("cloud.live.stream.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("cloud.live.pace.PAUSE_S", 1e-9)
     told = []
     async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
         await anext(slow)
-        for number, wait in enumerate((0.1, 0.3, 0.1, 0.01, 0.1)):
+        for number, wait in enumerate((0.1, 0.3, 0.01, *[0.1] * 10, 0.01, 0.1)):
             await stand.ingest(batch(block(number)))
             (event,) = events_of(await anext(slow))
             told.append(event["data"]["resolution"])
             assert await anext(slow) == b""
             now[0] += wait  # until there is room
-    assert told == ["sample", "sample", "hull", "hull", "sample"]
+    assert told == ["sample", "sample", *["hull"] * 12, "sample"]
 
 
 async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cloud.live.stream._PATIENCE_S", -1.0)
+    monkeypatch.setattr("cloud.live.pace.PAUSE_S", 1e-9)
+    monkeypatch.setattr("cloud.live.pace.PATIENCE_S", -1.0)
     await stand.ingest(batch(*(block(n) for n in range(200))))
     heard = await take(stand, 200)
     assert [int(event["id"]) for event in heard] == list(range(1, 201))

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import json
+import socket
 from contextlib import asynccontextmanager
 from typing import TYPE_CHECKING
 
 import pytest
 
 from cloud.listener import Listener, bind
-from eskin.listening import Bounds
+from eskin.listening import PROMPT, Bounds
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator
 
-    from starlette.types import Receive, Scope, Send
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
 pytestmark = pytest.mark.anyio
 BRIEF = Bounds(head_s=0.2, body_s=0.2, head_bytes=2000, body_bytes=100)
@@ -45,10 +46,10 @@ async def application(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @asynccontextmanager
-async def listening(bounds: Bounds) -> AsyncIterator[int]:
+async def listening(bounds: Bounds, app: ASGIApp = application) -> AsyncIterator[int]:
     """A listener; gives its port."""
     bound = bind("people", "127.0.0.1", 0)
-    listener = Listener(application, bound, context=None, bounds=bounds)
+    listener = Listener(app, bound, context=None, bounds=bounds)
     task = asyncio.create_task(listener.run_until_told())
     await listener.ready.wait()
     try:
@@ -175,3 +176,35 @@ async def test_requests_one_behind_the_other_are_answered() -> None:
         said = await say(port, GET + post, last)
     assert said.count(b"HTTP/1.1 200") == 3
     assert b"abc" in said
+
+
+async def test_prompt_answer_waits_with_its_maker_and_not_on_the_way() -> None:
+    made: asyncio.Queue[int] = asyncio.Queue()
+
+    async def endless(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["path"] == "/prompt":
+            scope["extensions"][PROMPT]["begin"]()
+        await send({"type": "http.response.start", "status": 200, "headers": []})
+        taken = 0
+        try:
+            while True:
+                part = {"type": "http.response.body", "body": bytes(1000), "more_body": True}
+                await asyncio.wait_for(send(part), 1.0)
+                taken += 1000
+        except TimeoutError:  # there is no room for more
+            made.put_nowait(taken)
+        while (await receive())["type"] != "http.disconnect":
+            pass
+
+    async def taken(path: bytes) -> int:
+        with socket.socket() as idle:
+            idle.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            idle.setblocking(False)  # noqa: FBT003 - its only parameter
+            loop = asyncio.get_running_loop()
+            await loop.sock_connect(idle, ("127.0.0.1", port))
+            await loop.sock_sendall(idle, GET.replace(b"/path", path))
+            return await asyncio.wait_for(made.get(), 20.0)
+
+    async with listening(PATIENT, endless) as port:
+        assert await taken(b"/prompt") < 10_000
+        assert 25_000 < await taken(b"/path") < 100_000

@@ -136,7 +136,7 @@ def main() -> None:
     flags = {
         "runs": options.inputs,
         "seed": options.seed,
-        "max_len": LONGEST,
+        "max_len": target.longest,
         "timeout": SLOWEST_S,
         "rss_limit_mb": 0,
         "artifact_prefix": f"{options.folder}/broken-",

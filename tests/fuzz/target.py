@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
+from tests.fuzz.current import LONGEST
+
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
@@ -44,12 +46,15 @@ class Target:
         mutate: Changes an input, knowing how it is made.
         check: The oracle: raises whatever breaks it, and nothing else.
         stack: What it needs until its end.
+        longest: Bytes of an input. libFuzzer keeps what grows, so that a target whose cost grows
+            with its input would spend its time on few of them.
     """
 
     seeds: tuple[bytes, ...]
     mutate: Callable[[bytes, Random], bytes]
     check: Callable[[bytes], None]
     stack: ExitStack = field(default_factory=ExitStack)
+    longest: int = LONGEST
 
 
 def load(name: str, folder: Path) -> Target:

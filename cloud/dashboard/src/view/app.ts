@@ -73,7 +73,8 @@ export class App {
   }
 
   start(): void {
-    this.options.root.replaceChildren(this.header(), this.banner, this.strip.root, this.stack.root, this.announcer);
+    const overview = element("div", { class: "overview" }, this.strip.root, this.stack.root);
+    this.options.root.replaceChildren(this.header(), this.banner, overview, this.announcer);
     addEventListener("hashchange", () => this.show(readPlace(location.hash)));
     addEventListener("keydown", this.onKey);
     this.show(this.place);
