@@ -91,7 +91,8 @@ class Change:
                 self.insert(loss.gap(self._scribe, sequence))
                 loss, sequence = Loss(FULL), self._numbers.next_sequence()
             boot, number = victim.position
-            self._remove(boot, number)
+            if not self._remove(boot, number):
+                break  # a damaged chip, which shows what it does not hold
             loss.take(victim.time, victim.samples, victim.messages)
             loss.name(boot, number, number)
         self.insert(loss.gap(self._scribe, sequence))
@@ -111,7 +112,8 @@ class Change:
                 return found
         return None
 
-    def _remove(self, boot: int, sequence: int) -> None:
+    def _remove(self, boot: int, sequence: int) -> int:
         messages, freed = self._chip.delete(boot, sequence, sequence)
         self.level.messages -= messages
         self.level.used -= freed
+        return messages

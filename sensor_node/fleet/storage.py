@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
-from eskin.wholeness import UNREADABLE, why
+from eskin.wholeness import UNREADABLE, require_whole, why
 from sensor_node.cipher import Cipher
 from sensor_node.fleet.schema import RECORDS, SCHEMA, SEAL, teach
 from sensor_node.migration import connect, migrate
@@ -119,6 +119,7 @@ class Storage:
         self._owner.close()
 
     def _migrate(self) -> None:
+        require_whole(self.db)
         teach(self.db, self._cipher)
         migrate(self.db, self.path, schema=SCHEMA, seal=SEAL)
         require_key(self.db, self.path, Sealing(self._cipher, ""), self._records())

@@ -158,6 +158,15 @@ def test_full_of_events_gives_up_events_and_still_says_so(path: Path) -> None:
     store.flash.close()
 
 
+def test_flash_that_shows_what_it_does_not_hold_stops_nobody(
+    small: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(small.flash, "delete", lambda *_: (0, 0))
+    small.fill(40)
+    blocks = [message for message in small.messages() if isinstance(message, Block)]
+    assert len(blocks) == 40
+
+
 def test_gap_gives_way_when_nothing_else_is_left_and_its_losses_stay_counted(path: Path) -> None:
     store = Store(path, 4096)
     said = 0
