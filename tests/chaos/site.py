@@ -144,8 +144,9 @@ class Site:
         for part in self.nodes:
             part.running.stop(seconds=seconds)
             while self._count(self.layout.flash(part.name), "message"):
+                last = self._last_boot(part.name)
                 part.running.start()
-                self._wait_for_earlier_boots(part.name, seconds)
+                self._wait_until_told(part.name, last, seconds)
                 part.running.stop(seconds=seconds)
         while before := self._still_waiting():
             less = partial(self._is_less, before)
@@ -157,12 +158,13 @@ class Site:
     def _is_less(self, before: int) -> bool:
         return self._still_waiting() < before
 
-    def _wait_for_earlier_boots(self, node: str, seconds: float) -> None:
-        """Wait until what a node said before its last start has left its flash."""
-        query = (
-            "SELECT count(*) FROM message "
-            "WHERE boot < (SELECT value FROM counter WHERE name = 'boot')"
-        )
+    def _last_boot(self, node: str) -> int:
+        query = "SELECT value FROM counter WHERE name = 'boot'"
+        return int(ask(self.layout.flash(node), query)[0][0])
+
+    def _wait_until_told(self, node: str, boot: int, seconds: float) -> None:
+        """Wait until what a node said up to a boot has left its flash, which another boot does."""
+        query = f"SELECT count(*) FROM message WHERE boot <= {boot}"  # noqa: S608 - a number
         wait_until(
             lambda: ask(self.layout.flash(node), query)[0][0] == 0,
             f"what {node} said before its last start arrives",
