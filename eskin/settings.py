@@ -173,4 +173,8 @@ def _refusal(error: ValidationError, path: Path | None) -> SettingsError:
         return SettingsError(name, f"is missing{where}; it has no default")
     if first["type"] == "extra_forbidden":
         return SettingsError(name, f"no such setting{where}; check its spelling")
-    return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {first['msg']}")
+    why = first["msg"]
+    if first["type"] == "union_tag_invalid":  # which tells the whole tag
+        found = first["ctx"]
+        why = f"{found['discriminator']} is one of {found['expected_tags']}"
+    return SettingsError(name, f"{shown(first['input'])} is not allowed{where}: {why}")

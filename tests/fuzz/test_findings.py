@@ -36,8 +36,10 @@ from gateway.spool import Spool
 from sensor_node.replay.recording import read_recording
 from sensor_node.replay.rows import read_rows
 from sensor_node.scenario import read_scenario
+from sensor_node.settings import NodeSettings
 from sensor_node.truth import Truth
 from tests.fuzz.targets import enrolment, requests
+from tests.fuzz.targets.settings import NODE
 from tests.sensor_node.flashes import open_flash
 from tests.sensor_node.scenario.scripts import HEAD
 from tests.sensor_node.stores import Store
@@ -98,11 +100,14 @@ def test_long_names_and_cells_are_shown_in_short(tmp_path: Path) -> None:
     path.write_text(f"{'a' * 5000} = 1")
     with pytest.raises(SettingsError) as setting:
         GatewaySettings.load(path)
+    path.write_text(f'{NODE}[[taxel]]\nid = "t01"\nkind = "{"9" * 5000}"\n')
+    with pytest.raises(SettingsError, match=r"'kind' is one of .*'pad'") as kind:
+        NodeSettings.load(path)
     table = tmp_path / "long.csv"
     table.write_text(f"time,channel,value\n{'x' * 5000},a.b,1\n")
     with pytest.raises(RecordingError) as cell:
         read_recording(table)
-    assert max(len(str(setting.value)), len(str(cell.value))) < 1000
+    assert max(len(str(found.value)) for found in (setting, kind, cell)) < 1000
 
 
 @pytest.mark.parametrize(
