@@ -138,6 +138,7 @@ def main() -> None:
         "seed": options.seed,
         "max_len": target.longest,
         "timeout": SLOWEST_S,
+        "report_slow_units": SLOWEST_S,
         "rss_limit_mb": 0,
         "artifact_prefix": f"{options.folder}/broken-",
         "print_final_stats": 1,
