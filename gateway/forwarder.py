@@ -26,6 +26,10 @@ log = logging.getLogger(__name__)
 
 _TICK_S: Final = 0.25
 _DRAIN_S: Final = 5.0
+_FEW: Final = 64
+"""A request of fewer messages costs more for each than to let some more of them come would."""
+_REST_S: Final = 0.05
+"""The rest after few is as long as their request took, but no longer than this."""
 
 
 class Forwarder:
@@ -78,6 +82,7 @@ class Forwarder:
         while True:
             if self._stopping.is_set():
                 deadline = min(deadline, time.monotonic() + _DRAIN_S)
+            begun = time.monotonic()
             try:
                 sent = self.forward()
                 failed = False
@@ -91,7 +96,9 @@ class Forwarder:
                 self._stopping.wait(self._backoff.failed())
             if self._stopping.is_set() and (failed or not sent or time.monotonic() > deadline):
                 return
-            if not sent and not failed:
+            if 0 < sent < min(_FEW, self._most):
+                self._stopping.wait(min(time.monotonic() - begun, _REST_S))
+            elif not sent and not failed:
                 self._thrift.take(0)
                 self._spool.filled.wait(_TICK_S)
 

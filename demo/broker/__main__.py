@@ -8,6 +8,8 @@ import signal
 import sys
 from pathlib import Path
 
+import uvloop
+
 from demo.broker.broker import LoopbackBroker
 from demo.broker.doorkeeper import Doorkeeper
 from eskin.identity import Identity
@@ -42,4 +44,4 @@ if __name__ == "__main__":
     for handler in logging.getLogger().handlers:
         handler.addFilter(_in_one_line)
     logging.getLogger("demo").setLevel(logging.INFO)
-    asyncio.run(serve(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])))
+    uvloop.run(serve(Path(sys.argv[1]), Path(sys.argv[2]), int(sys.argv[3])))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import cbor2
 import pytest
@@ -12,66 +12,18 @@ from hypothesis import strategies as st
 from eskin.errors import CloudError
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
-from gateway.batch import Batch, Entry
-from gateway.cloud import Answer, HttpsCloud, as_batch
-from gateway.counters import Counters
-from gateway.forwarder import Forwarder
+from gateway.cloud import HttpsCloud, as_batch
 from gateway.onlookers import Onlookers
-from gateway.settings import CloudSection
-from gateway.spool import Spool
 from gateway.warrants import Warrants
+from tests.gateway.forwarding import MESSAGES, MemoryCloud, Setup
 from tests.gateway.stub_cloud import StubCloud
-from tests.gateway.twins import quick
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Iterator
     from pathlib import Path
 
-    from gateway.cloud import Cloud
     from tests.identities import Identities
-
-MESSAGES = [("n", bytes([number])) for number in range(10)]
-
-
-class MemoryCloud:
-    """The in-memory twin: stores, or fails as told."""
-
-    def __init__(self) -> None:
-        self.mode = "ok"
-        self.stored: list[tuple[str, bytes]] = []
-
-    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
-        if self.mode in {"error", "busy", "nonsense", "short"}:
-            raise CloudError("told to fail", status=500)
-        if self.mode == "large" and len(messages) > 2:
-            raise CloudError("too large", status=413)
-        return [self._store(message) for message in messages]
-
-    def _store(self, message: tuple[str, bytes]) -> Answer:
-        result: Literal["stored", "duplicate"] = "duplicate" if message in self.stored else "stored"
-        if self.mode == "reject":
-            return Answer("rejected", "not wanted")
-        if result == "stored":
-            self.stored.append(message)
-        return Answer(result, None)
-
-
-class Setup:
-    """A forwarder between a spool with ten messages and a cloud."""
-
-    def __init__(self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud) -> None:
-        self.told = told
-        self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
-        self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
-        self.counters = Counters()
-        self.forwarder = Forwarder(
-            CloudSection(batch_messages=4),
-            spool=self.spool,
-            cloud=cloud,
-            backoff=quick(),
-            counters=self.counters,
-        )
 
 
 def https(

@@ -1,0 +1,63 @@
+"""A forwarder between a spool with messages and a cloud, for tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from eskin.errors import CloudError
+from gateway.batch import Batch, Entry
+from gateway.cloud import Answer
+from gateway.counters import Counters
+from gateway.forwarder import Forwarder
+from gateway.settings import CloudSection
+from gateway.spool import Spool
+from tests.gateway.twins import quick
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from gateway.cloud import Cloud
+    from tests.gateway.stub_cloud import StubCloud
+
+MESSAGES = [("n", bytes([number])) for number in range(10)]
+
+
+class MemoryCloud:
+    """The in-memory twin: stores, or fails as told."""
+
+    def __init__(self) -> None:
+        self.mode = "ok"
+        self.stored: list[tuple[str, bytes]] = []
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        if self.mode in {"error", "busy", "nonsense", "short"}:
+            raise CloudError("told to fail", status=500)
+        if self.mode == "large" and len(messages) > 2:
+            raise CloudError("too large", status=413)
+        return [self._store(message) for message in messages]
+
+    def _store(self, message: tuple[str, bytes]) -> Answer:
+        result: Literal["stored", "duplicate"] = "duplicate" if message in self.stored else "stored"
+        if self.mode == "reject":
+            return Answer("rejected", "not wanted")
+        if result == "stored":
+            self.stored.append(message)
+        return Answer(result, None)
+
+
+class Setup:
+    """A forwarder between a spool with ten messages and a cloud."""
+
+    def __init__(self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud) -> None:
+        self.told = told
+        self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
+        self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
+        self.counters = Counters()
+        self.forwarder = Forwarder(
+            CloudSection(batch_messages=4),
+            spool=self.spool,
+            cloud=cloud,
+            backoff=quick(),
+            counters=self.counters,
+        )

@@ -1,0 +1,54 @@
+"""A forwarder rests after a request of few messages."""
+
+from __future__ import annotations
+
+from threading import Event
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.gateway.forwarding import MESSAGES, MemoryCloud, Setup
+from tests.processes import wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from gateway.cloud import Answer
+
+
+class _Rests(Event):
+    """Notes how long it is waited for, and lets nobody wait."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seconds: list[float] = []
+
+    def wait(self, timeout: float | None = None) -> bool:
+        self.seconds.append(timeout or 0.0)
+        return self.is_set()
+
+
+@pytest.mark.parametrize(("took", "rest"), [(0.02, 0.02), (0.3, 0.05)])
+def test_few_messages_are_followed_by_a_rest_and_many_are_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, took: float, rest: float
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("gateway.forwarder.time", SimpleNamespace(monotonic=lambda: now[0]))
+    cloud = MemoryCloud()
+    setup = Setup(tmp_path, cloud, cloud)
+    send = cloud.send
+
+    def slowly(messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        now[0] += took
+        return send(messages)
+
+    monkeypatch.setattr(cloud, "send", slowly)
+    rests = setup.forwarder._stopping = _Rests()
+    setup.forwarder.start()
+    wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
+    setup.forwarder.stop()
+    setup.spool.close()
+    assert cloud.stored == MESSAGES  # four, four, and two
+    assert rests.seconds == [pytest.approx(rest)]
