@@ -1,8 +1,9 @@
-"""How long somebody counts as slow, and how often it is told then."""
+"""How long somebody counts as slow, how often it is told then, and that little is on the way."""
 
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import pytest
 
@@ -15,6 +16,13 @@ from cloud.live.pace import (
     REST_S,
     Pace,
 )
+from cloud.routes.live import EventStream
+from eskin.listening import PROMPT
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from starlette.types import Message
 
 LATE_S = PATIENCE_S * 1.01
 
@@ -83,3 +91,26 @@ def test_one_delay_after_a_long_time_is_nothing_to_be_remembered() -> None:
         reader.now += REST_S
         assert not reader.take(PROMPT_S)
         reader.now += 2 * REST_S
+
+
+@pytest.mark.anyio
+async def test_event_stream_has_as_little_as_can_be_wait_on_the_way() -> None:
+    begun: list[bool] = []
+    sent: list[bytes] = []
+
+    async def told() -> AsyncIterator[bytes]:
+        assert begun
+        yield b"data: 1\n\n"
+
+    async def receive() -> Message:
+        return {"type": "http.disconnect"}
+
+    async def send(message: Message) -> None:
+        sent.append(message.get("body", b""))
+
+    extensions = {PROMPT: {"begin": lambda: begun.append(True)}}
+    scope = {"type": "http", "asgi": {"spec_version": "2.4"}, "extensions": extensions}
+    await EventStream(told())(scope, receive, send)
+    assert sent == [b"", b"data: 1\n\n", b""]
+    await EventStream(told())(scope | {"extensions": {}}, receive, send)
+    assert begun == [True]
