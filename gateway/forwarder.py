@@ -26,8 +26,9 @@ log = logging.getLogger(__name__)
 
 _TICK_S: Final = 0.25
 _DRAIN_S: Final = 5.0
-_FEW: Final = 64
-"""A request of fewer messages costs more for each than to let some more of them come would."""
+_FEW: Final = range(8, 64)
+"""Such requests cost more for each message than to let some more of them come would. With fewer,
+messages come too seldom for that."""
 _REST_S: Final = 0.05
 """The rest after few is as long as their request took, but no longer than this."""
 
@@ -96,7 +97,7 @@ class Forwarder:
                 self._stopping.wait(self._backoff.failed())
             if self._stopping.is_set() and (failed or not sent or time.monotonic() > deadline):
                 return
-            if 0 < sent < min(_FEW, self._most):
+            if sent in _FEW and sent < self._most:
                 self._stopping.wait(min(time.monotonic() - begun, _REST_S))
             elif not sent and not failed:
                 self._thrift.take(0)

@@ -49,13 +49,15 @@ class MemoryCloud:
 class Setup:
     """A forwarder between a spool with ten messages and a cloud."""
 
-    def __init__(self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud) -> None:
+    def __init__(
+        self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud, *, most: int = 4
+    ) -> None:
         self.told = told
         self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
         self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
         self.counters = Counters()
         self.forwarder = Forwarder(
-            CloudSection(batch_messages=4),
+            CloudSection(batch_messages=most),
             spool=self.spool,
             cloud=cloud,
             backoff=quick(),

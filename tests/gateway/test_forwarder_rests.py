@@ -1,4 +1,4 @@
-"""A forwarder rests after a request of few messages."""
+"""A forwarder rests after a request of some messages, and only then."""
 
 from __future__ import annotations
 
@@ -30,14 +30,22 @@ class _Rests(Event):
         return self.is_set()
 
 
-@pytest.mark.parametrize(("took", "rest"), [(0.02, 0.02), (0.3, 0.05)])
-def test_few_messages_are_followed_by_a_rest_and_many_are_not(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, took: float, rest: float
+@pytest.mark.parametrize(
+    ("most", "took", "rests"),
+    [
+        (20, 0.02, [0.02]),  # all ten messages at once
+        (20, 0.3, [0.05]),
+        (10, 0.02, []),  # ten are all that a request may have
+        (7, 0.02, []),  # seven and three
+    ],
+)
+def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_single_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, took: float, rests: list[float]
 ) -> None:
     now = [0.0]
     monkeypatch.setattr("gateway.forwarder.time", SimpleNamespace(monotonic=lambda: now[0]))
     cloud = MemoryCloud()
-    setup = Setup(tmp_path, cloud, cloud)
+    setup = Setup(tmp_path, cloud, cloud, most=most)
     send = cloud.send
 
     def slowly(messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
@@ -45,10 +53,10 @@ def test_few_messages_are_followed_by_a_rest_and_many_are_not(
         return send(messages)
 
     monkeypatch.setattr(cloud, "send", slowly)
-    rests = setup.forwarder._stopping = _Rests()
+    noted = setup.forwarder._stopping = _Rests()
     setup.forwarder.start()
     wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
     setup.forwarder.stop()
     setup.spool.close()
-    assert cloud.stored == MESSAGES  # four, four, and two
-    assert rests.seconds == [pytest.approx(rest)]
+    assert cloud.stored == MESSAGES
+    assert noted.seconds == pytest.approx(rests)
