@@ -29,7 +29,7 @@ def _whole_period(hertz: float) -> float:
     return hertz
 
 
-Rate: TypeAlias = Annotated[float, Field(gt=0, le=1e6), AfterValidator(_whole_period)]
+Rate: TypeAlias = Annotated[float, Field(ge=1e-6, le=1e6), AfterValidator(_whole_period)]
 
 Place: TypeAlias = Annotated[float, Field(strict=True, ge=-100, le=100, allow_inf_nan=False)]
 

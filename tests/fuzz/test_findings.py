@@ -13,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from cryptography.hazmat.primitives import serialization
+from pydantic import TypeAdapter, ValidationError
 
 from authority.requests import der_of_pem, make_request
 from cloud.settings import CloudSettings
@@ -37,6 +38,7 @@ from sensor_node.replay.recording import read_recording
 from sensor_node.replay.rows import read_rows
 from sensor_node.scenario import read_scenario
 from sensor_node.settings import NodeSettings
+from sensor_node.taxels.section import Rate
 from sensor_node.truth import Truth
 from tests.fuzz.targets import enrolment, requests
 from tests.fuzz.targets.settings import NODE
@@ -93,6 +95,11 @@ def test_nested_setting_of_the_environment_is_a_clear_error(
     monkeypatch.setenv("ESKIN_BROKER", "[" * 3000)
     with pytest.raises(SettingsError, match="environment"):
         GatewaySettings.load()
+
+
+def test_rate_whose_period_is_endless_is_refused() -> None:
+    with pytest.raises(ValidationError, match="greater than or equal to 0.000001"):
+        TypeAdapter(Rate).validate_python(1e-305)
 
 
 def test_long_names_and_cells_are_shown_in_short(tmp_path: Path) -> None:
