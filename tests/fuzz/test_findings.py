@@ -98,7 +98,7 @@ def test_nested_setting_of_the_environment_is_a_clear_error(
 
 
 def test_rate_whose_period_is_endless_is_refused() -> None:
-    with pytest.raises(ValidationError, match="greater than or equal to 0.000001"):
+    with pytest.raises(ValidationError, match=r"greater than or equal to 0\.000001"):
         TypeAdapter(Rate).validate_python(1e-305)
 
 
