@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
@@ -13,6 +14,7 @@ _WORDS: Final = (
     b"\x7f" + b"\xff" * 7, b"\x80" + b"\x00" * 7, b"\x00\x00\xc0\x7f",
     b"\x00\x00\x00\x00\x00\x00\xf0\x7f",
 )  # fmt: skip
+_WRITTEN: Final = re.compile(rb"[^\0]")
 
 
 def mutate_octets(data: bytes, random: Random) -> bytes:
@@ -79,9 +81,8 @@ def mutate_image(data: bytes, random: Random) -> bytes:
     image = bytearray(data)
     for _ in range(random.randint(1, 6)):
         place = random.randrange(len(image) or 1)
-        written = next((k for k in range(place, len(image)) if image[k]), None)
-        if written is not None:
+        if written := _WRITTEN.search(image, place):
             word = random.choice((random.randbytes(1), *_WORDS))
-            near = max(0, written + random.randint(-2, 2))
+            near = max(0, written.start() + random.randint(-2, 2))
             image[near : near + len(word)] = word
     return bytes(image[: len(data)])

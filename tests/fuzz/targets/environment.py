@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
 from eskin.settings import table
@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-_MOST = 12
+_MOST: Final = 12
+_LONGEST: Final = 2048
+"""Bytes of an input: twelve variables with long values."""
 
 
 def make(folder: Path) -> Target:
@@ -45,4 +47,4 @@ def make(folder: Path) -> Target:
         short = ["ESKIN_BROKER_PORT=1883", "ESKIN_TAXEL=[]", 'ESKIN_NODE={"name": "x"}']
         texts = ["\n".join(lines[k : k + 4]) for k in range(0, len(lines), 4)]
         seeds += [f"{number}{text}".encode() for text in (*texts, *short)]
-    return Target(tuple(seeds), mutate_text, check, bare_environment())
+    return Target(tuple(seeds), mutate_text, check, bare_environment(), _LONGEST)

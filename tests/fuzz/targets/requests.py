@@ -6,7 +6,7 @@ import json
 import logging
 from contextlib import ExitStack
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from cloud.access import Scope, create_token
 from cloud.application import people_application
@@ -58,6 +58,9 @@ _BODIES = (
     ("tokens", {"name": "lab", "scopes": ["read"], "days": 30}),
 )
 
+_LONGEST: Final = 4096
+"""Bytes of an input."""
+
 
 def make(folder: Path) -> Target:
     """The input is ``METHOD target``, header lines, an empty line, a body; none is answered by 5xx.
@@ -98,7 +101,8 @@ def make(folder: Path) -> Target:
         f"POST /api/v1/{path}\nContent-Type: application/json\n\n{json.dumps(body)}"
         for path, body in _BODIES
     ]
-    return Target(tuple(seed.encode() for seed in (*_ASKED, *posted)), mutate_text, check, stack)
+    seeds = tuple(seed.encode() for seed in (*_ASKED, *posted))
+    return Target(seeds, mutate_text, check, stack, _LONGEST)
 
 
 def _require_sound(answer: Answer) -> None:
