@@ -67,7 +67,7 @@ _SEAL: Final = (
     "UPDATE answer SET body = sealed_last('answer', body)",
     "UPDATE charge SET body = sealed_last('charge', body)",
 )
-_COUNT: Final = "UPDATE counter SET value = iif(value, value + 1, ?) WHERE name = 'boot'"
+_COUNT: Final = "UPDATE counter SET value = max(value + 1, ?) WHERE name = 'boot'"
 _SELECT: Final = (
     "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
 )
@@ -84,8 +84,8 @@ class Flash:
         path: Database file; made if missing.
         node: Whose it is.
         key: The chip's, under which all is sealed.
-        epoch: Number of the first boot of a fresh flash; ``None`` takes the present in seconds, so
-            that a flash that was wiped or replaced starts above all numbers that the node has used
+        epoch: Least number of this start; ``None`` takes the present in seconds, so that a flash that
+            was wiped, or replaced by an older copy, starts above all numbers that the node has used
             before, which others remember.
 
     Attributes:

@@ -43,7 +43,7 @@ class Storage:
         path: Database file; made if missing.
         names: The members'.
         key: The chip's, under which all is sealed.
-        epoch: Boot of a fresh member; ``None`` takes the present in seconds.
+        epoch: Least number of this start; ``None`` takes the present in seconds, as `Flash` does.
 
     Raises:
         FlashError: It cannot be opened; or, by any method here or of a partition, it cannot be read
@@ -55,7 +55,7 @@ class Storage:
     ) -> None:
         self.path = path
         self._cipher = Cipher(key)
-        first = int(time.time()) if epoch is None else epoch
+        least = int(time.time()) if epoch is None else epoch
         try:
             with ExitStack() as opened:
                 self._owner = opened.enter_context(LockFile(path))
@@ -64,8 +64,8 @@ class Storage:
                 self.db.execute("BEGIN IMMEDIATE")
                 self.db.executemany(
                     "INSERT INTO member (name, boot) VALUES (?, ?) "
-                    "ON CONFLICT (name) DO UPDATE SET boot = boot + 1",
-                    ((name, first) for name in names),
+                    "ON CONFLICT (name) DO UPDATE SET boot = max(boot + 1, excluded.boot)",
+                    ((name, least) for name in names),
                 )
                 self.db.execute("COMMIT")
                 opened.pop_all()

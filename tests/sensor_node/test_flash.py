@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from typing import TYPE_CHECKING
 
@@ -38,6 +39,24 @@ def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> Non
         other.close()
         assert kept == (boot,)
         flash.close()
+
+
+def test_older_copy_starts_above_all_numbers_used_since(path: Path) -> None:
+    copy = path.with_name("copy")
+    open_flash(path, epoch=100).close()
+    shutil.copy(path, copy)
+    assert [_start(path, now=now) for now in (160, 160, 190)] == [160, 161, 190]
+    assert _start(copy, now=220) == 220
+
+
+def test_clock_that_is_behind_takes_no_number_twice(path: Path) -> None:
+    assert [_start(path, now=now) for now in (160, 0, 90)] == [160, 161, 162]
+
+
+def _start(path: Path, *, now: int) -> int:
+    flash = open_flash(path, epoch=now)
+    flash.close()
+    return flash.boot
 
 
 def test_what_was_committed_is_there_after_reopening(path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sqlite3
 from contextlib import closing
 from typing import TYPE_CHECKING
@@ -122,11 +123,22 @@ def test_undone_acknowledgements_leave_everything_to_be_sent_again(storage: Stor
 def test_each_start_counts_the_boot_of_each_member(tmp_path: Path) -> None:
     path = tmp_path / "flash.sqlite"
     Storage(path, NAMES[:1], key=KEY, epoch=7).close()
-    again = Storage(path, NAMES, key=KEY, epoch=20)
-    assert [again.partition(name).boot for name in NAMES] == [8, 20]
+    again = Storage(path, NAMES, key=KEY, epoch=5)
+    assert [again.partition(name).boot for name in NAMES] == [8, 5]
     with pytest.raises(FlashError, match="another fleet runs"):
         Storage(path, NAMES, key=KEY)
     again.close()
+
+
+def test_older_copy_starts_above_all_numbers_used_since(tmp_path: Path) -> None:
+    path, copy = tmp_path / "flash.sqlite", tmp_path / "copy.sqlite"
+    Storage(path, NAMES, key=KEY, epoch=100).close()
+    shutil.copy(path, copy)
+    for now in (160, 190):
+        Storage(path, NAMES, key=KEY, epoch=now).close()
+    older = Storage(copy, NAMES, key=KEY, epoch=220)
+    assert [older.partition(name).boot for name in NAMES] == [220, 220]
+    older.close()
 
 
 def test_no_file_shows_what_members_keep(storage: Storage, tmp_path: Path) -> None:
@@ -172,7 +184,7 @@ def test_fleet_from_before_is_sealed_and_leaves_nothing_behind(tmp_path: Path) -
     bodies = {name: b"of %b in the clear" % name.encode() * 50 for name in NAMES}
     write_old_storage(path, NAMES, bodies)
     for boot in (6, 7):
-        storage = Storage(path, NAMES, key=KEY)
+        storage = Storage(path, NAMES, key=KEY, epoch=1)
         for name in NAMES:
             partition = storage.partition(name)
             (kept,) = partition.after((-1, -1), 9)
