@@ -84,9 +84,9 @@ class Flash:
         path: Database file; made if missing.
         node: Whose it is.
         key: The chip's, under which all is sealed.
-        epoch: Least number of this start; ``None`` takes the present in seconds, so that a flash that
-            was wiped, or replaced by an older copy, starts above all numbers that the node has used
-            before, which others remember.
+        epoch: Least number of this start; ``None`` takes the present in seconds, so that a flash
+            that was wiped, or replaced by an older copy, starts above all numbers that the node has
+            used before, which others remember.
 
     Attributes:
         boot: Number of this start.
