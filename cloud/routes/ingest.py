@@ -3,7 +3,8 @@
 import asyncio
 import logging
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -20,6 +21,7 @@ from cloud.state import Cloud
 from cloud.store.gateways import hear
 from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
+from cloud.store.salvage import take_in_apart
 from eskin.messages import Result
 
 router = APIRouter(tags=["ingest"])
@@ -53,16 +55,14 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
 async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outcome:
     store, most = cloud.store, cloud.settings.store.dead_letters
 
-    def work(connection: Connection) -> Outcome:
+    def work(take: Callable[..., Outcome], connection: Connection) -> Outcome:
         warrant.require_first(connection)
         now, gateway = cloud.clock(), warrant.gateway
-        outcome = take_in(
-            connection, store.ledger, items, gateway=gateway, now=now, dead_letters=most
-        )
+        outcome = take(connection, store.ledger, items, gateway=gateway, now=now, dead_letters=most)
         hear(connection, gateway, warrant.condition, now=now, outcome=outcome)
         return outcome
 
-    written = store.write(work)
+    written = store.write(partial(work, take_in), instead=partial(work, take_in_apart))
     cloud.feed.follow(written, asyncio.get_running_loop())
     outcome = await asyncio.wrap_future(written)
     if any(isinstance(item.message, Result) for item in items):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 
 if TYPE_CHECKING:
@@ -33,6 +34,12 @@ _REFUSALS: Final = (
 )
 """What a server says when it lets nobody in."""
 _AWAY: Final = "it does not answer; start it, or set store.url right"
+
+
+def is_of_the_store(error: Exception) -> bool:
+    """Whether the store itself is at fault, and not what it was asked to do."""
+    of_the_work = isinstance(error, DataError | IntegrityError)
+    return isinstance(error, SQLAlchemyError) and not of_the_work
 
 
 def explain(error: Exception) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import insert, select
 
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
     from cloud.store.ledger import Ledger, Row
     from eskin.privacy import Veiled
+
+MOST_LAG: Final = 2**63 - 1
+"""What the store can hold, ns: 292 years. A node's times lie as far back as its clock does."""
 
 
 def see(
@@ -52,11 +55,11 @@ def note_blocks(
         now: UTC ns.
 
     Returns:
-        The lag: an enclosure, ns.
+        The lag: an enclosure, ns; `MOST_LAG` stands for more, too.
     """
     last = rows[-1]
     span = last["t_end"] - last["t"]
-    lag = now - last["t_hi"] - span, now - last["t_lo"] - span
+    lag = _lag(now - span, (last["t_lo"], last["t_hi"]))
     row = ledger.row(connection, nodes, last["node"])
     if row is not None:
         place = last["boot"], max(each["sequence"] for each in rows)
@@ -78,7 +81,7 @@ def note_veiled_lag(
     if row is None or message.kind is not Kind.BLOCK:
         return
     if row["lag_lo"] is None or row["lag_hi"] - row["lag_lo"] >= MINUTE:
-        row["lag_lo"], row["lag_hi"] = now - message.time[1], now - message.time[0]
+        row["lag_lo"], row["lag_hi"] = _lag(now, message.time)
         ledger.change(nodes, node)
 
 
@@ -115,6 +118,10 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
     if entries:
         ledger.save(connection)
     return entries
+
+
+def _lag(now: int, moment: tuple[int, int]) -> tuple[int, int]:
+    return min(now - moment[1], MOST_LAG), min(now - moment[0], MOST_LAG)
 
 
 def _fresh(node: str, position: Position, now: int) -> Row:

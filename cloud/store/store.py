@@ -88,13 +88,19 @@ class Store:
     ) -> None:
         self.close()
 
-    def write(self, work: Callable[[Connection], T]) -> Future[T]:
+    def write(
+        self, work: Callable[[Connection], T], *, instead: Callable[[Connection], T] | None = None
+    ) -> Future[T]:
         """Have work done within a transaction; the future is done once it is durable.
+
+        Args:
+            work: What is done.
+            instead: Done where that broke by an error that is none of ours.
 
         Raises:
             StoreError: Too many writes wait, or the store is closed.
         """
-        return self.writer.submit(work)
+        return self.writer.submit(work, instead=instead)
 
     @contextmanager
     def read(self) -> Iterator[Connection]:

@@ -9,10 +9,10 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
+from sqlalchemy.exc import SQLAlchemyError
 
-from cloud.store.faults import explain
-from eskin.errors import StoreError
+from cloud.store.faults import explain, is_of_the_store
+from eskin.errors import EskinError, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,12 +23,11 @@ log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 _MOST_SHARED: Final = 32
-_OF_THE_WORK: Final = (DataError, IntegrityError)
 
 
 @dataclass(frozen=True, slots=True)
 class _Job:
-    work: Callable[[Connection], Any]
+    ways: tuple[Callable[[Connection], Any], ...]
     future: Future[Any]
 
 
@@ -76,8 +75,14 @@ class Writer:
         """Jobs that wait."""
         return self._jobs.qsize()
 
-    def submit(self, work: Callable[[Connection], T]) -> Future[T]:
+    def submit(
+        self, work: Callable[[Connection], T], *, instead: Callable[[Connection], T] | None = None
+    ) -> Future[T]:
         """Have work done within a transaction; the future is done after its commit.
+
+        Args:
+            work: What is done.
+            instead: Done where that broke by an error that is none of ours: what nobody foresaw.
 
         Raises:
             StoreError: Too many wait, or the store is closed.
@@ -87,7 +92,8 @@ class Writer:
             if self._closing.is_set():
                 raise StoreError("the store is closed; nothing more is written")
             try:
-                self._jobs.put_nowait(_Job(work, future))
+                ways = (work,) if instead is None else (work, instead)
+                self._jobs.put_nowait(_Job(ways, future))
             except queue.Full:
                 raise StoreError(
                     f"{self._jobs.maxsize} writes wait already; try again in a moment"
@@ -135,18 +141,23 @@ class Writer:
             job.future.set_result(result)
 
     def _do(self, connection: Connection, job: _Job, done: list[tuple[_Job, Any]]) -> None:
-        savepoint = connection.begin_nested()
-        try:
-            result = job.work(connection)
-        except Exception as error:
-            if isinstance(error, SQLAlchemyError) and not isinstance(error, _OF_THE_WORK):
-                raise  # the store itself is at fault: nobody's work is committed
-            savepoint.rollback()
-            self._on_rollback()
-            job.future.set_exception(error)
-        else:
-            savepoint.commit()
-            done.append((job, result))
+        for way in job.ways:
+            savepoint = connection.begin_nested()
+            try:
+                result = way(connection)
+            except Exception as error:
+                if is_of_the_store(error):
+                    raise  # nobody's work is committed
+                savepoint.rollback()
+                self._on_rollback()
+                if way is job.ways[-1] or isinstance(error, EskinError):
+                    job.future.set_exception(error)
+                    return
+                log.exception("work failed, trying it in parts")
+            else:
+                savepoint.commit()
+                done.append((job, result))
+                return
 
     def _fail(self, batch: list[_Job], error: SQLAlchemyError | StoreError) -> None:
         self._on_rollback()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -14,6 +15,8 @@ from eskin.errors import SettingsError
 from eskin.moment import format_moment
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from eskin.privacy import Subject, Vault
     from gateway.assignments import Assignments
 
@@ -123,22 +126,39 @@ def export(
 
     vault, _ = _open(config)
     subject = _find(vault, _asked(name), None)
-    headers = {"Authorization": f"Bearer {token.read_text().strip()}"}
+    headers = {"Authorization": f"Bearer {_secret(token)}"}
     place = f"{url.rstrip('/')}/api/v1/subjects/{subject.pseudonym}/export"
-    lines = 0
     try:
-        with (
-            httpx.stream("GET", place, headers=headers, timeout=60, trust_env=False) as answer,
-            os.fdopen(os.open(out, _FRESH, 0o600), "wb") as file,
-        ):
+        with httpx.stream("GET", place, headers=headers, timeout=60, trust_env=False) as answer:
             if answer.status_code != httpx.codes.OK:
                 raise SettingsError("--url", f"{place} answered {answer.status_code}")
-            for part in answer.iter_bytes():
-                lines += part.count(b"\n")
-                file.write(part)
-    except (httpx.HTTPError, OSError) as error:
+            lines = _write(out, answer.iter_bytes())
+    except httpx.HTTPError as error:
         raise SettingsError("--url", f"{place}: {error}") from error
     typer.echo(f"{out}: {lines} messages of {subject.pseudonym}")
+
+
+def _secret(token: Path) -> str:
+    try:
+        return token.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise SettingsError("--token", f"{token} cannot be read: {error}") from error
+
+
+def _write(out: Path, parts: Iterator[bytes]) -> int:
+    """Write a new file, whole or not at all; gives the number of its lines."""
+    lines = 0
+    try:
+        with os.fdopen(os.open(out, _FRESH, 0o600), "wb") as file, ExitStack() as cut_off:
+            cut_off.callback(out.unlink)
+            for part in parts:
+                lines += part.count(b"\n")
+                file.write(part)
+            file.flush()
+            cut_off.pop_all()
+    except OSError as error:
+        raise SettingsError("--out", f"{out} cannot be written: {error.strerror}") from error
+    return lines
 
 
 def _open(config: Path) -> tuple[Vault, Assignments]:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from eskin.privacy import Vault
 
 NAME: Final = "Grace Hopper"
+CUT_OFF: Final = 10
+"""Bytes that the third answer promises beside."""
 LINES: Final = b'{"kind":"block"}\n{"kind":"peak"}\n'
 
 
@@ -88,7 +90,9 @@ def cloud() -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
     class Answers(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
             asked.append((self.path, self.headers["Authorization"]))
-            self.send_response(200 if len(asked) == 1 else 403)
+            allowed = self.headers["Authorization"] == "Bearer eskin_abc"
+            self.send_response(200 if allowed else 403)
+            self.send_header("Content-Length", str(len(LINES) + CUT_OFF * (len(asked) == 3)))
             self.end_headers()
             self.wfile.write(LINES)
 
@@ -117,4 +121,25 @@ def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
     assert asked == [(f"/api/v1/subjects/{grace.pseudonym}/export", "Bearer eskin_abc")]
     assert out.read_bytes() == LINES
     assert out.stat().st_mode & 0o077 == 0
-    assert "403" in site.run("export", *words, str(site.folder / "second"), status=2)
+
+
+def test_refused_or_cut_off_export_leaves_no_file_and_may_be_repeated(
+    site: Site, cloud: tuple[str, list[tuple[str, str | None]]]
+) -> None:
+    site.run("assign", "--node", "hand", "--name", NAME)
+    token, out = site.folder / "token", site.folder / "out.jsonl"
+    words = ["export", "--url", cloud[0], "--token", str(token), "--name", NAME]
+    words += ["--out", str(out)]
+    assert f"--token: {token} cannot be read" in site.run(*words, status=2)
+    token.write_text("eskin_abc")
+    site.run(*words)
+    assert "--out" in site.run(*words, status=2), "a file that is there is not overwritten"
+    assert out.read_bytes() == LINES
+    out.unlink()
+    assert "--url" in site.run(*words, status=2), "the third answer is cut off"
+    token.write_text("eskin_wrong")
+    assert "403" in site.run(*words, status=2)
+    assert not out.exists()
+    token.write_text("eskin_abc")
+    site.run(*words)
+    assert out.read_bytes() == LINES

@@ -1,0 +1,74 @@
+"""Taking in what can be of a batch in which something broke that nobody foresaw."""
+
+from __future__ import annotations
+
+import logging
+from itertools import chain
+from typing import TYPE_CHECKING
+
+from sqlalchemy.exc import SQLAlchemyError
+
+from cloud.store.faults import explain, is_of_the_store
+from cloud.store.intake import Outcome, take_in
+from cloud.store.item import Item
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection
+
+    from cloud.store.ledger import Ledger
+
+log = logging.getLogger(__name__)
+
+
+def take_in_apart(
+    connection: Connection,
+    ledger: Ledger,
+    items: Sequence[Item],
+    *,
+    gateway: str,
+    now: int,
+    dead_letters: int,
+) -> Outcome:
+    """Store a batch within a transaction, each item for itself; what breaks becomes a dead letter.
+
+    Else its gateway would bring the same batch for ever, and all that waits behind it with it.
+    Arguments and answer are those of `take_in`.
+    """
+
+    def take(item: Item) -> Outcome:
+        return take_in(
+            connection, ledger, [item], gateway=gateway, now=now, dead_letters=dead_letters
+        )
+
+    def take_or_bury(item: Item) -> Outcome:
+        savepoint = connection.begin_nested()
+        try:
+            outcome = take(item)
+        except Exception as error:
+            if is_of_the_store(error):
+                raise
+            savepoint.rollback()
+            ledger.forget()
+            log.exception(
+                "message broke the store's work: node=%s bytes=%d", item.node, len(item.data)
+            )
+            return take(Item.refused(item.node, item.data, f"it cannot be stored: {_told(error)}"))
+        savepoint.commit()
+        return outcome
+
+    outcomes = [take_or_bury(item) for item in items]
+    lags = [outcome.lag for outcome in outcomes if outcome.lag is not None]
+    return Outcome(
+        results=list(chain.from_iterable(outcome.results for outcome in outcomes)),
+        entries=list(chain.from_iterable(outcome.entries for outcome in outcomes)),
+        buried=sum(outcome.buried for outcome in outcomes),
+        lag=lags[-1] if lags else None,
+    )
+
+
+def _told(error: Exception) -> str:
+    """An error without the values that it may quote: a dead letter's reason is read by others."""
+    name = type(error).__name__
+    return f"{name}: {explain(error)}" if isinstance(error, SQLAlchemyError) else name
