@@ -19,7 +19,7 @@ from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.grid import CHUNK
 from cloud.store.schema import blocks, channels
-from cloud.store.tiles import stale
+from cloud.store.tiles import stale, tiles
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,6 +34,7 @@ Place: TypeAlias = tuple[str, str]
 Key: TypeAlias = tuple[str, str, int]
 
 _PAGE: Final = 4096
+_CLEARED: Final = 1024
 AT_ONCE: Final = 64
 """Chunks that are made and written in one step."""
 _FOREVER: Final = 2**63 - 1
@@ -43,6 +44,17 @@ _DELETE: Final = delete(stale).where(
     stale.c.chunk == bindparam("k"),
     stale.c.mark == bindparam("m"),
 )
+_OLD: Final = (
+    select(tiles.c.level, tiles.c.chunk)
+    .where(tiles.c.node == bindparam("n"), tiles.c.channel == bindparam("c"))
+    .limit(_CLEARED)
+)
+_CLEAR: Final = delete(tiles).where(
+    tiles.c.node == bindparam("n"),
+    tiles.c.channel == bindparam("c"),
+    tuple_(tiles.c.level, tiles.c.chunk).in_(_OLD),
+)
+"""What is left of a pyramid that does not count any more, some of it at once."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +115,8 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
     row = ledger.row(connection, channels, *place)
     if row is None or row["t_last"] is None:
         return False
+    if row["built"] is None and connection.execute(_CLEAR, {"n": place[0], "c": place[1]}).rowcount:
+        return True
     bits, b = row["grain"] + CHUNK, blocks.c
     query = select(b.t, b.t_end).where(b.node == place[0], b.channel == place[1])
     if row["built"] is not None:
@@ -119,9 +133,10 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
     for t, t_end in found:
         if t_end >= begun:
             ledger.outdate(row, max(t, begun), t_end)
+    more = len(found) == _PAGE or row["built"] is None
     ledger.change(channels, *place)
     ledger.save(connection)
-    return len(found) == _PAGE
+    return more
 
 
 def repair(store: Store, after: Key | None) -> Key | None:

@@ -83,8 +83,11 @@ class Descent:
         inside = Window(max(first, window.start), min(end, window.end))
         if inside.span <= 0:
             return
-        entered = self._is_open(inside)
-        if not entered:
+        stretch = self._open_stretch(inside)
+        if stretch is not None and stretch[0] <= inside.start and inside.end <= stretch[1]:
+            yield inside  # as a whole: below there may be billions of tiles without a sample
+            return
+        if stretch is None:
             piece = self._find(level, number)
             if len(piece) == 0:
                 return
@@ -92,7 +95,7 @@ class Descent:
             if answer is not None:
                 yield piece, answer
                 return
-        if level == grain or (entered and level <= grain + CHUNK):
+        if level == grain:
             yield inside
             return
         yield from self._level(level - STEP, number << STEP, (number << STEP) + (1 << STEP) - 1)
@@ -102,9 +105,10 @@ class Descent:
         whole = self._over_gaps or answer is Answer.IMPOSSIBLE or piece.breaks[0] == 0
         return answer if whole else None
 
-    def _is_open(self, inside: Window) -> bool:
+    def _open_stretch(self, inside: Window) -> tuple[int, int] | None:
+        """The last stretch in a window whose blocks must be read in the place of tiles."""
         at = bisect_right(self._opened, (inside.end - 1, self._window.end))
-        return at > 0 and self._opened[at - 1][1] > inside.start
+        return self._opened[at - 1] if at and self._opened[at - 1][1] > inside.start else None
 
     def _find(self, level: int, number: int) -> Pieces:
         chunk = number >> CHUNK

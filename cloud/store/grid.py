@@ -14,6 +14,8 @@ CHUNK: Final = 8
 """A chunk is ``2^CHUNK`` tiles."""
 TOP: Final = 50
 """No level is above: some thousand of its tiles reach over all times that there are."""
+MOST_CHUNKS: Final = 64
+"""One row's samples touch no more. Sampled five hundred times slower than the first, none does."""
 _SAMPLES: Final = 64
 
 
@@ -25,6 +27,19 @@ def grain_of(dt: int) -> int:
     """
     bits = (_SAMPLES * dt - 1).bit_length()
     return min(bits + bits % STEP, TOP)
+
+
+def grain_for(grain: int, first: int, last: int) -> int:
+    """The least level, from a channel's on, of which a stretch of time touches few chunks.
+
+    Args:
+        grain: The channel's lowest level.
+        first: UTC ns.
+        last: UTC ns, included.
+    """
+    while len(chunks_between(grain, first, last)) > MOST_CHUNKS and grain + STEP <= TOP:
+        grain += STEP
+    return grain
 
 
 def chunks_between(grain: int, first: int, last: int) -> range:

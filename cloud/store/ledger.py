@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
 
-from cloud.store.grid import CHUNK, chunks_between
+from cloud.store.grid import CHUNK, chunks_between, grain_for
 from cloud.store.news import FEED, tell
 from cloud.store.schema import channels, feed, nodes, sequences
+from cloud.store.tiles import stale
 from eskin.errors import StoreError
 from eskin.sequences import SequenceRanges
 
@@ -27,6 +28,9 @@ _WRITER: Final = select(feed.c.writer)
 _OUTDATE: Final = text(
     "INSERT INTO stale (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
     "ON CONFLICT (node, channel, chunk) DO UPDATE SET mark = excluded.mark"
+)
+_RAZE: Final = delete(stale).where(
+    stale.c.node == bindparam("n"), stale.c.channel == bindparam("c")
 )
 
 
@@ -69,6 +73,7 @@ class Ledger:
         self._changed: dict[tuple[Table, tuple[str, ...]], None] = {}
         self._added: dict[tuple[str, int], None] = {}
         self._outdated: dict[tuple[str, str, int], None] = {}
+        self._razed: dict[tuple[str, str], None] = {}
 
     def next_cursor(self, connection: Connection) -> int:
         """The next place in the feed."""
@@ -161,21 +166,41 @@ class Ledger:
         self._changed[table, key] = None
 
     def outdate(self, channel: Row, first: int, last: int) -> None:
-        """Have the pyramid of a channel made anew for a stretch of time, up to where there is one.
+        """Have a channel's pyramid made anew for a row's stretch of time, up to where there is one.
+
+        A row that touches many of its chunks has all of it made anew, of longer ones: otherwise a
+        node that first samples each nanosecond, and then each hour, would have billions marked.
 
         Args:
             channel: The channel's row.
             first: UTC ns.
             last: UTC ns, included.
         """
-        for chunk in chunks_between(channel["grain"], first, last):
-            if chunk << (channel["grain"] + CHUNK) < channel["built"]:
+        if channel["built"] is None:
+            return
+        grain = grain_for(channel["grain"], first, last)
+        if grain > channel["grain"]:
+            self._raze(channel, grain)
+            return
+        for chunk in chunks_between(grain, first, last):
+            if chunk << (grain + CHUNK) < channel["built"]:
                 self._outdated[channel["node"], channel["channel"], chunk] = None
+
+    def _raze(self, channel: Row, grain: int) -> None:
+        """Count a channel's pyramid as not built; who builds it anew clears what is left of it."""
+        place = channel["node"], channel["channel"]
+        channel |= {"built": None, "grain": grain}
+        self._razed[place] = None
+        self._outdated = {key: None for key in self._outdated if key[:2] != place}
+        self.change(channels, *place)
 
     def save(self, connection: Connection) -> None:
         """Write what changed, within the transaction of what it speaks of."""
         if not (self._changed or self._added or self._moved):
             return
+        if self._razed:
+            connection.execute(_RAZE, [{"n": node, "c": channel} for node, channel in self._razed])
+            self._razed.clear()
         if self._outdated:
             connection.execute(_OUTDATE, [_stale_row(*key) for key in self._outdated])
             self._outdated.clear()
