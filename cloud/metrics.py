@@ -25,6 +25,7 @@ class Metrics:
         buried: Dead letters that had to make room.
         removed: Messages removed, by reason.
         requests: Answered requests, by method and status.
+        faults: Work in the background that broke, by what it was.
     """
 
     def __init__(self, store: Store, feed: Feed, board: Board) -> None:
@@ -55,6 +56,12 @@ class Metrics:
             "eskin_cloud_requests",
             "Answered requests.",
             ["method", "status"],
+            registry=self._registry,
+        )
+        self.faults = Counter(
+            "eskin_cloud_faults",
+            "Work in the background that broke and was tried again.",
+            ["work"],
             registry=self._registry,
         )
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)

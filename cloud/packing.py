@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from cloud.chore import repeat
 from cloud.store.packing import find_packable, pack_some
-from eskin.errors import StoreError
 
 if TYPE_CHECKING:
     from cloud.state import Cloud
-
-log = logging.getLogger(__name__)
 
 _RESTS: Final = 3.0
 """It rests so many times as long as it worked: it takes a quarter of a processor at most."""
@@ -21,15 +19,9 @@ _RESTS: Final = 3.0
 
 async def keep_packed(cloud: Cloud, stopping: asyncio.Event) -> None:
     """Pack what is old enough, until told to stop."""
-    while not stopping.is_set():
-        try:
-            await _catch_up(cloud, stopping)
-        except StoreError as error:
-            log.warning("nothing packed, trying again: reason=%s", error)
-        try:
-            await asyncio.wait_for(stopping.wait(), cloud.settings.packing.every_s)
-        except TimeoutError:
-            continue
+    every_s = cloud.settings.packing.every_s
+    work = partial(_catch_up, cloud, stopping)
+    await repeat("packing", work, cloud=cloud, stopping=stopping, every_s=every_s)
 
 
 async def _catch_up(cloud: Cloud, stopping: asyncio.Event) -> None:

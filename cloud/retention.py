@@ -5,13 +5,14 @@ from __future__ import annotations
 import asyncio
 import logging
 from fnmatch import fnmatchcase
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import select
 
+from cloud.chore import repeat
 from cloud.store.removal import Reason, Sweep, remove, sweeps_of_erased
 from cloud.store.schema import channels
-from eskin.errors import StoreError
 from eskin.moment import SECOND
 from eskin.privacy import is_biometric
 
@@ -27,15 +28,9 @@ _PAUSE_S: Final = 0.01
 
 async def retain(cloud: Cloud, stopping: asyncio.Event) -> None:
     """Look for what is too old, or erased, until told to stop."""
-    while not stopping.is_set():
-        try:
-            await sweep(cloud)
-        except StoreError as error:
-            log.warning("nothing too old removed, trying again: reason=%s", error)
-        try:
-            await asyncio.wait_for(stopping.wait(), cloud.settings.retention.every_s)
-        except TimeoutError:
-            continue
+    every_s = cloud.settings.retention.every_s
+    work = partial(sweep, cloud)
+    await repeat("retention", work, cloud=cloud, stopping=stopping, every_s=every_s)
 
 
 async def sweep(cloud: Cloud) -> int:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 import time
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
+from cloud.chore import repeat
 from cloud.pyramid.building import Key, claim, find_growing, repair
-from eskin.errors import StoreError
 
 if TYPE_CHECKING:
     from cloud.state import Cloud
-
-log = logging.getLogger(__name__)
 
 _EVERY_S: Final = 2.0
 _RESTS: Final = 3.0
@@ -22,15 +20,8 @@ _RESTS: Final = 3.0
 
 async def keep_built(cloud: Cloud, stopping: asyncio.Event) -> None:
     """Build what is new or changed, until told to stop."""
-    while not stopping.is_set():
-        try:
-            await _catch_up(cloud, stopping)
-        except StoreError as error:
-            log.warning("no hulls built, trying again: reason=%s", error)
-        try:
-            await asyncio.wait_for(stopping.wait(), _EVERY_S)
-        except TimeoutError:
-            continue
+    work = partial(_catch_up, cloud, stopping)
+    await repeat("pyramid", work, cloud=cloud, stopping=stopping, every_s=_EVERY_S)
 
 
 async def _catch_up(cloud: Cloud, stopping: asyncio.Event) -> None:

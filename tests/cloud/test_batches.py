@@ -9,19 +9,22 @@ import cbor2
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from sqlalchemy import text
+from sqlalchemy import select, text
 
 from cloud.ingest.batch import read_batch
 from cloud.ingest.errors import BatchError
 from cloud.settings import GatewaysSection
+from cloud.store.presence import MOST_LAG
+from cloud.store.schema import dead_letters
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
-from tests.cloud.messages import NODE, block
+from tests.cloud.messages import NODE, START, block, gap, peak
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from eskin.messages import Peak
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -94,6 +97,35 @@ async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
 
 
 @pytest.mark.parametrize("place", ["sqlite"], indirect=True)
+async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(node: str, message: Peak, _: bytes) -> None:
+        raise ZeroDivisionError(f"of {node}: {message.height}")
+
+    monkeypatch.setattr("cloud.store.intake.peak_row", breaks)
+    said = [block(0), peak(1), block(2), gap(3)]
+    for outcome in ("stored", "duplicate"):
+        items = (await stand.ingest(batch(*said))).json()["items"]
+        assert [item["result"] for item in items] == [outcome, "rejected", outcome, outcome]
+        assert items[1]["reason"] == "it cannot be stored: ZeroDivisionError"
+    monkeypatch.undo()
+    assert (await stand.ingest(batch(block(4)))).json()["items"][0]["result"] == "stored"
+    assert count_blocks(stand) == 3
+    with stand.cloud.store.read() as connection:
+        letters = connection.execute(select(dead_letters.c.data)).scalars().all()
+    assert letters == [peak(1).encode()]
+
+
+@pytest.mark.parametrize("first", [-(2**63) + 1, -(2**62), 0])
+async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) -> None:
+    ancient = block(0, time=(first, START)), block(1, time=(first, first))
+    items = (await stand.ingest(batch(*ancient))).json()["items"]
+    assert [item["result"] for item in items] == ["stored"] * 2
+    node = (await stand.get(f"/api/v1/nodes/{NODE}")).json()
+    assert node["lag"]["hi_ns"] == min(stand.clock() - first, MOST_LAG)
+
+
 async def test_broken_store_answers_503_and_shows_in_readiness(stand: Stand) -> None:
     store = stand.cloud.store
     body = batch(*(block(n, [0.0] * 900, [1.0] * 900) for n in range(40)))

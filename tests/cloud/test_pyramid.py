@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from sqlalchemy import func, select
 
+from cloud.chore import repeat
 from cloud.pyramid.building import build
 from cloud.pyramid.keeping import keep_built
 from cloud.query.occupancy import measure_occupancy, sum_up
@@ -305,6 +306,23 @@ async def test_background_builds_what_came_and_ends_when_told(stand: Stand) -> N
     stopping.set()
     await building
     assert min(_levels(stand.cloud.store)) == 6
+
+
+@pytest.mark.anyio
+async def test_work_that_broke_is_counted_and_tried_again(stand: Stand) -> None:
+    stopping = asyncio.Event()
+    done = 0
+
+    async def work() -> None:
+        nonlocal done
+        done += 1
+        if done < 3:
+            raise OverflowError("nobody foresaw it")
+        stopping.set()
+
+    await repeat("work", work, cloud=stand.cloud, stopping=stopping, every_s=0.001)
+    assert done == 3
+    assert b'eskin_cloud_faults_total{work="work"} 2.0' in stand.cloud.metrics.write()
 
 
 def _levels(store: Store) -> set[int]:
