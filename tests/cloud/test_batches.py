@@ -96,7 +96,6 @@ async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
     assert results == ["rejected"] * 7 + ["stored"]
 
 
-@pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -104,7 +103,7 @@ async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
         raise ZeroDivisionError(f"of {node}: {message.height}")
 
     monkeypatch.setattr("cloud.store.intake.peak_row", breaks)
-    said = [block(0), peak(1), block(2), gap(3)]
+    said = block(0), peak(1), block(2), gap(3)
     for outcome in ("stored", "duplicate"):
         items = (await stand.ingest(batch(*said))).json()["items"]
         assert [item["result"] for item in items] == [outcome, "rejected", outcome, outcome]
@@ -126,6 +125,7 @@ async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) 
     assert node["lag"]["hi_ns"] == min(stand.clock() - first, MOST_LAG)
 
 
+@pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_broken_store_answers_503_and_shows_in_readiness(stand: Stand) -> None:
     store = stand.cloud.store
     body = batch(*(block(n, [0.0] * 900, [1.0] * 900) for n in range(40)))
