@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Self
+from typing import Final, Self
 
 import cbor2
 
@@ -12,14 +12,22 @@ from eskin.messages import Position
 from eskin.messages.fields import MOST_COUNT, integer, integer_pair, items
 from eskin.sequences import SequenceRanges
 
+_MOST_BOOTS: Final = 16
+_MOST_RANGES: Final = 4096
+_MOST_OLD_RANGES: Final = 64
+"""Of a boot below ``held``."""
+
 
 @dataclass(slots=True)
 class NodeRecord:
     """What was accepted of a node, and what it still may send.
 
+    It is bounded: what it forgets, and sees again, the cloud knows to be stored.
+
     Attributes:
-        held: The lowest position that the node still holds, as it said; nothing below comes again.
-        ranges: Accepted sequences of each boot, not below ``held``.
+        held: The lowest position that the node still holds, as it said; of this boot, nothing below
+            comes again.
+        ranges: Accepted sequences of each boot; of the boot of ``held``, not below it.
         status: The node's latest status (plaintext), for the public topic.
         thumbprint: The certificate that it last used.
     """
@@ -30,8 +38,12 @@ class NodeRecord:
     thumbprint: bytes | None = None
 
     def seen(self, position: Position) -> bool:
-        """Whether a position was accepted before, or lies below what the node still holds."""
-        if position < self.held:
+        """Whether a position was accepted before, or lies below what the node still holds.
+
+        A lower boot that is not known here is none that was accepted: the node may have lost its
+        flash, and have a clock that was ahead when it began the one before.
+        """
+        if position.boot == self.held.boot and position < self.held:
             return True
         ranges = self.ranges.get(position.boot)
         return ranges is not None and position.sequence in ranges
@@ -45,8 +57,11 @@ class NodeRecord:
 
     def release(self, held: Position | None) -> None:
         """Take over the lowest position that the node still holds; it never goes back."""
-        if held is not None and held > self.held:
-            self.held = held
+        if held is None or held <= self.held:
+            return
+        if held.boot > self.held.boot:
+            self._close(held.boot)
+        self.held = held
 
     def encode_ranges(self) -> bytes:
         """Write the ranges, without what lies below ``held``."""
@@ -77,10 +92,22 @@ class NodeRecord:
         }
         return cls(held, kept, status, thumbprint)
 
+    def _close(self, boot: int) -> None:
+        """The node holds nothing of the boots before: whatever they left open, it was somewhere."""
+        if self.held.sequence:
+            self.add(Position(self.held.boot, self.held.sequence - 1))
+        for old in [known for known in self.ranges if known < boot]:
+            last = max(last for _, last in self.ranges[old])
+            self.ranges[old] = SequenceRanges([(0, last)])
+
     def _cut(self) -> None:
         boot, sequence = self.held.boot, self.held.sequence
-        for old in [known for known in self.ranges if known < boot]:
-            del self.ranges[old]
+        for known, kept in self.ranges.items():
+            most = _MOST_OLD_RANGES if known < boot else _MOST_RANGES
+            if len(kept) > most:
+                self.ranges[known] = SequenceRanges(list(kept)[-most:])
+        for forgotten in sorted(self.ranges)[:-_MOST_BOOTS]:
+            del self.ranges[forgotten]
         ranges = self.ranges.get(boot)
         if ranges is not None and any(first < sequence for first, _ in ranges):
             self.ranges[boot] = SequenceRanges(

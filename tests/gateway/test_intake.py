@@ -170,6 +170,22 @@ def test_position_below_held_is_never_stored(
     assert acknowledged(inside, identities) == {(1, 0), (1, 3), (1, 7)}
 
 
+def test_node_whose_clock_was_ahead_is_heard_also_on_a_new_flash(
+    inside: Inside, seal: Seal, identities: Identities
+) -> None:
+    ahead, now = 9000, 5400
+    first = status(0, boot=ahead).encode()
+    held = Position(ahead, 0)
+    inside.arrive(Stream.STATUS, seal("fingertip", Stream.STATUS, first, held=held, introduce=True))
+    said = [block(number, boot=now).encode() for number in (0, 2, 1)]
+    for message in said:
+        envelope = seal("fingertip", Stream.BLOCKS, message, held=Position(now, 0))
+        inside.arrive(Stream.BLOCKS, envelope)
+        inside.arrive(Stream.BLOCKS, envelope)
+    assert inside.stored() == [first, *said]
+    assert acknowledged(inside, identities) == {(ahead, 0), (now, 0), (now, 1), (now, 2)}
+
+
 @pytest.mark.parametrize(
     ("stream", "plaintext", "position"),
     [
