@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 import uvicorn
 
+from eskin.doorway import Doorway
 from eskin.errors import SettingsError
 from eskin.listening import guarded
 
@@ -73,7 +74,7 @@ class Listener(uvicorn.Server):
 
     Args:
         app: What answers.
-        bound: Where it listens.
+        bound: Where it listens; it is taken over.
         context: For TLS; ``None`` for plain HTTP.
         bounds: What a stranger may take.
 
@@ -89,9 +90,10 @@ class Listener(uvicorn.Server):
         context: ssl.SSLContext | None,
         bounds: Bounds,
     ) -> None:
+        doorway = Doorway(bound, bounds)
         config = uvicorn.Config(
             app,
-            http=guarded(bounds),
+            http=guarded(bounds, greet=doorway.greet),
             ws="none",
             lifespan="off",
             log_config=None,
@@ -103,7 +105,7 @@ class Listener(uvicorn.Server):
         config.load()
         config.ssl = context
         super().__init__(config)
-        self._bound = bound
+        self._bound = doorway
         self._context = context
         self.ready = asyncio.Event()
 

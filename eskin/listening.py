@@ -60,9 +60,14 @@ class Bounds:
     of_one: int = 256
 
 
-def guarded(bounds: Bounds) -> Any:
-    """What uvicorn takes as its ``http``."""
-    return functools.partial(GuardedProtocol, bounds=bounds)
+def guarded(bounds: Bounds, *, greet: Callable[[int], None] = lambda _: None) -> Any:
+    """What uvicorn takes as its ``http``.
+
+    Args:
+        bounds: What a stranger may take.
+        greet: Told of each connection whose handshake is over, by its file descriptor.
+    """
+    return functools.partial(GuardedProtocol, bounds=bounds, greet=greet)
 
 
 class GuardedProtocol(HttpToolsProtocol):
@@ -70,12 +75,14 @@ class GuardedProtocol(HttpToolsProtocol):
 
     Args:
         bounds: What it may take.
+        greet: Told of it once it is open.
         others: As uvicorn gives them.
     """
 
-    def __init__(self, *, bounds: Bounds, **others: Any) -> None:
+    def __init__(self, *, bounds: Bounds, greet: Callable[[int], None], **others: Any) -> None:
         super().__init__(**others)
         self._bounds = bounds
+        self._greet = greet
         self._timer: asyncio.TimerHandle | None = None
         self._stall: asyncio.TimerHandle | None = None
         self._silent = True  # so far
@@ -86,6 +93,7 @@ class GuardedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
+        self._greet(transport.get_extra_info("socket").fileno())
         self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
         others = [getattr(other, "client", None) for other in self.connections]
         same = sum(1 for other in others if other and self.client and other[0] == self.client[0])

@@ -14,6 +14,7 @@ from cloud.listener import Listener, bind
 from eskin.listening import PROMPT, Bounds
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import AsyncIterator
 
     from starlette.types import ASGIApp, Receive, Scope, Send
@@ -46,14 +47,17 @@ async def application(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @asynccontextmanager
-async def listening(bounds: Bounds, app: ASGIApp = application) -> AsyncIterator[int]:
+async def listening(
+    bounds: Bounds, app: ASGIApp = application, *, context: ssl.SSLContext | None = None
+) -> AsyncIterator[int]:
     """A listener; gives its port."""
     bound = bind("people", "127.0.0.1", 0)
-    listener = Listener(app, bound, context=None, bounds=bounds)
+    port = bound.getsockname()[1]
+    listener = Listener(app, bound, context=context, bounds=bounds)
     task = asyncio.create_task(listener.run_until_told())
     await listener.ready.wait()
     try:
-        yield bound.getsockname()[1]
+        yield port
     finally:
         listener.should_exit = True
         await task

@@ -1,0 +1,101 @@
+"""A listening socket that counts who is inside from the first packet on.
+
+A server learns of a connection once its TLS handshake is over. Whoever never begins one would hold
+as many sockets as the process may open.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections import Counter
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from eskin.listening import Bounds
+
+_MARGIN: Final = 32
+"""So many more may come as far as being told, by the server, that there are too many."""
+_REFUSED_AT_ONCE: Final = 64
+"""Then the others have a turn."""
+
+
+class Doorway(socket.socket):
+    """Accepts as many as there is room for, and closes the others without a word.
+
+    Args:
+        bound: Bound and listening; it is taken over.
+        bounds: How many there may be, and how long a handshake may take (``head_s``).
+
+    Attributes:
+        inside: Connections, by address.
+    """
+
+    def __init__(self, bound: socket.socket, bounds: Bounds) -> None:
+        super().__init__(bound.family, bound.type, bound.proto, fileno=bound.detach())
+        self._bounds = bounds
+        self._strangers: dict[int, asyncio.TimerHandle] = {}
+        self.inside: Counter[str] = Counter()
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Let the next one in for whom there is room; called by the event loop.
+
+        Raises:
+            BlockingIOError: Nobody waits, or the others shall have a turn.
+        """
+        for _ in range(_REFUSED_AT_ONCE):
+            arrived, address = super().accept()
+            host = address[0]
+            if (
+                self.inside[host] < self._bounds.of_one + _MARGIN
+                and self.inside.total() < self._bounds.connections + _MARGIN
+            ):
+                return self._let_in(arrived, host), address
+            arrived.close()
+        raise BlockingIOError
+
+    def greet(self, number: int) -> None:
+        """Know that a connection's handshake is over.
+
+        Args:
+            number: Its file descriptor.
+        """
+        waiting = self._strangers.pop(number, None)
+        if waiting is not None:
+            waiting.cancel()
+
+    def leave(self, number: int, host: str) -> None:
+        """Know that a connection is closed."""
+        self.greet(number)
+        self.inside[host] -= 1
+        if not self.inside[host]:
+            del self.inside[host]
+
+    def _let_in(self, arrived: socket.socket, host: str) -> socket.socket:
+        guest = _Guest(arrived, self, host)
+        self.inside[host] += 1
+        later = asyncio.get_running_loop().call_later
+        self._strangers[guest.number] = later(self._bounds.head_s, guest.put_out)
+        return guest
+
+
+class _Guest(socket.socket):
+    def __init__(self, arrived: socket.socket, doorway: Doorway, host: str) -> None:
+        super().__init__(arrived.family, arrived.type, arrived.proto, fileno=arrived.detach())
+        self.number: Final = self.fileno()
+        self._doorway: Doorway | None = doorway
+        self._host = host
+
+    def put_out(self) -> None:
+        """End it: its handshake took too long. The event loop closes it then."""
+        try:
+            self.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            return  # the peer was quicker
+
+    def close(self) -> None:
+        """Close it, and make room."""
+        super().close()
+        doorway, self._doorway = self._doorway, None
+        if doorway is not None:
+            doorway.leave(self.number, self._host)

@@ -1,0 +1,89 @@
+"""Who connects and never begins a handshake takes no more room than anybody, and not for long."""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+from contextlib import AsyncExitStack, suppress
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cloud.listener import Certificate
+from eskin.doorway import _MARGIN
+from eskin.identity import IdentityKind
+from eskin.listening import Bounds
+from tests.eskin.test_listening import GET, LONG_S, listening
+
+if TYPE_CHECKING:
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
+FEW = Bounds(head_s=LONG_S, of_one=2, connections=100)
+ROOM = FEW.of_one + _MARGIN
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    return "asyncio"
+
+
+@pytest.fixture
+def context(identities: Identities) -> ssl.SSLContext:
+    folder = identities.make(IdentityKind.SERVER, "server.doorway").directory
+    return Certificate("people.identity", folder).context
+
+
+async def silent(port: int, stack: AsyncExitStack) -> asyncio.StreamReader:
+    """Connect, and say nothing."""
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    stack.callback(writer.close)
+    return reader
+
+
+async def ask(port: int, *, come_from: str) -> bytes:
+    """What a request by TLS is answered."""
+    trusting = ssl.create_default_context()
+    trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
+    reader, writer = await asyncio.open_connection(
+        "127.0.0.1", port, ssl=trusting, local_addr=(come_from, 0)
+    )
+    try:
+        writer.write(GET)
+        return await reader.readline()
+    finally:
+        writer.close()
+
+
+async def test_silent_connections_of_one_address_leave_room_for_others(
+    context: ssl.SSLContext,
+) -> None:
+    async with listening(FEW, context=context) as port, AsyncExitStack() as stack:
+        waiting = [await silent(port, stack) for _ in range(ROOM)]
+        surplus = [await silent(port, stack) for _ in range(5)]
+        assert [await asyncio.wait_for(each.read(), 20) for each in surplus] == [b""] * 5
+        assert not any(each.at_eof() for each in waiting)
+        assert b" 200 " in await ask(port, come_from="127.0.0.2")
+        with pytest.raises((ConnectionError, ssl.SSLError)):
+            await ask(port, come_from="127.0.0.1")
+
+
+async def test_who_left_makes_room(context: ssl.SSLContext) -> None:
+    async with listening(FEW, context=context) as port:
+        async with AsyncExitStack() as stack:
+            waiting = [await silent(port, stack) for _ in range(ROOM + 1)]
+            assert await asyncio.wait_for(waiting[-1].read(), 20) == b""
+        answer = b""
+        async with asyncio.timeout(20):
+            while not answer:  # the server hears of it a moment later
+                with suppress(ConnectionError, ssl.SSLError):
+                    answer = await ask(port, come_from="127.0.0.1")
+        assert b" 200 " in answer
+
+
+async def test_handshake_that_is_not_begun_in_time_is_ended(context: ssl.SSLContext) -> None:
+    brief = Bounds(head_s=0.2)
+    async with listening(brief, context=context) as port, AsyncExitStack() as stack:
+        waiting = [await silent(port, stack) for _ in range(3)]
+        assert [await asyncio.wait_for(each.read(), 20) for each in waiting] == [b""] * 3
+        assert b" 200 " in await ask(port, come_from="127.0.0.1")
