@@ -188,12 +188,11 @@ def test_same_poison_is_kept_once_and_the_oldest_makes_room(store: Store, clock:
 def test_poison_of_which_nothing_is_kept_is_told_by_its_size(store: Store) -> None:
     for size in (5, 6, 6):
         put_items(store, [Item.read(NODE, b"\xff" * size)])
-    assert sorted((row["data"], row["reason"]) for row in rows(store, dead_letters)) == [
-        (
-            b"",
-            f"it cannot be read; of its {size} bytes none is kept here, as they may tell of a person",
-        )
-        for size in (5, 6)
+    letters = rows(store, dead_letters)
+    assert {letter["data"] for letter in letters} == {b""}
+    assert sorted(letter["reason"].partition(" none is kept")[0] for letter in letters) == [
+        "it cannot be read; of its 5 bytes",
+        "it cannot be read; of its 6 bytes",
     ]
 
 
