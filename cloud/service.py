@@ -22,6 +22,7 @@ from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
 from cloud.packing import keep_packed
+from cloud.privacy.erasures import hear
 from cloud.privacy.keyholder import Keyholder
 from cloud.pyramid.keeping import keep_built
 from cloud.rest import rest
@@ -159,6 +160,7 @@ async def _serve(cloud: Cloud) -> None:
         if not isinstance(cloud.store.place, Path):
             listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
+        group.create_task(hear(cloud, stopping), name="erasures")
         group.create_task(retain(cloud, stopping), name="retention")
         group.create_task(keep_built(cloud, stopping), name="pyramid")
         group.create_task(rest(cloud, stopping), name="rest")

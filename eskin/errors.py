@@ -147,6 +147,7 @@ class NoKeyError(PrivacyError):
 
     Attributes:
         subject: The pseudonym.
+        erased: Whether it was erased.
     """
 
     def __init__(self, subject: str, *, erased: bool) -> None:

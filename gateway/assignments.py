@@ -60,8 +60,12 @@ class Assignments:
 
     def wearers(self) -> dict[str, str]:
         """Each node's present subject, by node."""
-        nodes = sorted(path.name for path in self._folder.iterdir() if path.name[0] != ".")
-        return {node: self._history(node)[-1][1] for node in nodes}
+        return {node: self._history(node)[-1][1] for node in self._nodes()}
+
+    def worn(self) -> list[tuple[str, str]]:
+        """Each node with each subject that ever wore it, by node, the first wearer first."""
+        ever = [(node, name) for node in self._nodes() for _, name in self._history(node)]
+        return list(dict.fromkeys(ever))
 
     def subject(self, node: str, moment: int) -> Subject:
         """Whose data it is.
@@ -83,6 +87,9 @@ class Assignments:
         except NoKeyError:
             lost = Subject(pseudonym, "", b"", os.urandom(KEY_BYTES))
             return self._lost.setdefault(pseudonym, lost)
+
+    def _nodes(self) -> list[str]:
+        return sorted(path.name for path in self._folder.iterdir() if path.name[0] != ".")
 
     def _history(self, node: str) -> list[tuple[int, str]]:
         path = self._folder / node

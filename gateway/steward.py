@@ -11,7 +11,7 @@ from eskin.errors import CloudError, NoKeyError, PrivacyError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from eskin.privacy import Vault
+    from eskin.privacy import Tombstone, Vault
     from gateway.assignments import Assignments
     from gateway.notices import Notices
     from gateway.veiling import Veiling
@@ -20,13 +20,15 @@ log = logging.getLogger(__name__)
 
 _TICK_S: Final = 1.0
 _MOST_PATIENCE: Final = 30
+_MOST_AT_ONCE: Final = 1000
 
 
 class Steward:
-    """Tells the cloud who wears what, gives it keys if it may have them, has them destroyed.
+    """Tells the cloud who wore what, gives it keys if it may have them, has them destroyed.
 
     All that is left to tell can be read from the key store, so that nothing is forgotten when the
-    gateway ends: an erasure is told again until the cloud confirms it.
+    gateway ends: each start tells of all who wore a node, also of those who wear it no more, as
+    their data may be there or come yet; an erasure is told again until the cloud confirms it.
 
     Args:
         vault: The site's key store.
@@ -97,8 +99,11 @@ class Steward:
             self._forgotten.add(pseudonym)
         pending = [grave for grave in graves if grave.confirmed is None]
         worn = list(self._untold())
-        if not pending and not worn:
-            return
+        while pending or worn:
+            self._tell(worn[:_MOST_AT_ONCE], pending[:_MOST_AT_ONCE])
+            del worn[:_MOST_AT_ONCE], pending[:_MOST_AT_ONCE]
+
+    def _tell(self, worn: list[tuple[str, str, bytes | None]], pending: list[Tombstone]) -> None:
         results = self._notices.send(worn, [grave.pseudonym for grave in pending])
         self._told.update((node, pseudonym) for pseudonym, node, _ in worn)
         for grave in pending:
@@ -107,10 +112,10 @@ class Steward:
                 log.info("erasure confirmed by the cloud: subject=%s", grave.pseudonym)
 
     def _untold(self) -> Iterator[tuple[str, str, bytes | None]]:
-        for node, pseudonym in self._assignments.wearers().items():
+        for node, pseudonym in self._assignments.worn():
             if (node, pseudonym) not in self._told:
                 try:
-                    key = self._vault.find(pseudonym).key if self._share else None
-                except NoKeyError:
-                    key = None
-                yield pseudonym, node, key
+                    key = self._vault.find(pseudonym).key
+                except NoKeyError:  # of whom is erased, the erasure is all that is told
+                    continue
+                yield pseudonym, node, key if self._share else None

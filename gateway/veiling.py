@@ -5,11 +5,8 @@ from __future__ import annotations
 import hmac
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import MessageError
-from eskin.messages import Block, BlockSummary, Gap, Peak, Result, Status, decode_message
-from eskin.messages.fields import load_any
-from eskin.messages.head import require_channel
-from eskin.privacy import Veiler, is_biometric
+from eskin.messages import Block, BlockSummary, Peak, decode_message
+from eskin.privacy import Veiler, is_biometric, tells_of_nobody
 from eskin.privacy.cipher import span
 
 if TYPE_CHECKING:
@@ -63,22 +60,10 @@ class Veiling:
         Raises:
             PrivacyError: No key can be had.
         """
-        if _tells_of_nobody(letter.body):
+        if tells_of_nobody(letter.body):
             return letter
         subject = self._assignments.subject(letter.node, letter.at)
         plaintext = b"%b\n%b" % (letter.reason.encode(), letter.body)
         veiled = self._veiler.veil_unread(subject, letter.node, position, plaintext, now=letter.at)
         mark = hmac.digest(subject.key, letter.body, "sha256")
         return letter._replace(reason=WITHHELD, body=veiled.encode(), mark=mark)
-
-
-def _tells_of_nobody(plaintext: bytes) -> bool:
-    """Whether bytes are of no channel, or name one that is not biometric."""
-    try:
-        fields = load_any(plaintext, "message")
-        channel = fields.get(4) if isinstance(fields, dict) else None
-        if isinstance(channel, str) and not is_biometric(require_channel(channel, "field 4")):
-            return True
-        return isinstance(decode_message(plaintext), Gap | Status | Result)
-    except MessageError:
-        return False

@@ -39,8 +39,8 @@ def _item(value: object) -> Item:
         node, data = value
         if isinstance(node, str) and isinstance(data, bytes):
             if len(data) > MOST_BYTES:
-                reason = f"message of {len(data)} bytes; its first {MOST_BYTES} are kept"
-                return Item.refused(node, data[:MOST_BYTES], reason)
+                reason = f"message of over {MOST_BYTES} bytes"
+                return Item.unread(node, data, reason)
             return Item.read(node, data)
-    shown = cbor2.dumps(value)[:MOST_BYTES]
-    return Item.refused("", shown, "the item is no array of a node's name and bytes")
+    reason = "the item is no array of a node's name and bytes"
+    return Item.unread("", cbor2.dumps(value), reason)

@@ -6,7 +6,7 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
-from cloud.dependencies import Access, CloudState, Reader
+from cloud.dependencies import CloudState, Reader
 from cloud.privacy.peaks import find_peaks
 from cloud.query.events import EventQuestion, find_events
 from cloud.query.places import find_node
@@ -14,8 +14,7 @@ from cloud.query.window import read_moment, require_order
 from cloud.routes.answers import as_json
 from cloud.routes.documents import REFUSALS_OF_PLACE, EventDocument, PageDocument
 from cloud.shapes import event_shape, page
-from cloud.state import Cloud
-from eskin.privacy import Unveiler, is_biometric
+from eskin.privacy import is_biometric
 
 router = APIRouter(tags=["events"])
 
@@ -45,7 +44,9 @@ def get_events(
     cloud: CloudState, access: Reader, query: Annotated[EventsQuery, Query()]
 ) -> Response:
     """Events that overlap ``[start, end)``."""
-    reader = _reader(cloud, access, query.channel)
+    scopes = access.holder.scopes
+    if query.channel is not None and is_biometric(query.channel):
+        cloud.keyholder.require(scopes)
     start, end = read_moment("start", query.start), read_moment("end", query.end)
     require_order(start, end)
     question = EventQuestion(
@@ -60,16 +61,10 @@ def get_events(
         order=query.order,
     )
     with cloud.store.read() as connection:
+        may = cloud.keyholder.may(scopes)
+        reader = cloud.keyholder.reader(scopes, connection) if may else None
         if query.node is not None:
             find_node(connection, query.node)
         peaks = [] if reader is None else find_peaks(connection, reader, question)
         rows, following = find_events(connection, question, peaks)
     return as_json(page([event_shape(row) for row in rows], following))
-
-
-def _reader(cloud: Cloud, access: Access, channel: str | None) -> Unveiler | None:
-    """What opens sealed peaks; who asks for a sealed channel by name must be allowed to read it."""
-    scopes = access.holder.scopes
-    if (channel is not None and is_biometric(channel)) or cloud.keyholder.may(scopes):
-        return cloud.keyholder.reader(scopes)
-    return None

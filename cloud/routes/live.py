@@ -74,7 +74,7 @@ async def get_live(
     )
     await asyncio.to_thread(_require_known, cloud, selection)
     if any(is_biometric(channel) for _, channel in selection.channels):
-        cloud.keyholder.reader(reader.holder.scopes)
+        cloud.keyholder.require(reader.holder.scopes)
     if feed.subscribers >= live.subscribers:
         raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
     told = stream(

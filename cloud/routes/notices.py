@@ -7,6 +7,7 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState
 from cloud.ingest.reception import received
+from cloud.privacy.erasures import look
 from cloud.privacy.notice import Notice, note
 from cloud.problems import documented
 from cloud.routes.answers import as_json
@@ -35,9 +36,11 @@ async def post_subjects(cloud: CloudState, request: Request) -> Response:
 
 
 def _keep(cloud: Cloud, notice: Notice) -> list[dict[str, str]]:
-    """Destroy keys first: what is erased in the same breath as it is given is not kept."""
+    """Destroy keys first: what is erased in the same breath, or elsewhere, is not kept."""
     for subject in notice.erased:
         cloud.keyholder.erase(subject)
+    if notice.worn:
+        look(cloud)
     told = [(worn.subject, cloud.keyholder.keep(worn.subject, worn.key)) for worn in notice.worn]
     told += [(subject, "erased") for subject in notice.erased]
     return [{"id": subject, "result": result} for subject, result in told]

@@ -9,6 +9,7 @@ from sqlalchemy import func, select
 from starlette.responses import Response, StreamingResponse
 
 from cloud.dependencies import Administrator, CloudState, Physician
+from cloud.privacy.erasures import look
 from cloud.query.errors import UnknownPlaceError
 from cloud.routes.answers import as_json
 from cloud.routes.documents import (
@@ -68,7 +69,7 @@ async def get_export(
 ) -> Response:
     """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
     del query
-    reader = cloud.keyholder.reader(access.holder.scopes)
+    reader = cloud.keyholder.require(access.holder.scopes)
     await asyncio.to_thread(_require_key, cloud, subject)
     deed = Deed(access.doer.name, access.doer.address, Action.SUBJECT_EXPORTED, subject)
     written = cloud.store.write(lambda c: record(c, deed, now=cloud.clock()))
@@ -78,6 +79,7 @@ async def get_export(
 
 def _require_key(cloud: Cloud, subject: str) -> None:
     if cloud.keyholder.vault is not None:
+        look(cloud)
         try:
             cloud.keyholder.vault.find(subject)
         except NoKeyError as error:
@@ -89,6 +91,7 @@ def _lines(cloud: Cloud, reader: Unveiler, subject: str) -> Iterator[bytes]:
     while True:
         query = select(veiled).where(veiled.c.subject == subject, veiled.c.cursor > last)
         with cloud.store.read() as connection:
+            cloud.keyholder.heed(connection)
             rows = connection.execute(query.order_by(veiled.c.cursor).limit(200)).mappings().all()
         if not rows:
             return

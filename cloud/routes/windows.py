@@ -42,7 +42,7 @@ def opened(
     if not is_biometric(row["channel"]):
         yield connection, row
         return
-    reader = cloud.keyholder.reader(access.holder.scopes)
+    reader = cloud.keyholder.reader(access.holder.scopes, connection)
     with unveiled(connection, reader, row, window) as source:
         yield source
 

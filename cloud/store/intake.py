@@ -268,7 +268,7 @@ def _veiled_row(node: str, message: Veiled, data: bytes, cursor: int, now: int) 
 def _letter(item: Item, reason: str, gateway: str, now: int) -> Row:
     return {
         "node": item.node,
-        "digest": hashlib.sha256(item.data).hexdigest(),
+        "digest": hashlib.sha256(item.data or reason.encode()).hexdigest(),
         "reason": reason,
         "gateway": gateway,
         "received": now,

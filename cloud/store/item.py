@@ -9,14 +9,17 @@ from cloud.store.schema import NODE_LENGTH
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.messages import BlockSummary, Peak, Summary, decode_summary
+from eskin.messages.fields import MOST_BYTES
 from eskin.messages.head import Kind
-from eskin.privacy import Veiled, is_biometric, is_veiled
+from eskin.privacy import Veiled, is_biometric, is_veiled, tells_of_nobody
 
 _MOST_MOMENT: Final = 2**63 - 1
 IN_THE_CLEAR: Final = (
     "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
     "seals bring it"
 )
+UNREAD: Final = "it cannot be read"
+WITHHELD: Final = "; of its {} bytes none is kept here, as they may tell of a person"
 
 
 class Item(NamedTuple):
@@ -45,9 +48,25 @@ class Item(NamedTuple):
             if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
                 return cls.refused(node, b"", IN_THE_CLEAR)
             _require_storable(message)
-        except (MessageError, IdentityError) as error:
-            return cls.refused(node, data, str(error))
+        except MessageError as error:
+            return cls.unread(node, data, str(error), instead=UNREAD)
+        except IdentityError as error:
+            return cls.unread(node, data, str(error))
         return cls(node, data, message)
+
+    @classmethod
+    def unread(cls, node: str, data: bytes, reason: str, *, instead: str | None = None) -> Item:
+        """An item that cannot be used; of what may tell of a person its size alone is kept.
+
+        Args:
+            node: Who said it.
+            data: All of it.
+            reason: Why it cannot be used.
+            instead: What is said of what may tell of a person, where the reason may quote it.
+        """
+        if tells_of_nobody(data):
+            return cls.refused(node, data[:MOST_BYTES], reason)
+        return cls.refused(node, b"", (instead or reason) + WITHHELD.format(len(data)))
 
     @classmethod
     def refused(cls, node: str, data: bytes, reason: str) -> Item:

@@ -236,7 +236,10 @@ dead_letters = Table(
     Column("data", LargeBinary, nullable=False),
     Index("dead_letters_by_received", "received"),
 )
-"""What was refused, and why; once for the same bytes of the same node."""
+"""What was refused, and why; once for the same bytes of the same node.
+
+Of what may tell of a person ``data`` holds nothing; then it is once for the same reason.
+"""
 
 tokens = Table(
     "tokens",

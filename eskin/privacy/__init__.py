@@ -7,6 +7,7 @@ from eskin.privacy.cipher import Unveiler, Veiler
 from eskin.privacy.keys import open_key, open_vault
 from eskin.privacy.master import FileMaster, Master
 from eskin.privacy.subject import Subject, Tombstone
+from eskin.privacy.unread import tells_of_nobody
 from eskin.privacy.vault import Vault
 from eskin.privacy.veiled import Veiled, is_veiled
 
@@ -23,4 +24,5 @@ __all__ = [
     "is_veiled",
     "open_key",
     "open_vault",
+    "tells_of_nobody",
 ]

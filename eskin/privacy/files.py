@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import os
+import re
 import secrets
-from typing import TYPE_CHECKING
+from contextlib import suppress
+from typing import TYPE_CHECKING, Final
 
 from eskin.errors import PrivacyError
+from eskin.privacy.turn import turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
+
+_PARTIAL: Final = re.compile(r"\..+\.[0-9a-f]{8}")
 
 
 def make_folder(path: Path) -> None:
@@ -40,16 +45,19 @@ def read_private(path: Path) -> bytes:
 
 
 def write_private(path: Path, data: bytes) -> None:
-    """Replace a file at once, mode 0600, durably.
+    """Replace a file at once, mode 0600, durably; what could not be put in place is destroyed.
 
     Raises:
         PrivacyError: It cannot be written.
     """
-    partial = _partial(path, data)
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     try:
+        _write(partial, data)
         partial.replace(path)
         sync_folder(path.parent)
     except OSError as error:
+        with suppress(PrivacyError):  # `partials` finds it later
+            destroy(partial)
         raise PrivacyError(f"{path}: cannot be written: {error.strerror}") from error
 
 
@@ -60,17 +68,18 @@ def make_once(path: Path, make: Callable[[], bytes]) -> bytes:
         PrivacyError: It cannot be read or made.
     """
     if not path.exists():
-        partial = _partial(path, make())
-        try:
-            os.link(partial, path)
-            sync_folder(path.parent)
-        except FileExistsError:
-            pass
-        except OSError as error:
-            raise PrivacyError(f"{path}: cannot be made: {error.strerror}") from error
-        finally:
-            destroy(partial)
+        with turn(path.parent):
+            if not path.exists():
+                write_private(path, make())
     return read_private(path)
+
+
+def partials(folder: Path) -> list[Path]:
+    """What a power cut left of files that were being written; or what somebody writes just now.
+
+    Whoever has the folder's turn (`eskin.privacy.turn`) knows that it is the former.
+    """
+    return [path for path in folder.iterdir() if _PARTIAL.fullmatch(path.name)]
 
 
 def destroy(path: Path) -> None:
@@ -108,14 +117,9 @@ def _overwrite(path: Path) -> None:
         os.fsync(file.fileno())
 
 
-def _partial(path: Path, data: bytes) -> Path:
-    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    try:
-        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-    except OSError as error:
-        raise PrivacyError(f"{path}: cannot be written: {error.strerror}") from error
-    return partial
+def _write(path: Path, data: bytes) -> None:
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())

@@ -44,7 +44,11 @@ class TokenMaster:
             raise PrivacyError(f"token {token!r} of {module} cannot be used: {error!r}") from error
 
     def wrap(self, data: bytes, context: bytes) -> bytes:
-        """See `Master.wrap`."""
+        """See `Master.wrap`.
+
+        Raises:
+            PrivacyError: See there.
+        """
         nonce = os.urandom(NONCE_BYTES)
         try:
             with self._lock:
@@ -56,7 +60,11 @@ class TokenMaster:
         return nonce + sealed
 
     def unwrap(self, wrapped: bytes, context: bytes) -> bytes:
-        """See `Master.unwrap`."""
+        """See `Master.unwrap`.
+
+        Raises:
+            PrivacyError: See there.
+        """
         parameters = _parameters(wrapped[:NONCE_BYTES], context)
         try:
             with self._lock:

@@ -74,7 +74,11 @@ class FileMaster:
         return nonce + self._aead.encrypt(nonce, data, context)
 
     def unwrap(self, wrapped: bytes, context: bytes) -> bytes:
-        """See `Master.unwrap`."""
+        """See `Master.unwrap`.
+
+        Raises:
+            PrivacyError: See there.
+        """
         try:
             return self._aead.decrypt(wrapped[:NONCE_BYTES], wrapped[NONCE_BYTES:], context)
         except (InvalidTag, ValueError) as error:

@@ -1,8 +1,10 @@
 """The key store: one small file a subject, each wrapped by the master key.
 
-Whoever writes does it by files that appear whole or not at all, so that a command, a gateway and a
-second gateway may share the folder. A key is asked for with each message, and looked for on the
-disk each time: what was destroyed there is used no more, from that moment.
+Whoever writes has the folder's turn, and does it by files that appear whole or not at all, so that
+a command, a gateway and a second gateway, or several clouds, may share the folder: nobody keeps a
+key that another one erases in that moment. A key is asked for with each message, and it and its
+tombstone are looked for on the disk each time: what was destroyed there is used no more, from that
+moment.
 """
 
 from __future__ import annotations
@@ -14,9 +16,10 @@ from threading import Lock
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import NoKeyError, PrivacyError
-from eskin.privacy.files import destroy, make_folder, read_private, write_private
+from eskin.privacy.files import destroy, make_folder, partials, read_private, write_private
 from eskin.privacy.master import wrapped_key
 from eskin.privacy.subject import Subject, Tombstone, is_pseudonym
+from eskin.privacy.turn import turn
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -49,7 +52,8 @@ class Vault:
         self._graves = directory / "erased"
         self._known: dict[str, Subject] = {}
         self._lock = Lock()
-        for folder in (directory, self._keys, self._graves):
+        self._folders = directory, self._keys, self._graves
+        for folder in self._folders:
             make_folder(folder)
         self.finish()
 
@@ -60,7 +64,8 @@ class Vault:
             PrivacyError: It cannot be written.
         """
         made = Subject.make(name, secret=wrapped_key(self.directory / _SECRET, self._master))
-        self._write(made)
+        with turn(self.directory):
+            self._write(made)
         return made
 
     def keep(self, pseudonym: str, key: bytes) -> bool:
@@ -70,13 +75,15 @@ class Vault:
             NoKeyError: The subject was erased here: what is erased never comes back.
             PrivacyError: It cannot be written.
         """
-        if self.grave(pseudonym) is not None:
-            raise NoKeyError(pseudonym, erased=True)
-        with suppress(NoKeyError):
-            self.find(pseudonym)
+        with turn(self.directory):
+            try:
+                self.find(pseudonym)
+            except NoKeyError as error:
+                if error.erased:
+                    raise
+                self._write(Subject(pseudonym, "", b"", key))
+                return True
             return False
-        self._write(Subject(pseudonym, "", b"", key))
-        return True
 
     def find(self, pseudonym: str) -> Subject:
         """A subject with its key.
@@ -85,20 +92,25 @@ class Vault:
             NoKeyError: Its key is not here.
             PrivacyError: Its file cannot be read.
         """
-        path = self._keys / pseudonym
         with self._lock:
-            if not is_pseudonym(pseudonym) or not path.exists():
+            try:
+                self._require(pseudonym)
+                known = self._known.get(pseudonym)
+                if known is None:
+                    known = self._known[pseudonym] = self._read(self._keys / pseudonym)
+            except PrivacyError:
                 self._known.pop(pseudonym, None)
-                erased = is_pseudonym(pseudonym) and self.grave(pseudonym) is not None
-                raise NoKeyError(pseudonym, erased=erased)
-            known = self._known.get(pseudonym)
-            if known is None:
-                known = self._known[pseudonym] = self._read(path)
+                self._require(pseudonym)  # it may have been erased while it was read
+                raise
             return known
 
     def subjects(self) -> list[Subject]:
         """All subjects whose keys are here, by pseudonym."""
-        return [self.find(name) for name in sorted(_names(self._keys))]
+        found = []
+        for name in sorted(_names(self._keys)):
+            with suppress(NoKeyError):
+                found.append(self.find(name))
+        return found
 
     def named(self, name: str) -> Subject | None:
         """The subject with a name."""
@@ -111,15 +123,11 @@ class Vault:
             NoKeyError: There is no such subject, and never was.
             PrivacyError: The file cannot be destroyed.
         """
-        grave = self.grave(pseudonym)
-        if grave is None:
-            self.find(pseudonym)
-            grave = Tombstone(pseudonym, self._now())
-            self._bury(grave)
-        with self._lock:
-            self._known.pop(pseudonym, None)
-            destroy(self._keys / pseudonym)
-        return grave
+        with turn(self.directory):
+            grave = self.grave(pseudonym)
+            if grave is None:
+                self._require(pseudonym)
+            return self._erase(pseudonym, grave)
 
     def bury(self, pseudonym: str) -> bool:
         """Erase a subject even where it was never known: its key, if it comes late, is not kept.
@@ -130,15 +138,15 @@ class Vault:
         Raises:
             PrivacyError: It cannot be written.
         """
-        if self.grave(pseudonym) is not None:
-            return False
-        self._bury(Tombstone(pseudonym, self._now()))
-        self.erase(pseudonym)
-        return True
+        with turn(self.directory):
+            grave = self.grave(pseudonym)
+            self._erase(pseudonym, grave)
+        return grave is None
 
     def confirm(self, grave: Tombstone) -> None:
         """Note that the cloud's copy is destroyed, too."""
-        self._bury(Tombstone(grave.pseudonym, grave.erased, self._now()))
+        with turn(self.directory):
+            self._bury(Tombstone(grave.pseudonym, grave.erased, self._now()))
 
     def grave(self, pseudonym: str) -> Tombstone | None:
         """What is left of an erased subject.
@@ -161,17 +169,48 @@ class Vault:
         return [grave for grave in found if grave is not None]
 
     def finish(self) -> None:
-        """End erasures that a power cut interrupted.
+        """End erasures that a power cut interrupted, and destroy what it left of unfinished files.
 
         Raises:
             PrivacyError: A file cannot be destroyed.
         """
+        if self._unfinished():
+            with turn(self.directory):  # what is still there now is nobody's
+                for name in self._undead():
+                    self._erase(name, self.grave(name))
+                self._sweep()
         held = _names(self._keys)
-        for name in held & _names(self._graves):
-            self.erase(name)
         with self._lock:
             for name in self._known.keys() - held:
                 del self._known[name]
+
+    def _unfinished(self) -> bool:
+        return bool(self._undead()) or any(map(partials, self._folders))
+
+    def _undead(self) -> set[str]:
+        return _names(self._keys) & _names(self._graves)
+
+    def _sweep(self) -> None:
+        for folder in self._folders:
+            for path in partials(folder):
+                destroy(path)
+
+    def _erase(self, pseudonym: str, grave: Tombstone | None) -> Tombstone:
+        """Erase within a turn: the tombstone first, so that a power cut undoes nothing."""
+        if grave is None:
+            grave = Tombstone(pseudonym, self._now())
+            self._bury(grave)
+        with self._lock:
+            self._known.pop(pseudonym, None)
+            destroy(self._keys / pseudonym)
+        self._sweep()  # among them may be a copy of the key
+        return grave
+
+    def _require(self, pseudonym: str) -> None:
+        """Refuse what has no key here; a tombstone counts before a key."""
+        erased = is_pseudonym(pseudonym) and self.grave(pseudonym) is not None
+        if erased or not is_pseudonym(pseudonym) or not (self._keys / pseudonym).exists():
+            raise NoKeyError(pseudonym, erased=erased)
 
     def _bury(self, grave: Tombstone) -> None:
         said = {"erased": grave.erased, "confirmed": grave.confirmed}

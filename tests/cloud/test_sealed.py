@@ -200,6 +200,7 @@ async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site:
     keyholder = stand.cloud.keyholder
     with stand.cloud.store.read() as connection:
         entries = read_entries(connection, 0, stand.cloud.feed.last)
+        keyholder.heed(connection)
     sealed = [entry for entry in entries if entry.veiled is not None]
     assert [keyholder.reveal([Scope.READ])(entry) for entry in sealed] == [None, None]
     shown = [keyholder.reveal([Scope.READ, Scope.BIOMETRIC])(entry) for entry in sealed]

@@ -8,6 +8,7 @@ from random import Random
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+import cbor2
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -176,13 +177,22 @@ def test_poison_goes_to_dead_letters_and_harms_no_other(store: Store) -> None:
 def test_same_poison_is_kept_once_and_the_oldest_makes_room(store: Store, clock: Clock) -> None:
     for number in range(5):
         clock.turn(1)
-        poison = [Item.read(NODE, b"poison %d" % number)] * 2
+        poison = [Item.read(NODE, cbor2.dumps({4: "t01.a", 5: number}))] * 2
         outcome = put_items(store, poison, dead_letters=3)
     assert outcome.buried == 1
     assert sorted(row["data"] for row in rows(store, dead_letters)) == [
-        b"poison 2",
-        b"poison 3",
-        b"poison 4",
+        cbor2.dumps({4: "t01.a", 5: number}) for number in (2, 3, 4)
+    ]
+
+
+def test_poison_of_which_nothing_is_kept_is_told_by_its_size(store: Store) -> None:
+    for size in (5, 6, 6):
+        put_items(store, [Item.read(NODE, b"\xff" * size)])
+    letters = rows(store, dead_letters)
+    assert {letter["data"] for letter in letters} == {b""}
+    assert sorted(letter["reason"].partition(" none is kept")[0] for letter in letters) == [
+        "it cannot be read; of its 5 bytes",
+        "it cannot be read; of its 6 bytes",
     ]
 
 

@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import hmac
+import os
+import subprocess
+import sys
+from threading import Thread
 from typing import TYPE_CHECKING
 
 import pytest
@@ -11,9 +15,14 @@ import pytest
 from eskin.errors import NoKeyError, PrivacyError
 from eskin.privacy import FileMaster, Vault
 from eskin.privacy import files as room
+from eskin.privacy.turn import turn
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from eskin.privacy import Subject
+
+LATE = "ab" * 16
 
 
 def everything(folder: Path) -> bytes:
@@ -135,3 +144,140 @@ def test_what_is_erased_never_comes_back(vault: Vault) -> None:
 def test_pseudonym_is_no_path(vault: Vault, name: str) -> None:
     with pytest.raises(NoKeyError):
         vault.find(name)
+
+
+def test_key_that_comes_while_its_subject_is_erased_is_not_left(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    other = Vault(vault.directory, vault._master)
+    burial = Thread(target=other.bury, args=[LATE])
+    write = vault._write
+
+    def late(subject: Subject) -> None:
+        burial.start()
+        burial.join(0.3)
+        write(subject)
+
+    monkeypatch.setattr(vault, "_write", late)
+    assert vault.keep(LATE, bytes(32))
+    burial.join(20)
+    assert not (vault.directory / "subjects" / LATE).exists()
+    with pytest.raises(NoKeyError, match="destroyed"):
+        vault.find(LATE)
+
+
+def test_tombstone_counts_before_a_key_that_lies_beside_it(vault: Vault) -> None:
+    made = vault.create("Ada")
+    path = vault.directory / "subjects" / made.pseudonym
+    wrapped = path.read_bytes()
+    vault.erase(made.pseudonym)
+    room.write_private(path, wrapped)
+    for reader in (vault, Vault(vault.directory, vault._master)):
+        with pytest.raises(NoKeyError, match="destroyed"):
+            reader.find(made.pseudonym)
+        assert reader.subjects() == []
+    room.write_private(path, wrapped)
+    assert not vault.bury(made.pseudonym)
+    assert not path.exists()
+
+
+def test_processes_take_turns_at_a_key_store(vault: Vault, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = (
+        "import sys; from pathlib import Path; from eskin.privacy.turn import turn\n"
+        "with turn(Path(sys.argv[1])): print('mine', flush=True); sys.stdin.read()"
+    )
+    words = [sys.executable, "-c", program, str(vault.directory)]
+    monkeypatch.setattr("eskin.privacy.turn._PATIENCE_S", 0.05)
+    with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        assert other.stdout is not None
+        assert other.stdout.readline() == b"mine\n"
+        with pytest.raises(PrivacyError, match="keeps it locked"):
+            vault.keep(LATE, bytes(32))
+        with pytest.raises(PrivacyError, match="keeps it locked"):
+            vault.bury(LATE)
+        other.kill()  # however it ends, so does its turn
+    assert vault.keep(LATE, bytes(32))
+
+
+def cut_off(path: Path, target: Path) -> None:
+    raise SystemExit(f"{path}, {target}")
+
+
+def test_power_cut_while_a_key_is_kept_leaves_no_copy_behind_an_erasure(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.replace", cut_off)
+        with pytest.raises(SystemExit):
+            vault.keep(LATE, bytes(32))
+    (left,) = (vault.directory / "subjects").iterdir()
+    assert vault._master.unwrap(left.read_bytes(), LATE.encode())
+    vault.keep(LATE, bytes(32))
+    vault.bury(LATE)
+    assert list((vault.directory / "subjects").iterdir()) == []
+
+
+def test_what_a_power_cut_left_is_destroyed_at_the_next_opening(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("pathlib.Path.replace", cut_off)
+        with pytest.raises(SystemExit):
+            vault.keep(LATE, bytes(32))
+    (left,) = (vault.directory / "subjects").iterdir()
+    wrapped = left.read_bytes()
+    with left.open("rb") as held:
+        Vault(vault.directory, vault._master)
+        assert held.read() not in {wrapped, b""}
+    assert not left.exists()
+
+
+def test_file_that_another_one_writes_just_now_is_left_alone(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin.privacy.turn._PATIENCE_S", 0.05)
+    with turn(vault.directory):
+        partial = vault.directory / "subjects" / f".{LATE}.0123abcd"
+        partial.touch(mode=0o600)
+        with pytest.raises(PrivacyError, match="keeps it locked"):
+            vault.finish()
+        assert partial.exists()
+    vault.finish()
+    assert not partial.exists()
+
+
+@pytest.mark.parametrize("step", ["pathlib.Path.replace", "os.fsync"])
+def test_key_that_cannot_be_put_in_place_leaves_no_copy(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    fail = iter([True])
+    real = os.fsync if step == "os.fsync" else None
+
+    def full(*given: object) -> None:
+        if next(fail, False):
+            raise OSError(28, "No space left on device")
+        assert real is not None
+        real(given[0])  # type: ignore[arg-type]
+
+    with monkeypatch.context() as patch:
+        patch.setattr(step, full)
+        with pytest.raises(PrivacyError, match="No space left"):
+            vault.keep(LATE, bytes(32))
+    assert list((vault.directory / "subjects").iterdir()) == []
+
+
+def test_key_of_which_several_are_made_at_once_is_one(tmp_path: Path) -> None:
+    made: list[bytes] = []
+
+    def make() -> bytes:
+        return os.urandom(32)
+
+    threads = [
+        Thread(target=lambda: made.append(room.make_once(tmp_path / "key", make))) for _ in range(8)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    assert len(made) == 8
+    assert set(made) == {(tmp_path / "key").read_bytes()}

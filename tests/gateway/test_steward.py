@@ -1,0 +1,119 @@
+"""What the steward has to tell the cloud is never forgotten, whatever happened meanwhile."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from eskin.errors import CloudError, NoKeyError
+from eskin.privacy import FileMaster, Vault
+from gateway import steward as room
+from gateway.assignments import Assignments
+from gateway.steward import Steward
+from gateway.veiling import Veiling
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+NODE = "hand"
+
+
+class Site:
+    """A gateway's key store, and a cloud that may be away."""
+
+    def __init__(self, folder: Path) -> None:
+        self.vault = Vault(folder / "site", FileMaster(folder / "site.key"))
+        self.cloud = Vault(folder / "cloud", FileMaster(folder / "cloud.key"))
+        self.assignments = Assignments(self.vault)
+        self.away = False
+        self.told: list[tuple[str, str, bytes | None]] = []
+        self.sizes: list[int] = []
+
+    def send(
+        self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
+    ) -> dict[str, str]:
+        if self.away:
+            raise CloudError("away")
+        self.told += worn
+        self.sizes.append(max(len(worn), len(erased)))
+        for pseudonym in erased:
+            self.cloud.bury(pseudonym)
+        for pseudonym, _, key in worn:
+            if key is not None:
+                self.cloud.keep(pseudonym, key)
+        return dict.fromkeys(erased, "erased")
+
+    def start(self, *, share: bool = True) -> Steward:
+        """A gateway starts, perhaps again."""
+        assignments = Assignments(self.vault)
+        return Steward(
+            self.vault, assignments, veiling=Veiling(assignments), notices=self, share=share
+        )
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path)
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_keys_of_whoever_wore_a_node_while_the_cloud_was_away_reach_it(
+    site: Site, *, restarted: bool
+) -> None:
+    site.away = True
+    steward = site.start()
+    before = site.assignments.subject(NODE, 0)
+    ada, after = site.vault.create("Ada"), site.vault.create()
+    site.assignments.assign(NODE, ada, since=10)
+    with pytest.raises(CloudError):
+        steward.tend()
+    site.assignments.assign(NODE, after, since=20)
+    site.away = False
+    if restarted:
+        steward = site.start()
+    steward.tend()
+    for subject in (before, ada, after):
+        assert site.cloud.find(subject.pseudonym).key == subject.key
+    assert [(told, node) for told, node, _ in site.told] == [
+        (subject.pseudonym, NODE) for subject in (before, ada, after)
+    ]
+    steward.tend()
+    assert len(site.told) == 3
+
+
+def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
+    ada = site.vault.create("Ada")
+    site.assignments.subject(NODE, 0)
+    site.assignments.assign(NODE, ada, since=10)
+    site.assignments.release(ada.pseudonym, since=20)
+    site.vault.erase(ada.pseudonym)
+    site.start().tend()
+    assert ada.pseudonym not in {pseudonym for pseudonym, _, _ in site.told}
+    with pytest.raises(NoKeyError, match="destroyed"):
+        site.cloud.find(ada.pseudonym)
+    assert site.start().pending == 0
+
+
+def test_cloud_that_may_not_have_keys_is_told_who_wore_what_alone(site: Site) -> None:
+    ada = site.vault.create("Ada")
+    site.assignments.assign(NODE, ada, since=10)
+    site.assignments.assign(NODE, site.vault.create(), since=20)
+    site.start(share=False).tend()
+    assert ada.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
+    assert {key for _, _, key in site.told} == {None}
+    assert site.cloud.subjects() == []
+
+
+def test_long_history_is_told_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "_MOST_AT_ONCE", 2)
+    for number in range(4):
+        site.assignments.assign(NODE, site.vault.create(), since=number + 1)
+    for _ in range(3):
+        site.vault.erase(site.vault.create().pseudonym)
+    steward = site.start()
+    steward.tend()
+    assert site.sizes == [2, 2, 1]
+    assert len(set(site.told)) == 5
+    assert steward.pending == 0
