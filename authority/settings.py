@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind, numbered
-from eskin.settings import Host, Section, Settings
+from eskin.settings import Host, LogSection, Section, Settings
 
 
 class AuthoritySection(Section):
@@ -48,12 +48,6 @@ class AuthoritySection(Section):
         description="requests a minute from one address that are refused; more are answered with "
         "429",
     )
-
-
-class LogSection(Section):
-    """What is logged."""
-
-    level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
 
 
 class Expected(Section):

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from cloud.loopback import is_loopback
 from cloud.store.place import Place, read_url, stays_here
 from eskin.errors import SettingsError, shown
-from eskin.settings import Host, KeysSection, RenewalSection, Section, Settings
+from eskin.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 
 
 class StoreSection(Section):
@@ -239,9 +239,9 @@ class RetentionSection(Section):
 class PackingSection(Section):
     """Blocks of which a live stream is no more resumed are packed: the same bytes in a third."""
 
-    on: bool = Field(default=True, description="whether they are")
+    on: bool = Field(default=True, description="whether old blocks are packed")
     every_s: float = Field(
-        default=60.0, gt=0, le=86_400, description="seconds between two looks for them"
+        default=60.0, gt=0, le=86_400, description="seconds between two looks for blocks to pack"
     )
 
 
@@ -274,12 +274,6 @@ class LiveSection(Section):
         le=60,
         description="seconds for which one look keeps a node's blocks short",
     )
-
-
-class LogSection(Section):
-    """What is logged."""
-
-    level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
 
 
 class CloudSettings(Settings):

@@ -9,9 +9,6 @@ import re
 from datetime import UTC, datetime
 from functools import lru_cache
 
-NANOSECOND = 1
-MICROSECOND = 1_000
-MILLISECOND = 1_000_000
 SECOND = 1_000_000_000
 
 EARLIEST = -62_135_596_800 * SECOND

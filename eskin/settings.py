@@ -9,9 +9,9 @@ from __future__ import annotations
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticUndefined
 from pydantic_settings import (
     BaseSettings,
@@ -69,6 +69,15 @@ class KeysSection(Section):
         default="eskin", min_length=1, max_length=32, description="label of the hardware's token"
     )
     pin: Path | None = Field(default=None, description="file (0600) that holds the token's PIN")
+
+
+class LogSection(Section):
+    """What is logged."""
+
+    level: Annotated[
+        Literal["DEBUG", "INFO", "WARNING", "ERROR"],
+        BeforeValidator(lambda given: str(given).upper()),
+    ] = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
 
 
 class Settings(BaseSettings):

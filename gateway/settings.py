@@ -8,7 +8,7 @@ from typing import Literal
 
 from pydantic import Field, field_validator
 
-from eskin.settings import Host, KeysSection, RenewalSection, Section, Settings
+from eskin.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from eskin.topics import HOME_ASSISTANT
 
 
@@ -17,7 +17,7 @@ class BrokerSection(Section):
 
     host: Host = Field(default="localhost", description="broker's name or address, as certified")
     port: int = Field(default=8883, ge=1, le=65535, description="broker's TLS port")
-    protocol: Literal["3.1.1", "5"] = Field(default="3.1.1", description="MQTT version")
+    protocol: Literal["3.1.1", "5"] = Field(default="3.1.1", description="MQTT version: 3.1.1 or 5")
     keepalive_s: int = Field(default=15, ge=1, le=3600, description="seconds between pings")
     group: str = Field(
         default="",
@@ -151,12 +151,6 @@ class PublicSection(Section):
     senml: bool = Field(
         default=False, description="whether hulls are published as SenML, too (`eskin/v1/senml`)"
     )
-
-
-class LogSection(Section):
-    """What is logged."""
-
-    level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
 
 
 class GatewaySettings(Settings):

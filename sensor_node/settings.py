@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
-from eskin.settings import Host, KeysSection, RenewalSection, Section, Settings
+from eskin.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from sensor_node.machine.power.section import EnergySection
 from sensor_node.machine.sheet import coverage
 from sensor_node.neighbours import patches
@@ -25,7 +25,8 @@ class NodeSection(Section):
     name: str = Field(description="the node's id: common name of its certificate")
     profile: str = Field(
         description="name of its design; without [[taxel]] tables, the packaged profile of that "
-        "name (fingertip, palm, forearm, hand, sole, sock) gives them, and its [energy]"
+        "name (fingertip, palm, forearm, hand, sole, sock) gives them; its [sampling] and [energy] "
+        "hold wherever the file says nothing"
     )
     description: str = Field(
         default="", max_length=200, description="one line for people; empty: the profile's"
@@ -200,12 +201,6 @@ class MachineSection(Section):
     )
 
 
-class LogSection(Section):
-    """What is logged."""
-
-    level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR")
-
-
 class NodeRenewalSection(RenewalSection):
     """As everywhere, but seldom: there may be many nodes."""
 
@@ -232,7 +227,9 @@ class NodeSettings(Settings):
     renewal: NodeRenewalSection = NodeRenewalSection()
     log: LogSection = LogSection()
     taxel: tuple[Taxel, ...] = Field(
-        min_length=1, max_length=100, description="the sensing elements; see the profiles"
+        min_length=1,
+        max_length=100,
+        description="the sensing elements; without them the packaged profile's",
     )
 
     @property

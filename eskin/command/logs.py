@@ -5,21 +5,9 @@ from __future__ import annotations
 import logging
 import time
 
-from eskin.errors import SettingsError
-
-LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR")
-
 
 def start_logs(level: str) -> None:
-    """Send logs to standard error.
-
-    Raises:
-        SettingsError: The level is none.
-    """
-    if level.upper() not in LEVELS:
-        raise SettingsError(
-            "log.level", f"{level!r} is not allowed; use one of {', '.join(LEVELS)}"
-        )
+    """Send logs of a level and above to standard error."""
     formatter = logging.Formatter(
         "%(asctime)s.%(msecs)03dZ %(levelname)s %(name)s %(message)s", "%Y-%m-%dT%H:%M:%S"
     )
@@ -28,7 +16,7 @@ def start_logs(level: str) -> None:
     handler.setFormatter(formatter)
     root = logging.getLogger()
     root.addHandler(handler)
-    root.setLevel(level.upper())
+    root.setLevel(level)
     # Libraries' own chatter is no event of ours.
     for chatty in ("httpx", "httpcore", "amqtt", "transitions"):
         logging.getLogger(chatty).setLevel(logging.WARNING)

@@ -26,14 +26,6 @@ def capacitance(*, relative_permittivity: Quantity, area: Quantity, distance: Qu
     return VACUUM_PERMITTIVITY * relative_permittivity * area / distance
 
 
-def touch_energy(
-    *, relative_permittivity: Quantity, area: Quantity, distance: Quantity, voltage: Quantity
-) -> Quantity:
-    """``½ C V²`` of a touched plate (with eq. 10), in J."""
-    plate = capacitance(relative_permittivity=relative_permittivity, area=area, distance=distance)
-    return 0.5 * plate * voltage * voltage
-
-
 def rc_frequency(*, resistance: Quantity, capacitance: Quantity) -> Quantity:
     """``1 / (2π R C)`` (eq. 6), in Hz."""
     return 1.0 / (TURN * resistance * capacitance)

@@ -98,7 +98,7 @@ class Connector:
             log.warning("broker cannot be reached, messages wait: error=%s", error)
             self._wanted.put(radio)
             self._stopping.wait(min(_LONGEST_S, 0.5 * radio.attempts))
-        except Exception:
+        except Exception:  # the thread's outermost; the radio counts its attempts
             log.exception("a node cannot connect and tries again: attempts=%d", radio.attempts)
             self._wanted.put(radio)
         else:

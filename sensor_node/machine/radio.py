@@ -26,13 +26,6 @@ class Meter(Protocol):
     received: int
 
 
-class Traffic:
-    """A meter that only counts."""
-
-    def __init__(self) -> None:
-        self.sent = self.received = 0
-
-
 class Radio:
     """Sends one message after the other, packet by packet, in emulated time.
 

@@ -38,7 +38,6 @@ pytestmark = pytest.mark.anyio
 EXPORT = "/api/v1/export"
 ONE, TWO = f"{NODE}/{CHANNEL}", f"{NODE}/t02.current"
 ARROW = "application/vnd.apache.arrow.stream"
-PARQUET = "application/vnd.apache.parquet"
 INF = float("inf")
 
 Row = dict[str, Any]

@@ -25,7 +25,7 @@ from gateway.settings import IdentitySection as GatewayIdentity
 from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
 from sensor_node.firmware.record import Channel
-from sensor_node.machine.radio import Radio, Traffic
+from sensor_node.machine.radio import Radio
 from sensor_node.publisher import Publisher
 from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection as NodeBroker
@@ -36,6 +36,7 @@ from tests.cloud.service import Service
 from tests.processes import accepts, wait_until
 from tests.sensor_node.controls import SimpleControls
 from tests.sensor_node.flashes import open_flash
+from tests.sensor_node.traffic import Traffic
 
 if TYPE_CHECKING:
     from pathlib import Path

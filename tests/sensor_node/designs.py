@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from sensor_node.firmware import inversion
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
-from sensor_node.machine.radio import Radio, Traffic
+from sensor_node.machine.radio import Radio
 from sensor_node.node import Node
 from sensor_node.profile import Profile
 from sensor_node.service import build_outbox
@@ -19,6 +19,7 @@ from sensor_node.settings import NodeSettings
 from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
 from tests.sensor_node.flashes import open_flash
+from tests.sensor_node.traffic import Traffic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

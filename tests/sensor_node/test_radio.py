@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sensor_node.machine.radio import Radio, Traffic
+from sensor_node.machine.radio import Radio
 from sensor_node.settings import RadioSection
 from tests.micropython.delivery import Delivery
+from tests.sensor_node.traffic import Traffic
 
 if TYPE_CHECKING:
     from sensor_node.firmware.chip import Position

@@ -88,15 +88,16 @@ def fill_clock(frequency: float, times: Floats, table: Floats) -> None:
     """Fill the first columns of a table of `ROWS` rows, one for each time."""
     for i in range(times.size):
         now = sample_at(frequency, times[i])
-        table[0, i], table[1, i], table[2, i] = now[0], now[1], now[2]
-        table[3, i], table[4, i], table[5, i] = now[3], now[4], 1.0 if now[5] else 0.0
+        table[TIME, i], table[SINE, i], table[SHORT_SINE, i] = now[0], now[1], now[2]
+        table[VERSINE, i], table[REACH, i], table[EARLY, i] = now[3], now[4], 1.0 if now[5] else 0.0
 
 
 @inlined
 def sample_of(table: Floats, i: int) -> Sample:
     """One column of the table; the last as a truth value."""
     early = table[EARLY, i] != 0.0
-    return table[0, i], table[1, i], table[2, i], table[3, i], table[4, i], early
+    sines = table[SINE, i], table[SHORT_SINE, i], table[VERSINE, i]
+    return table[TIME, i], sines[0], sines[1], sines[2], table[REACH, i], early
 
 
 @inlined

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIGNAL = st.lists(st.floats(-10, 10, width=16), min_size=1, max_size=60)
-UNIQUE = st.lists(st.floats(-10, 10, width=16), unique=True, min_size=3, max_size=80)
 RADII = st.lists(st.floats(0, 3, width=16), min_size=60, max_size=60)
 
 
