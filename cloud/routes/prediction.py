@@ -20,6 +20,7 @@ from cloud.query.places import find_channel
 from cloud.query.prediction import Prediction
 from cloud.query.question import Answer
 from cloud.query.runs import Run, merge
+from cloud.query.span import find_next
 from cloud.query.window import make_window, read_moment
 from cloud.routes.answers import as_json
 from cloud.routes.documents import REFUSALS_OF_PLACE, Moment, PageDocument
@@ -158,7 +159,8 @@ def get_anomalies_time(
         window = window_of(cloud, row, query)
         prediction = _prediction(query, row, window.start)
         with opened(cloud, access, connection, row, window) as (source, known):
-            found = sum_up(find_anomalies(source, known, window, prediction), window)
+            runs = find_anomalies(source, known, window, prediction)
+            found = sum_up(runs, window, find_next(source, known, window))
     return as_json(occupancy_shape(found, window, known))
 
 
