@@ -13,6 +13,7 @@ from cloud.dependencies import CloudState, Reader
 from cloud.pyramid.hulls import bucket_width
 from cloud.query.anomalies import find_anomalies
 from cloud.query.cursors import read_numbers
+from cloud.query.decimals import enclose_decimal
 from cloud.query.holding import after
 from cloud.query.models import MODELS
 from cloud.query.occupancy import sum_up
@@ -45,7 +46,7 @@ class PredictionQuery(WindowQuery):
     parameter: list[Annotated[str, Field(max_length=100)]] = Field(
         default=[],
         max_length=_MOST_PARAMETERS,
-        description="NAME:LO:HI or NAME:VALUE, in SI units; may be repeated",
+        description="NAME:LO:HI or NAME:VALUE, in SI units, rounded outward; may be repeated",
     )
     origin: str | None = Field(
         default=None, max_length=100, description="the model's time 0; else `start`"
@@ -185,11 +186,12 @@ def _prediction(query: PredictionQuery, row: RowMapping, start: int) -> Predicti
 
 
 def _parameter(text: str) -> tuple[str, Interval]:
+    """Name and bounds, rounded outward: what the text says lies in them."""
     name, *bounds = text.split(":")
     try:
-        lo, *rest = (float(bound) for bound in bounds)
+        lo, *rest = (enclose_decimal(bound) for bound in bounds)
         (hi,) = rest or (lo,)
-        return name, Interval(lo, hi)
+        return name, Interval(lo[0], hi[1])
     except (ValueError, IntervalError) as error:
         raise QueryError(
             "parameter", f"{text!r} is no NAME:LO:HI such as distance:0.9e-3:1.1e-3"

@@ -85,15 +85,14 @@ def _table(budgets: list[Budget]) -> str:
     return "\n".join(lines)
 
 
+_SCALES = ((1.0, "W"), (1e3, "mW"), (1e6, "µW"), (1e9, "nW"))
 _VERDICTS = {"CERTAIN": "certainly", "POSSIBLE": "possibly", "IMPOSSIBLE": "not"}
 
 
 def _watts(power: Interval) -> str:
     """Bounds in the unit that fits, rounded outward to three places."""
     greatest = max(abs(float(power.inf)), abs(float(power.sup)))
-    for factor, unit in ((1.0, "W"), (1e3, "mW"), (1e6, "µW"), (1e9, "nW")):
-        if greatest * factor >= 1.0:
-            break
+    factor, unit = next((each for each in _SCALES if greatest * each[0] >= 1.0), _SCALES[-1])
     return f"{power * factor:.3f} {unit}"
 
 

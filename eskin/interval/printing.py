@@ -18,7 +18,7 @@ _DIGITS: Final = 6
 _SHOWN: Final = 1000
 _EDGE: Final = 3
 _LONGEST: Final = 1400
-"""More digits than a float has before the point, and 999 behind it."""
+"""More digits than a float has, or 999 places behind the point give."""
 
 
 def text_of(x: Bounds, spec: str) -> str:
@@ -64,13 +64,12 @@ def _single(lo: float, hi: float, kind: str, digits: int) -> str:
 def _bound(value: float, kind: str, digits: int, rounding: str) -> str:
     if not np.isfinite(value):
         return "-inf" if value < 0 else "inf"
-    exact = Decimal.from_float(value)
     if kind == "f":
-        step = Decimal((0, (1,), -digits))
-        return format(exact.quantize(step, context=_context(_LONGEST, rounding)), f".{digits}f")
+        own, step = _context(_LONGEST, rounding), Decimal((0, (1,), -digits))
+        return format(own.quantize(own.create_decimal_from_float(value), step), f".{digits}f")
     count = max(digits, 1) if kind == "g" else digits + 1
     own = _context(count, rounding)
-    rounded = own.plus(exact)
+    rounded = own.create_decimal_from_float(value)
     if kind == "e":
         return format(rounded, f".{digits}e")
     plain = rounded == 0 or -5 < rounded.adjusted() < max(count, 1)

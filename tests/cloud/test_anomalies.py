@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 
 import eskin
 from cloud.query.anomalies import find_anomalies
+from cloud.query.decimals import enclose_decimal
 from cloud.query.models import MODELS
 from cloud.query.places import find_channel
 from cloud.query.prediction import Prediction
@@ -158,6 +161,75 @@ def test_a_bucket_encloses_all_that_is_predicted_in_it(begin: int, span: int, pa
     # A thin moment's own rounding is not part of what must be enclosed.
     assert lo[0] <= inner.sup
     assert hi[0] >= inner.inf
+
+
+@pytest.mark.parametrize("side", [-np.inf, np.inf])
+@pytest.mark.parametrize("origin", [-(2**63) + 1, -(2**63) + 10, -5, 0, START, 2**63 - 1])
+def test_model_times_enclose_the_exact_ones_however_far(origin: int, side: float) -> None:
+    moments = [-(2**63) + 1, -(2**62), -1, 0, 1, START, START + 1, 2**62, 2**63 - 1]
+    found = Prediction(MODELS["constant"], {}, origin)._seconds(np.array(moments), side)
+    for moment, told in zip(moments, found.tolist(), strict=True):
+        exact = Fraction(moment - origin, 10**9)
+        assert (Fraction(told) - exact) * int(np.sign(side)) >= 0
+        assert float(abs(Fraction(told) - exact)) <= 4 * np.spacing(abs(told))
+
+
+@pytest.mark.parametrize("origin", [-(2**63) + 10, 0, 2**63 - 1])
+def test_prediction_over_all_time_is_answered(origin: int) -> None:
+    moments = np.array([-(2**63) + 1, 0]), np.array([2**63 - 1, 2**63 - 1])
+    lo, hi = swinging(origin).between(*moments)
+    inner = swinging(START).between(np.array([START]), np.array([START + 10**9]))
+    assert np.all(lo <= inner[0])
+    assert np.all(hi >= inner[1])
+
+
+@given(
+    st.one_of(
+        st.floats(allow_nan=False).map(repr),
+        st.decimals(allow_nan=False, allow_infinity=False).map(str),
+        st.from_regex(r"[+-]?[0-9]{1,40}(\.[0-9]{0,20})?(e[+-]?[0-9]{1,2})?", fullmatch=True),
+    )
+)
+def test_number_of_a_question_is_enclosed_by_neighbours(text: str) -> None:
+    lo, hi = enclose_decimal(text)
+    if "inf" in text:
+        assert lo == hi == float(text)
+        return
+    if abs(Decimal(text).adjusted()) < 10_000:
+        exact = Fraction(text)
+        assert lo == -np.inf or Fraction(lo) <= exact
+        assert hi == np.inf or exact <= Fraction(hi)
+        assert lo == hi == exact or np.nextafter(lo, np.inf) == hi
+
+
+@pytest.mark.parametrize(
+    ("text", "lo", "hi"),
+    [
+        ("0.5", 0.5, 0.5),
+        ("1e400", sys.float_info.max, np.inf),
+        ("-1e99999999999999999999", -np.inf, -sys.float_info.max),
+        ("1e-99999999999999999999", 0.0, 5e-324),
+        ("-1e-400", -5e-324, 0.0),
+        ("inf", np.inf, np.inf),
+    ],
+)
+def test_number_beyond_floats_is_enclosed(text: str, lo: float, hi: float) -> None:
+    assert enclose_decimal(text) == (lo, hi)
+
+
+@pytest.mark.parametrize("text", ["", "nan", "-nan", "snan", "1_0", "0x1", "1e", "--1"])
+def test_what_is_no_number_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"number|float"):
+        enclose_decimal(text)
+
+
+@pytest.mark.anyio
+async def test_parameters_enclose_what_their_text_says(stand: Stand) -> None:
+    put(stand.cloud.store, block(0, [0.1], [0.1]))
+    asked = {"start": START, "end": START + MS, "model": "constant", "parameter": "value:0.1"}
+    tube = (await stand.get(PREDICTION, **asked, points=1)).json()
+    assert Fraction(tube["lo"][0]) < Fraction("0.1") < Fraction(tube["hi"][0])
+    assert (await stand.get(ANOMALIES, **asked)).json()["items"] == []
 
 
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "constant"])

@@ -13,6 +13,7 @@ from sqlalchemy import select
 
 from cloud.access import Scope
 from cloud.live.feed import read_entries
+from cloud.routes.documents import ChannelDocument
 from cloud.store.dead_letters import count
 from cloud.store.schema import dead_letters
 from eskin.moment import SECOND
@@ -151,6 +152,7 @@ async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, si
     assert [item for item in listed if item["kind"] == "peak"] == []
     (channel,) = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
     assert (channel["blocks"], channel["samples"], channel["bounds"]) == (1, 0, None)
+    assert ChannelDocument.model_validate(channel).bytes is None
 
 
 async def test_cloud_without_keys_says_so(
