@@ -33,7 +33,12 @@ if TYPE_CHECKING:
 SECONDS = 6
 CONVERSIONS = 250 * 14 * 3 + 250 * 2 * 3 + 250 + 2 * 50
 """A second: 14 pads, of which one reads the air along; 2 coils; an electrode; the air."""
-_UNITS = {"W": 1, "mW": Fraction(1, 10**3), "µW": Fraction(1, 10**6), "nW": Fraction(1, 10**9)}
+_UNITS = {
+    "W": Fraction(1),
+    "mW": Fraction(1, 10**3),
+    "µW": Fraction(1, 10**6),
+    "nW": Fraction(1, 10**9),
+}
 
 
 def nothing(_: int) -> None:
