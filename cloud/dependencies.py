@@ -18,7 +18,9 @@ from cloud.state import Cloud
 COOKIE: Final = "eskin_session"
 _LONGEST_SECRET: Final = 512
 
-_bearer = HTTPBearer(auto_error=False, description="a token with scope read")
+_bearer = HTTPBearer(
+    auto_error=False, description="a token; which scope a route needs stands in docs/rest.md"
+)
 _cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="a session, from /login")
 
 

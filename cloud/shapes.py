@@ -102,17 +102,17 @@ def event_shape(row: Row) -> Json:
 def segment_shape(segment: Run, channel: Row) -> Json:
     """A segment of a threshold's answer.
 
-    Its coverage is the union bound over as many samples as it can hold, at the least coverage that
-    any of the channel's blocks claims.
+    Its coverage is the union bound over its samples, at the least coverage that any block of the
+    channel claims.
     """
     verdict = segment.answer.name.lower()
-    most = (segment.end - segment.start) // channel["dt"] + 1
     return {
         "id": f"{segment.start}-{segment.end}-{verdict}",
         "start": format_moment(segment.start),
         "end": format_moment(segment.end),
         "verdict": verdict,
-        "coverage": union_coverage(channel["coverage"], most),
+        "coverage": union_coverage(channel["coverage"], segment.n),
+        "time_error": segment.error,
     }
 
 
@@ -128,6 +128,7 @@ def occupancy_shape(found: Occupancy, window: Window, channel: Row) -> Json:
         "samples": {"lo": found.samples[0], "hi": found.samples[1]},
         "entries": {"lo": found.entries[0], "hi": found.entries[1]},
         "coverage": union_coverage(channel["coverage"], found.n),
+        "time_error": found.error,
     }
 
 

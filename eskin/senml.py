@@ -3,7 +3,8 @@
 SenML knows numbers, not intervals. So each sample gives a record ``lo`` and a record ``hi`` at its
 time; where a side is unbounded its record is left out, as is all of a missing sample. What holds
 for the whole pack comes first, under names such as ``coverage``. The base time is a whole second,
-so that a time after it, read as a float64 and rounded to whole ns, is exact for 52 days.
+and a new one comes with a record whose time is far from the last: so a time after it, read as a
+float64 and rounded to whole ns, is exact.
 """
 
 from __future__ import annotations
@@ -32,6 +33,8 @@ _UNITS: Final = {
     unit: unit for unit in ("A", "Cel", "F", "H", "Hz", "J", "K", "Pa", "V", "m", "m2", "rad", "s")
 } | {"1": RATIO, "%": "%RH"}
 """UCUM code: SenML's unit (section 12.1). Percent are of relative humidity here."""
+_FAR: Final = 2**22
+"""s; up to here floats lie less than a ns apart."""
 _LABELS: Final = {"bn": -2, "bt": -3, "bu": -4, "n": 0, "u": 1, "v": 2, "t": 6}
 """CBOR's labels (table 4)."""
 
@@ -66,8 +69,13 @@ class Pack(NamedTuple):
         for name, (value, unit) in self.about.items():
             yield base | {"n": name, "u": unit, "v": value}
             base = {}
+        moved = 0
         for t, lo, hi in zip(self.t, self.lo, self.hi, strict=True):
-            at = (rest + t) / SECOND
+            whole = (rest + t) // SECOND
+            if abs(whole - moved) >= _FAR:
+                moved = whole
+                base["bt"] = start + moved
+            at = (rest + t - moved * SECOND) / SECOND
             if lo != -math.inf:
                 yield base | {"n": "lo", "t": at, "v": lo}
                 base = {}

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 from cloud.query.question import Answer
 from cloud.query.runs import find_runs
+from cloud.query.span import find_next
+from cloud.query.sureness import Sureness
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -28,16 +30,19 @@ _OUTSIDE_MANY: Final = (0, -_NEVER)
 class Occupancy:
     """What is known of a state over a window.
 
-    A sample holds until the next, for its period at most and not beyond the window; the rest of the
-    window is unknown.
+    Samples are those whose moments, as they are told, lie in the window. By these moments a sample
+    holds until the next, for its period at most and not beyond the window; the rest of the window
+    is unknown.
 
     Attributes:
-        time: ns in the state, at least and at most, while something is known.
+        time: ns in the state, at least and at most, while something is known: wherever the true
+            moments lie within the samples' time errors, see `Sureness`.
         unknown: ns of which nothing is known.
         samples: How many samples are in the state.
         entries: How often the state began, among signals within the samples' intervals; what goes
             on behind a gap begins anew.
         n: Samples in the window.
+        error: The greatest of their time errors, ns.
     """
 
     time: tuple[int, int]
@@ -45,6 +50,7 @@ class Occupancy:
     samples: tuple[int, int]
     entries: tuple[int, int]
     n: int
+    error: int
 
 
 def measure_occupancy(
@@ -52,30 +58,41 @@ def measure_occupancy(
 ) -> Occupancy:
     """Sum up a window; tiles and blocks that leave nothing open are not looked into."""
     runs = find_runs(connection, channel, window, question, over_gaps=False)
-    return sum_up(runs, window)
+    return sum_up(runs, window, find_next(connection, channel, window))
 
 
-def sum_up(runs: Iterable[Run], window: Window) -> Occupancy:
-    """Sum up runs in order of time."""
-    held, samples, entries = [0, 0, 0], [0, 0, 0], Entries()
+def sum_up(runs: Iterable[Run], window: Window, behind: int | None) -> Occupancy:
+    """Sum up runs in order of time.
+
+    Args:
+        runs: All runs in the window.
+        window: When.
+        behind: The earliest true moment of the first sample behind the window.
+    """
+    samples, entries, sureness = [0, 0, 0], Entries(), Sureness()
     last: Run | None = None
+    error = 0
     for run in chain(runs, [None]):
         if last is not None:
             end = window.end if run is None else run.start
-            held[last.answer] += last.held + max(0, min(end - last.end, last.dt))
+            sureness.add(last, end, behind if run is None else run.start - run.error)
             samples[last.answer] += last.n
+            error = max(error, last.error)
             entries.add(last.answer, last.n)
             if run is not None and not last.reaches(run):
                 entries.part()
+                sureness.part()
         last = run
     entries.part()
+    sureness.part()
     sure, likely = Answer.CERTAIN, Answer.POSSIBLE
     return Occupancy(
-        time=(held[sure], held[sure] + held[likely]),
-        unknown=max(0, window.span - sum(held)),
+        time=sureness.time,
+        unknown=max(0, window.span - sureness.known),
         samples=(samples[sure], samples[sure] + samples[likely]),
         entries=(entries.least, entries.most),
         n=sum(samples),
+        error=error,
     )
 
 

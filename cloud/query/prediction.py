@@ -20,10 +20,8 @@ if TYPE_CHECKING:
     from cloud.query.models import Model
     from eskin.interval import Floats
 
-_FOREVER: Final = 2**63 - 1
-_FAR: Final = 2**62
-_LONG_S: Final = 1e30
-"""More than any time in s that 64 bit hold; models take it."""
+_HALF: Final = 32
+_LOWER: Final = 2**_HALF - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,10 +69,11 @@ class Prediction:
         return disjoint.astype(np.int8) + ~inside
 
     def _seconds(self, moments: Integers, side: float) -> Floats:
-        """On their side of the exact time; the conversion and the division round once each."""
-        near = np.clip(
-            moments, max(self.origin - _FAR, -_FOREVER), min(self.origin + _FAR, _FOREVER)
-        )
-        found = (near - self.origin) / SECOND
-        found = np.where(near == moments, found, np.copysign(_LONG_S, moments - near))
+        """On their side of the exact time; the sum and the division round once each.
+
+        Differences may need 65 bits, so both halves of the moments are taken apart.
+        """
+        high = (moments >> _HALF) - (self.origin >> _HALF)
+        low = (moments & _LOWER) - (self.origin & _LOWER)
+        found = (high * 2.0**_HALF + low) / SECOND
         return np.where(found == 0.0, 0.0, np.nextafter(np.nextafter(found, side), side))

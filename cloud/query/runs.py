@@ -45,6 +45,7 @@ class Run:
         dt: The last sample's period, ns.
         n: How many samples.
         held: For how long all but the last hold, ns: each until the next, a period at most.
+        error: How far a sample's true moment may lie from the one that is told, ns.
     """
 
     start: int
@@ -53,6 +54,7 @@ class Run:
     dt: int
     n: int
     held: int
+    error: int
 
     def reaches(self, following: Run) -> bool:
         """Whether no gap lies between this run and the next."""
@@ -62,6 +64,7 @@ class Run:
         """Take in the next run."""
         self.held += min(max(following.start - self.end, 0), self.dt) + following.held
         self.n += following.n
+        self.error = max(self.error, following.error)
         self.end, self.dt = following.end, following.dt
 
 
@@ -119,7 +122,8 @@ def _of_blocks(
         first, last = clip(t, dt, row["n"], window)
         if first <= last:
             span = (last - first) * dt
-            yield Run(t + first * dt, t + last * dt, answer, dt, last - first + 1, span)
+            begin, n = t + first * dt, last - first + 1
+            yield Run(begin, begin + span, answer, dt, n, span, row["error"])
 
 
 def _clusters(
@@ -173,7 +177,7 @@ def parted(pieces: Pieces, answers: NDArray[np.int8]) -> Iterator[Run]:
 
 def as_runs(pieces: Pieces, answers: Iterable[int]) -> Iterator[Run]:
     """A run for each piece, with its answer."""
-    columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held)
+    columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held, pieces.error)
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    for (first, last, dt, n, held), answer in zip(rows, answers, strict=True):
-        yield Run(first, last, Answer(int(answer)), dt, n, held)
+    for (first, last, *rest), answer in zip(rows, answers, strict=True):
+        yield Run(first, last, Answer(int(answer)), *rest)

@@ -84,6 +84,21 @@ def touching(channel: RowMapping, window: Window) -> ColumnElement[bool]:
     )
 
 
+def find_next(connection: Connection, channel: RowMapping, window: Window) -> int | None:
+    """The earliest moment at which the first sample behind a window may have been taken, or before.
+
+    Behind is what is told so: its true moment may lie in the window. ``None`` if there is none.
+    """
+    b, end = blocks.c, window.end
+    here = and_(b.node == channel["node"], b.channel == channel["channel"])
+    earliest = max(end - channel["longest"], -(2**63) + 1)
+    over = select(func.max(b.error)).where(here, b.t >= earliest, b.t < end, b.t_end >= end)
+    reaching: int | None = connection.execute(over).scalar_one()
+    begun = select(b.t, b.error).where(here, b.t >= end).order_by(b.t, b.error.desc()).limit(1)
+    found = [t - error for t, error in connection.execute(begun)]
+    return min(found if reaching is None else [end - reaching, *found], default=None)
+
+
 def clip(t: int, dt: int, n: int, window: Window) -> tuple[int, int]:
     """The first and the last index of a block's samples in a window; reversed if there is none."""
     return max(0, -((t - window.start) // dt)), min(n - 1, (window.end - 1 - t) // dt)

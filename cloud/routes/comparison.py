@@ -67,9 +67,9 @@ def get_comparison(
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query) if query.cursor is None else resumed(query.cursor)
-        with _sides(cloud, access, connection, rows, window) as (one, other):
-            found, following = _paged(_stretches(one, other, window, query), window, query.limit)
-    coverage = _coverage(rows)
+        with _sides(cloud, access, connection, rows, window) as sides:
+            found, following = _paged(_stretches(*sides, window, query), window, query.limit)
+    coverage = _coverage(sides)
     return as_json(page([stretch_shape(stretch, coverage) for stretch in found], following))
 
 
@@ -89,23 +89,16 @@ def get_comparison_time(
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query)
-        with _sides(cloud, access, connection, rows, window) as (one, other):
-            found = sum_up_stretches(_stretches(one, other, window, query))
-    return as_json(standing_shape(found, window, rows[0]["unit"], _coverage(rows)))
+        with _sides(cloud, access, connection, rows, window) as sides:
+            found = sum_up_stretches(_stretches(*sides, window, query))
+    return as_json(standing_shape(found, window, sides[0].channel["unit"], _coverage(sides)))
 
 
 def _rows(
     connection: Connection, node: str, channel: str, query: ComparisonQuery
 ) -> tuple[RowMapping, RowMapping]:
     one = find_channel(connection, node, channel)
-    other = find_channel(connection, *read_place(query.other, "other"))
-    if one["unit"] != other["unit"]:
-        raise QueryError(
-            "other",
-            f"{query.other} is in {other['unit']}, {node}/{channel} in {one['unit']}; "
-            "compare channels of the same unit",
-        )
-    return one, other
+    return one, find_channel(connection, *read_place(query.other, "other"))
 
 
 def _window(cloud: Cloud, rows: tuple[RowMapping, RowMapping], query: WindowQuery) -> Window:
@@ -120,12 +113,28 @@ def _sides(
     connection: Connection,
     rows: tuple[RowMapping, RowMapping],
     window: Window,
-) -> Iterator[list[Source]]:
+) -> Iterator[tuple[Source, Source]]:
+    """Where both are read; what a sealed one's row on the disk says is not what its blocks say.
+
+    Raises:
+        QueryError: Their units differ.
+    """
     with ExitStack() as stack:
-        yield [
+        one, other = (
             Source(*stack.enter_context(opened(cloud, access, connection, row, window)))
             for row in rows
-        ]
+        )
+        _require_same_unit(one.channel, other.channel)
+        yield one, other
+
+
+def _require_same_unit(one: RowMapping, other: RowMapping) -> None:
+    if one["unit"] != other["unit"]:
+        raise QueryError(
+            "other",
+            f"{other['node']}/{other['channel']} is in {other['unit']}, "
+            f"{one['node']}/{one['channel']} in {one['unit']}; compare channels of the same unit",
+        )
 
 
 def _stretches(
@@ -145,5 +154,5 @@ def _paged(
     return found, None if following is None else write_cursor(following.start, window.end)
 
 
-def _coverage(rows: tuple[RowMapping, RowMapping]) -> float:
-    return float(min(row["coverage"] for row in rows))
+def _coverage(sides: tuple[Source, Source]) -> float:
+    return float(min(side.channel["coverage"] for side in sides))

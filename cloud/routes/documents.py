@@ -8,6 +8,8 @@ from cloud.problems import documented
 
 T = TypeVar("T")
 
+TIME: Final = "RFC 3339, or integer nanoseconds since 1970"
+"""How a question may write a time."""
 Moment = Annotated[
     str,
     Field(
@@ -129,7 +131,7 @@ class ChannelDocument(BaseModel):
     dt: int
     blocks: int
     samples: int
-    bytes: int
+    bytes: int | None
     first: Moment | None
     last: Moment | None
     bounds: IntervalDocument | None

@@ -19,14 +19,13 @@ from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.export import Export, Mark, Source
 from cloud.query.places import find_channel, read_place
 from cloud.query.window import Window, make_window, read_moment
-from cloud.routes.documents import REFUSALS_OF_PLACE
+from cloud.routes.documents import REFUSALS_OF_PLACE, TIME
 from cloud.state import Cloud
 from eskin.errors import QueryError
 from eskin.privacy import is_biometric
 
 router = APIRouter(tags=["series"])
 
-_TIME: Final = "RFC 3339, or integer nanoseconds since 1970"
 _SUFFIXES: Final = {
     "text/csv": "csv",
     "application/vnd.apache.arrow.stream": "arrows",
@@ -43,10 +42,10 @@ class ExportQuery(BaseModel):
         min_length=1, max_length=1000, description="NODE/CHANNEL; may be repeated"
     )
     start: str | None = Field(
-        default=None, max_length=100, description=f"included; {_TIME}; else the first sample"
+        default=None, max_length=100, description=f"included; {TIME}; else the first sample"
     )
     end: str | None = Field(
-        default=None, max_length=100, description=f"excluded; {_TIME}; else behind the last sample"
+        default=None, max_length=100, description=f"excluded; {TIME}; else behind the last sample"
     )
     limit: int | None = Field(
         default=None,

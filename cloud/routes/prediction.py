@@ -13,6 +13,7 @@ from cloud.dependencies import CloudState, Reader
 from cloud.pyramid.hulls import bucket_width
 from cloud.query.anomalies import find_anomalies
 from cloud.query.cursors import read_numbers
+from cloud.query.decimals import enclose_decimal
 from cloud.query.holding import after
 from cloud.query.models import MODELS
 from cloud.query.occupancy import sum_up
@@ -20,6 +21,7 @@ from cloud.query.places import find_channel
 from cloud.query.prediction import Prediction
 from cloud.query.question import Answer
 from cloud.query.runs import Run, merge
+from cloud.query.span import find_next
 from cloud.query.window import make_window, read_moment
 from cloud.routes.answers import as_json
 from cloud.routes.documents import REFUSALS_OF_PLACE, Moment, PageDocument
@@ -44,7 +46,7 @@ class PredictionQuery(WindowQuery):
     parameter: list[Annotated[str, Field(max_length=100)]] = Field(
         default=[],
         max_length=_MOST_PARAMETERS,
-        description="NAME:LO:HI or NAME:VALUE, in SI units; may be repeated",
+        description="NAME:LO:HI or NAME:VALUE, in SI units, rounded outward; may be repeated",
     )
     origin: str | None = Field(
         default=None, max_length=100, description="the model's time 0; else `start`"
@@ -158,7 +160,8 @@ def get_anomalies_time(
         window = window_of(cloud, row, query)
         prediction = _prediction(query, row, window.start)
         with opened(cloud, access, connection, row, window) as (source, known):
-            found = sum_up(find_anomalies(source, known, window, prediction), window)
+            runs = find_anomalies(source, known, window, prediction)
+            found = sum_up(runs, window, find_next(source, known, window))
     return as_json(occupancy_shape(found, window, known))
 
 
@@ -183,11 +186,12 @@ def _prediction(query: PredictionQuery, row: RowMapping, start: int) -> Predicti
 
 
 def _parameter(text: str) -> tuple[str, Interval]:
+    """Name and bounds, rounded outward: what the text says lies in them."""
     name, *bounds = text.split(":")
     try:
-        lo, *rest = (float(bound) for bound in bounds)
+        lo, *rest = (enclose_decimal(bound) for bound in bounds)
         (hi,) = rest or (lo,)
-        return name, Interval(lo, hi)
+        return name, Interval(lo[0], hi[1])
     except (ValueError, IntervalError) as error:
         raise QueryError(
             "parameter", f"{text!r} is no NAME:LO:HI such as distance:0.9e-3:1.1e-3"

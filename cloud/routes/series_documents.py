@@ -39,7 +39,8 @@ class SeriesDocument(BaseModel):
 class SegmentDocument(BaseModel):
     """A run of samples, from the first to the last, with the same answer.
 
-    ``coverage`` is the probability of the whole statement: the union bound over its samples.
+    ``coverage`` is the probability of the whole statement: the union bound over its samples. Their
+    true moments lie within ``time_error`` ns of those that are told.
     """
 
     id: str
@@ -47,6 +48,7 @@ class SegmentDocument(BaseModel):
     end: Moment
     verdict: Literal["certain", "possible"]
     coverage: float
+    time_error: int
 
 
 class CountDocument(BaseModel):
@@ -61,7 +63,9 @@ class OccupancyDocument(BaseModel):
 
     A sample holds until the next, for its period at most; for ``unknown_s`` nothing is known.
     ``samples`` and ``entries`` count what is known: samples in the state, and how often it began.
-    ``coverage`` is the probability of the whole statement.
+    Samples are those that are told within the window; their true moments lie within ``time_error``
+    ns of these, and ``time_s`` holds wherever they do. ``coverage`` is the probability of the whole
+    statement.
     """
 
     start: Moment
@@ -72,3 +76,4 @@ class OccupancyDocument(BaseModel):
     samples: CountDocument
     entries: CountDocument
     coverage: float
+    time_error: int

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from contextlib import contextmanager
 from itertools import islice
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, Field
 
 from cloud.privacy.memory import unveiled
 from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.window import Window, make_window, read_window
+from cloud.routes.documents import TIME
 from eskin.privacy import is_biometric
 
 if TYPE_CHECKING:
@@ -22,16 +23,14 @@ if TYPE_CHECKING:
     from cloud.query.runs import Run
     from cloud.state import Cloud
 
-_TIME: Final = "RFC 3339, or integer nanoseconds since 1970"
-
 
 class WindowQuery(BaseModel):
     """When; without both, the last minute of data."""
 
     model_config = ConfigDict(extra="forbid")
 
-    start: str | None = Field(default=None, max_length=100, description=f"included; {_TIME}")
-    end: str | None = Field(default=None, max_length=100, description=f"excluded; {_TIME}")
+    start: str | None = Field(default=None, max_length=100, description=f"included; {TIME}")
+    end: str | None = Field(default=None, max_length=100, description=f"excluded; {TIME}")
 
 
 @contextmanager

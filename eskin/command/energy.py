@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -82,28 +81,19 @@ def _table(budgets: list[Budget]) -> str:
     lines += [f"{'self-sustaining':<20}{verdicts}", ""]
     for frugal in budgets[1:]:
         watts, share = saving(budgets[0], frugal)
-        low, high = 100.0 * float(share.inf), 100.0 * float(share.sup)
-        lines.append(f"{frugal.mode} saves {_watts(watts)}, {low:.1f} to {high:.1f} %")
+        lines.append(f"{frugal.mode} saves {_watts(watts)}, {share * 100.0:.1f} %")
     return "\n".join(lines)
 
 
+_SCALES = ((1.0, "W"), (1e3, "mW"), (1e6, "µW"), (1e9, "nW"))
 _VERDICTS = {"CERTAIN": "certainly", "POSSIBLE": "possibly", "IMPOSSIBLE": "not"}
 
 
 def _watts(power: Interval) -> str:
-    """Bounds in the unit that fits, rounded outward to four digits."""
-    low, high = float(power.inf), float(power.sup)
-    for factor, unit in ((1.0, "W"), (1e3, "mW"), (1e6, "µW"), (1e9, "nW")):
-        if max(abs(low), abs(high)) * factor >= 1.0 or unit == "nW":
-            break
-    return f"[{_digits(low * factor, -1)}, {_digits(high * factor, 1)}] {unit}"
-
-
-def _digits(value: float, side: int) -> str:
-    """Three places, rounded down or up."""
-    thousandths = value * 1e3
-    rounded = math.floor(thousandths) if side < 0 else math.ceil(thousandths)
-    return f"{rounded / 1e3:.3f}"
+    """Bounds in the unit that fits, rounded outward to three places."""
+    greatest = max(abs(float(power.inf)), abs(float(power.sup)))
+    factor, unit = next((each for each in _SCALES if greatest * each[0] >= 1.0), _SCALES[-1])
+    return f"{power * factor:.3f} {unit}"
 
 
 def _json(budgets: list[Budget]) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context, Decimal
+from decimal import MAX_EMAX, MIN_EMIN, ROUND_CEILING, ROUND_FLOOR, Context, Decimal
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -17,6 +17,8 @@ _SPEC: Final = re.compile(r"(?:\.(?P<digits>\d{1,3}))?(?P<kind>[efg])?")
 _DIGITS: Final = 6
 _SHOWN: Final = 1000
 _EDGE: Final = 3
+_LONGEST: Final = 1400
+"""More digits than a float has, or 999 places behind the point give."""
 
 
 def text_of(x: Bounds, spec: str) -> str:
@@ -62,13 +64,18 @@ def _single(lo: float, hi: float, kind: str, digits: int) -> str:
 def _bound(value: float, kind: str, digits: int, rounding: str) -> str:
     if not np.isfinite(value):
         return "-inf" if value < 0 else "inf"
-    exact = Decimal(value)
     if kind == "f":
-        places = Context(prec=800, rounding=rounding)
-        return format(exact.quantize(Decimal(1).scaleb(-digits), context=places), f".{digits}f")
+        own, step = _context(_LONGEST, rounding), Decimal((0, (1,), -digits))
+        return format(own.quantize(own.create_decimal_from_float(value), step), f".{digits}f")
     count = max(digits, 1) if kind == "g" else digits + 1
-    rounded = Context(prec=count, rounding=rounding).plus(exact)
+    own = _context(count, rounding)
+    rounded = own.create_decimal_from_float(value)
     if kind == "e":
         return format(rounded, f".{digits}e")
     plain = rounded == 0 or -5 < rounded.adjusted() < max(count, 1)
-    return format(rounded.normalize(), "f") if plain else format(rounded.normalize(), "e")
+    return format(own.normalize(rounded), "f" if plain else "e")
+
+
+def _context(digits: int, rounding: str) -> Context:
+    """Nothing of the caller's context, which would round once more, and to the nearest."""
+    return Context(digits, rounding, MIN_EMIN, MAX_EMAX, capitals=1, clamp=0, flags=[], traps=[])

@@ -160,6 +160,35 @@ def test_a_bucket_encloses_all_that_is_predicted_in_it(begin: int, span: int, pa
     assert hi[0] >= inner.inf
 
 
+@pytest.mark.parametrize("side", [-np.inf, np.inf])
+@pytest.mark.parametrize("origin", [-(2**63) + 1, -(2**63) + 10, -5, 0, START, 2**63 - 1])
+def test_model_times_enclose_the_exact_ones_however_far(origin: int, side: float) -> None:
+    moments = [-(2**63) + 1, -(2**62), -1, 0, 1, START, START + 1, 2**62, 2**63 - 1]
+    found = Prediction(MODELS["constant"], {}, origin)._seconds(np.array(moments), side)
+    for moment, told in zip(moments, found.tolist(), strict=True):
+        exact = Fraction(moment - origin, 10**9)
+        assert (Fraction(told) - exact) * int(np.sign(side)) >= 0
+        assert float(abs(Fraction(told) - exact)) <= 4 * np.spacing(abs(told))
+
+
+@pytest.mark.parametrize("origin", [-(2**63) + 10, 0, 2**63 - 1])
+def test_prediction_over_all_time_is_answered(origin: int) -> None:
+    moments = np.array([-(2**63) + 1, 0]), np.array([2**63 - 1, 2**63 - 1])
+    lo, hi = swinging(origin).between(*moments)
+    inner = swinging(START).between(np.array([START]), np.array([START + 10**9]))
+    assert np.all(lo <= inner[0])
+    assert np.all(hi >= inner[1])
+
+
+@pytest.mark.anyio
+async def test_parameters_enclose_what_their_text_says(stand: Stand) -> None:
+    put(stand.cloud.store, block(0, [0.1], [0.1]))
+    asked = {"start": START, "end": START + MS, "model": "constant", "parameter": "value:0.1"}
+    tube = (await stand.get(PREDICTION, **asked, points=1)).json()
+    assert Fraction(tube["lo"][0]) < Fraction("0.1") < Fraction(tube["hi"][0])
+    assert (await stand.get(ANOMALIES, **asked)).json()["items"] == []
+
+
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "constant"])
 def test_every_model_is_told_what_it_lacks_and_answers_with_it(name: str) -> None:
     model = MODELS[name]

@@ -90,6 +90,9 @@ def test_gateways_are_answered_as_described(stand: Stand) -> None:
 def test_description_is_of_version_3_1(stand: Stand) -> None:
     raw = people_application(stand.cloud).openapi()
     assert raw["openapi"].startswith("3.1")
+    schemes = raw["components"]["securitySchemes"]
+    (bearer,) = (said for said in schemes.values() if said.get("scheme") == "bearer")
+    assert "docs/rest.md" in bearer["description"], "no scope is right for all routes"
     assert raw["paths"]["/api/v1/series/{node}/{channel}"]["get"]["security"]
     live = raw["paths"]["/api/v1/live"]["get"]["responses"]["200"]["content"]
     assert list(live) == ["text/event-stream"]

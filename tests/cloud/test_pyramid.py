@@ -76,6 +76,7 @@ class Truth:
         self.t = t[order]
         self.lo = np.concatenate([b.tube.values.inf for b in said])[order]
         self.hi = np.concatenate([b.tube.values.sup for b in said])[order]
+        self.error = max(b.tube.time_error for b in said)
         coverage = [np.full(len(b.tube), b.tube.coverage) for b in said]
         self.coverage = np.concatenate(coverage)[order]
 
@@ -235,9 +236,18 @@ def check_states(store: Store, truth: Truth, window: Window, question: Question)
     expected = [(t[r[0]], t[r[-1]], answers[r[0]]) for r in runs if answers[r[0]]]
     assert [(s.start, s.end, s.answer) for s in segments] == expected
     held = np.minimum(np.diff(t, append=window.end), dt)
-    certain, possible = int(held[answers == 2].sum()), int(held[answers > 0].sum())
-    assert found.time == (certain, possible)
-    assert found.unknown == window.span - held.sum()
+    spans = [(answers[r[0]], int(held[r].sum())) for r in runs]
+    certain, excluded = (sum(span for said, span in spans if said == each) for each in (2, 0))
+    # At each end a run of one answer loses the time error there.
+    least, less = (
+        sum(max(0, span - 2 * truth.error) for said, span in spans if said == each)
+        for each in (2, 0)
+    )
+    known = int(held.sum())
+    assert least <= found.time[0] <= certain
+    assert known - excluded <= found.time[1] <= known - less
+    assert found.unknown == window.span - known
+    assert found.error <= truth.error
     assert found.samples == (int((answers == 2).sum()), int((answers > 0).sum()))
 
 
@@ -249,7 +259,7 @@ def test_entries_are_those_of_every_signal_between_the_bounds(
     runs, t = [], 0
     for answer, gap in samples:
         t += 20 if gap else 10
-        runs.append(Run(t, t, answer, 10, 1, 0))
+        runs.append(Run(t, t, answer, 10, 1, 0, 0))
     counts = set()
     for signal in product([False, True], repeat=len(runs)):
         if any(
@@ -264,9 +274,9 @@ def test_entries_are_those_of_every_signal_between_the_bounds(
                 for state, was, (_, gap) in zip(signal, before, samples, strict=True)
             )
         )
-    whole = sum_up(runs, Window(0, t + 10))
+    whole = sum_up(runs, Window(0, t + 10), None)
     assert whole.entries == (min(counts), max(counts))
-    assert sum_up(merge(runs), Window(0, t + 10)).entries == whole.entries
+    assert sum_up(merge(runs), Window(0, t + 10), None).entries == whole.entries
 
 
 def test_states_decode_only_blocks_that_straddle(

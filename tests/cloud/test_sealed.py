@@ -13,6 +13,7 @@ from sqlalchemy import select
 
 from cloud.access import Scope
 from cloud.live.feed import read_entries
+from cloud.routes.documents import ChannelDocument
 from cloud.store.dead_letters import count
 from cloud.store.schema import dead_letters
 from eskin.moment import SECOND
@@ -94,6 +95,34 @@ async def test_sealed_channel_answers_as_the_same_channel_in_the_clear(
         assert json.loads(sealed.content) | differ == json.loads(plain.content) | differ
 
 
+@pytest.mark.parametrize(
+    ("path", "question"),
+    [
+        ("/comparison", {"other": "level/t01.capacitance"}),
+        ("/comparison/time", {"other": "level/t01.capacitance"}),
+        ("/threshold", {"above": 3}),
+        ("/time", {"above": 3}),
+        ("/anomalies", {"model": "constant", "parameter": "value:0:1"}),
+    ],
+)
+async def test_sealed_blocks_that_claim_less_than_the_status_have_their_own_coverage(
+    stand: Stand, site: Site, path: str, question: dict[str, Any]
+) -> None:
+    bounds = np.full(40, 5.0), np.full(40, 6.0)
+    sealed = pulse(1, *bounds, time=(START, START), coverage=0.99)
+    bare = block(1, *bounds, time=(START, START), unit="V", coverage=0.99)
+    level = block(1, np.full(40, 1.0), np.full(40, 2.0), time=(START, START), unit="V")
+    await stand.ingest(site.batch(declared(), sealed))
+    await stand.ingest(cbor2.dumps([["twin", bare.encode()], ["level", level.encode()]]))
+    window = {"start": START, "end": START + 40 * DT} | question
+    token = physician(stand)
+    found = (await ask(stand, token, SERIES + path, **window)).json()
+    plain = (await ask(stand, token, f"/api/v1/series/twin/t01.capacitance{path}", **window)).json()
+    assert found == plain
+    (told,) = found.get("items", [found])
+    assert told["coverage"] <= 0.6
+
+
 async def test_every_answer_encloses_what_was_sealed(stand: Stand, site: Site) -> None:
     token = physician(stand)
     waves = [wave(number) for number in range(1, 6)]
@@ -123,6 +152,7 @@ async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, si
     assert [item for item in listed if item["kind"] == "peak"] == []
     (channel,) = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
     assert (channel["blocks"], channel["samples"], channel["bounds"]) == (1, 0, None)
+    assert ChannelDocument.model_validate(channel).bytes is None
 
 
 async def test_cloud_without_keys_says_so(

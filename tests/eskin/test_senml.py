@@ -20,9 +20,7 @@ NAME = "fingertip/t01.capacitance/"
 
 bound = st.floats(allow_nan=False)
 samples = st.lists(
-    st.tuples(st.integers(0, 50 * 86_400 * SECOND), bound, bound).map(
-        lambda s: (s[0], min(s[1:]), max(s[1:]))
-    ),
+    st.tuples(st.integers(0, 2**62), bound, bound).map(lambda s: (s[0], min(s[1:]), max(s[1:]))),
     min_size=1,
     max_size=20,
 )
@@ -39,9 +37,23 @@ def expected(found: list[tuple[int, float, float]]) -> list[tuple[str, int, floa
 
 
 def resolved(records: list[dict[Any, Any]], n: Any, t: Any, v: Any, bt: Any) -> list[Any]:
-    """Names, ns after the base time's ``T0``, values; the first record is the coverage."""
-    base = records[0][bt]
-    return [(r[n], round(r[t] * SECOND) + base * SECOND - T0, r[v]) for r in records[1:]]
+    """Names, ns after ``T0`` by the base time that holds, values; of what has a time."""
+    found, base = [], 0
+    for record in records:
+        base = record.get(bt, base)
+        if t in record:
+            moment = base * SECOND + round(Fraction(record[t]) * SECOND)
+            found.append((record[n], moment - T0, record[v]))
+    return found
+
+
+def test_time_far_from_the_first_comes_with_a_new_base_time() -> None:
+    year = 365 * 86_400 * SECOND
+    told = [(0, 1.0, 2.0), (year + 1, -math.inf, math.inf), (year + 2, 1.0, math.inf)]
+    first, low, high, last = json.loads(senml.as_json(pack(told)))
+    assert [first["bt"], last["bt"]] == [T0 // SECOND, (T0 + year) // SECOND]
+    assert "bt" not in low | high
+    assert resolved([first, low, high, last], "n", "t", "v", "bt")[-1] == ("lo", year + 2, 1.0)
 
 
 @given(found=samples)

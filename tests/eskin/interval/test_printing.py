@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import re
+from decimal import (
+    ROUND_CEILING,
+    ROUND_FLOOR,
+    ROUND_HALF_EVEN,
+    ROUND_UP,
+    Context,
+    FloatOperation,
+    Inexact,
+    localcontext,
+)
 from fractions import Fraction
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from eskin.errors import IntervalError
@@ -23,6 +33,29 @@ def test_printed_decimals_enclose(a: float, b: float, digits: int, kind: str) ->
     lo, hi = (Fraction(part) for part in text.strip("[]").split(", "))
     assert lo <= Fraction(float(made.inf))
     assert hi >= Fraction(float(made.sup))
+
+
+@settings(max_examples=200)
+@given(
+    a=FLOATS,
+    digits=st.one_of(st.integers(0, 60), st.integers(300, 999)),
+    kind=st.sampled_from("efg"),
+    prec=st.integers(1, 60),
+    rounding=st.sampled_from([ROUND_FLOOR, ROUND_CEILING, ROUND_HALF_EVEN, ROUND_UP]),
+    reach=st.sampled_from([3, 999_999]),
+)
+@example(a=0.1, digits=30, kind="g", prec=28, rounding=ROUND_HALF_EVEN, reach=999_999)
+@example(a=1.23456789, digits=6, kind="g", prec=4, rounding=ROUND_HALF_EVEN, reach=999_999)
+@example(a=1.5e300, digits=999, kind="f", prec=28, rounding=ROUND_HALF_EVEN, reach=999_999)
+def test_printed_decimals_enclose_in_any_decimal_context(
+    a: float, digits: int, kind: str, prec: int, rounding: str, reach: int
+) -> None:
+    plain = f"{Interval(a):.{digits}{kind}}"
+    with localcontext(Context(prec, rounding, -reach, reach, traps=[Inexact, FloatOperation])):
+        text = f"{Interval(a):.{digits}{kind}}"
+    lo, hi = (Fraction(part) for part in text.strip("[]").split(", "))
+    assert lo <= Fraction(a) <= hi
+    assert text == plain
 
 
 @given(a=FLOATS, b=FLOATS)

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import replace
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from eskin.command import app
+from eskin.command.energy import _watts
 from eskin.errors import SettingsError
+from eskin.interval import Interval
 from eskin.messages import Sustained
 from sensor_node.budget import Budget, Design, design_names, saving
 from sensor_node.budget.budget import MODES
@@ -27,6 +33,12 @@ if TYPE_CHECKING:
 SECONDS = 6
 CONVERSIONS = 250 * 14 * 3 + 250 * 2 * 3 + 250 + 2 * 50
 """A second: 14 pads, of which one reads the air along; 2 coils; an electrode; the air."""
+_UNITS = {
+    "W": Fraction(1),
+    "mW": Fraction(1, 10**3),
+    "µW": Fraction(1, 10**6),
+    "nW": Fraction(1, 10**9),
+}
 
 
 def nothing(_: int) -> None:
@@ -159,6 +171,24 @@ def test_command_prints_a_table_and_json() -> None:
     assert list(found["modes"]) == list(MODES)
     low, high = found["modes"]["peaks"]["saving"]["share"]
     assert 0.0 < low < high < 1.0
+
+
+@given(st.floats(1e-10, 1e4), st.floats(0.0, 1e-12))
+@example(816.0360000000001, 0.0)
+@example(0.010000000000000002, 0.0)
+def test_power_is_printed_outward(low: float, more: float) -> None:
+    said, unit = _watts(Interval(low, low + more)).split("] ")
+    shown = [Fraction(bound) * _UNITS[unit] for bound in said.strip("[").split(", ")]
+    assert shown[0] <= Fraction(low) <= Fraction(low + more) <= shown[1]
+
+
+def test_table_encloses_what_json_tells() -> None:
+    given = ["energy", "--profile", "fingertip", "--seconds", "1"]
+    table = CliRunner().invoke(app, given).output
+    saving = json.loads(CliRunner().invoke(app, [*given, "--json"]).output)["modes"]["peaks"]
+    (found,) = re.findall(r"peaks saves .*, \[(.*), (.*)\] %", table)
+    low, high = saving["saving"]["share"]
+    assert Fraction(found[0]) <= 100 * Fraction(low) < 100 * Fraction(high) <= Fraction(found[1])
 
 
 def test_command_names_what_is_allowed() -> None:

@@ -147,6 +147,7 @@ export interface OccupancyAnswer {
   readonly samples: { readonly lo: number; readonly hi: number };
   readonly entries: { readonly lo: number; readonly hi: number };
   readonly coverage: number;
+  readonly time_error: number;
 }
 
 export interface SegmentItem {
@@ -154,6 +155,7 @@ export interface SegmentItem {
   readonly start: string;
   readonly end: string;
   readonly verdict: Verdict;
+  readonly time_error: number;
 }
 
 export interface EventItem {
