@@ -4,19 +4,21 @@ Its folder holds the root (see `eskin.identity.roots`), the issuing CAs (see
 `eskin.identity.issuer`), for each kind ``KIND.crl.pem``, what was issued last in
 ``issued/NAME.pem``, and a ``ledger.jsonl`` of everything issued and revoked. An *anchor* is an
 issuing CA's certificate signed by its own key: a TLS server that trusts only this one accepts that
-kind and no other, which the root as anchor could not say.
+kind and no other, which the root as anchor could not say. Whoever changes the folder holds
+``ledger.jsonl.lock`` meanwhile (see `eskin.identity.turn`).
 """
 
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
 from cryptography import x509
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import leaf_certificate, new_key, pem
+from eskin.identity.certificates import key_digest, leaf_certificate, new_key, pem, public_key
 from eskin.identity.identity import ROOT_FILE, load_certificates, save_key, write_whole
 from eskin.identity.issuer import (
     LIST_LIFETIME,
@@ -28,9 +30,11 @@ from eskin.identity.issuer import (
 from eskin.identity.kinds import IdentityKind
 from eskin.identity.ledger import Issued, Ledger
 from eskin.identity.roots import is_replaced, root_certificate, root_key
+from eskin.identity.turn import Turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from cryptography.hazmat.primitives.asymmetric import ec
@@ -58,6 +62,7 @@ class Authority:
             )
         self.directory = directory
         self._ledger = Ledger(directory / _LEDGER)
+        self._turn = Turn(directory / _LEDGER)
         for kind in IdentityKind:
             load_issuers(directory, kind)
 
@@ -95,6 +100,17 @@ class Authority:
             )
         return cls.open(directory)
 
+    def changing(self) -> AbstractContextManager[None]:
+        """A block in which nobody else changes this CA, in this process or another.
+
+        What is decided by looking at the CA, such as to whom to issue, is decided and done in one.
+
+        Raises:
+            LockedError: Somebody else has been changing it for too long.
+            IdentityError: The folder cannot be written.
+        """
+        return self._turn.take()
+
     def issue(
         self,
         kind: IdentityKind,
@@ -119,27 +135,39 @@ class Authority:
             The certificate, then the issuing CA's.
 
         Raises:
-            IdentityError: The name is none of that kind.
+            IdentityError: The name is none of that kind, or the key was revoked.
         """
         kind.require_name(name)
-        issuer = self.issuer(kind, name)
-        certificate = leaf_certificate(
-            kind,
-            name,
-            key,
-            hosts=hosts,
-            signer=issuer.key,
-            not_before=now or datetime.now(UTC),
-            lifetime=lifetime,
-        )
-        chain = certificate, issuer.certificate
+        with self.changing():
+            self.require_unrevoked(key)
+            issuer = self.issuer(kind, name)
+            certificate = leaf_certificate(
+                kind,
+                name,
+                key,
+                hosts=hosts,
+                signer=issuer.key,
+                not_before=now or datetime.now(UTC),
+                lifetime=lifetime,
+            )
+            self._keep(kind, name, certificate, issuer)
+        return certificate, issuer.certificate
+
+    def _keep(
+        self, kind: IdentityKind, name: str, certificate: x509.Certificate, issuer: Issuer
+    ) -> None:
         issued = self.directory / "issued"
         issued.mkdir(exist_ok=True)
-        write_whole(issued / f"{name}.pem", pem(chain))
-        serial, expires = f"{certificate.serial_number:x}", certificate.not_valid_after_utc
-        entry = Issued(serial, str(kind), name, expires.isoformat(), issuer=issuer.serial)
+        write_whole(issued / f"{name}.pem", pem((certificate, issuer.certificate)))
+        entry = Issued(
+            _serial(certificate),
+            str(kind),
+            name,
+            certificate.not_valid_after_utc.isoformat(),
+            issuer=issuer.serial,
+            key=key_digest(public_key(certificate)),
+        )
         self._ledger.add(entry)
-        return chain
 
     def issuer(self, kind: IdentityKind, name: str) -> Issuer:
         """Who issues to a name now; read each time, as another process may have made a new one."""
@@ -162,26 +190,50 @@ class Authority:
 
     def is_revoked(self, certificate: x509.Certificate) -> bool:
         """Whether a certificate was revoked."""
-        serial = f"{certificate.serial_number:x}"
-        return any(e.serial == serial and e.revoked is not None for e in self.issued())
+        return self._ledger.is_revoked(_serial(certificate))
+
+    def revoked_at(self, name: str) -> datetime | None:
+        """When a certificate of a name was revoked last; ``None`` if none ever was."""
+        return self._ledger.revoked_at(name)
+
+    def require_unrevoked(self, key: ec.EllipticCurvePublicKey) -> None:
+        """Require that no certificate of a key was revoked.
+
+        Raises:
+            IdentityError: One was.
+        """
+        if self._ledger.is_revoked_key(key_digest(key)):
+            raise IdentityError("this key was revoked; enrol with a fresh one, in a new folder")
 
     def revoke(self, name: str) -> list[Issued]:
         """Revoke all certificates of a name, and write its kind's revocation list anew.
 
+        Once it returned, no certificate that was issued to the name before, or renewed from one, is
+        trusted by who has the list.
+
         Raises:
-            IdentityError: None was issued to that name.
+            LockedError: Somebody else has been changing the CA for too long.
+            IdentityError: None was issued to that name, or the folder cannot be written.
         """
-        standing = [e for e in self.issued() if e.name == name and e.revoked is None]
-        if not standing:
-            raise IdentityError(f"no standing certificate of {name!r}; see `eskin pki list`")
-        now = datetime.now(UTC).isoformat()
-        revoked = [entry.revoke(now) for entry in standing]
-        for entry in revoked:
-            self._ledger.add(entry)
+        with self.changing():
+            standing = [e for e in self.issued() if e.name == name and e.revoked is None]
+            if not standing:
+                raise IdentityError(f"no standing certificate of {name!r}; see `eskin pki list`")
+            now = datetime.now(UTC).isoformat()
+            revoked = [self._with_key(entry).revoke(now) for entry in standing]
+            self._ledger.add(*revoked)
         kind = IdentityKind(standing[0].kind)
+        # Whatever list is written from here on holds them, so others may go on meanwhile.
         self._await_next_second(kind)
         self.write_revocations(kind)
         return revoked
+
+    def _with_key(self, entry: Issued) -> Issued:
+        """An older line tells no key, but the certificate issued last may be at hand."""
+        latest = None if entry.key else self.latest(entry.name)
+        if latest is None or _serial(latest[0]) != entry.serial:
+            return entry
+        return replace(entry, key=key_digest(public_key(latest[0])))
 
     def _await_next_second(self, kind: IdentityKind) -> None:
         """OpenSSL takes the newer of two lists, and their times are whole seconds."""
@@ -194,11 +246,12 @@ class Authority:
 
         The file holds the certificate of each issuing CA, then the list that this one signed.
         """
-        revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
-        issuers = load_issuers(self.directory, kind)
         path = self.revocations_file(kind)
-        lists = [issuer.revocation_list(revoked) for issuer in issuers]
-        write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
+        with self.changing():
+            revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
+            issuers = load_issuers(self.directory, kind)
+            lists = [issuer.revocation_list(revoked) for issuer in issuers]
+            write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
         return path
 
     def refresh_revocations(self, kind: IdentityKind) -> Path:
@@ -215,12 +268,13 @@ class Authority:
         Raises:
             IdentityError: One is being replaced already, or the root's key is not here.
         """
-        if len(load_issuers(self.directory, kind)) > 1:
-            raise IdentityError(
-                f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
-            )
-        found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
-        self.write_revocations(kind)
+        with self.changing():
+            if len(load_issuers(self.directory, kind)) > 1:
+                raise IdentityError(
+                    f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
+                )
+            found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
+            self.write_revocations(kind)
 
     def dependants(self, kind: IdentityKind) -> list[str]:
         """Names whose newest standing certificate is from an issuing CA that is being replaced."""
@@ -242,13 +296,14 @@ class Authority:
         Raises:
             IdentityError: None is being replaced, or the root is, which ends them all.
         """
-        if is_replaced(self.directory):
-            raise IdentityError("the root is being replaced; see `eskin pki retire --root`")
-        issuers = load_issuers(self.directory, kind)
-        if len(issuers) == 1:
-            raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
-        retire_issuers(self.directory, kind, issuers)
-        self.write_revocations(kind)
+        with self.changing():
+            if is_replaced(self.directory):
+                raise IdentityError("the root is being replaced; see `eskin pki retire --root`")
+            issuers = load_issuers(self.directory, kind)
+            if len(issuers) == 1:
+                raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
+            retire_issuers(self.directory, kind, issuers)
+            self.write_revocations(kind)
 
     def anchor_file(self, kind: IdentityKind) -> Path:
         """The file with the kind's anchors, for a TLS server that takes only this kind."""
@@ -267,6 +322,10 @@ class Authority:
     def roots(self) -> tuple[x509.Certificate, ...]:
         """The standing roots, the one that issues first; read each time."""
         return load_certificates(self.root_file)
+
+
+def _serial(certificate: x509.Certificate) -> str:
+    return f"{certificate.serial_number:x}"
 
 
 def _create(directory: Path) -> None:
