@@ -163,8 +163,8 @@ def test_last_good_revocation_list_stays_where_another_cannot_be_used(
     keeper.verify(good)
     assert keeper.fault is None
     caplog.clear()
-    for data in (*bad, older, None):
-        put_down(data)
+    for changed in (*bad, older, None):
+        put_down(changed)
         for _ in range(3):
             now[0] += 2
             keeper.verify(good)
