@@ -52,11 +52,11 @@ class Enrolments:
         der = key.public_bytes(
             serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
         )
+        register = self._authority.register
         # Whoever is revoked while this is judged shall not get another certificate by it.
         with self._authority.changing():
-            self._authority.require_unrevoked(key)
-            revoked_at = self._authority.revoked_at
-            found = self._tokens.redeem(token, der, name, revoked_at=revoked_at)
+            register.require_unrevoked(key)
+            found = self._tokens.redeem(token, der, name, revoked_at=register.revoked_at)
             chain = self._authority.issue(
                 found.kind, found.name, key, hosts=found.hosts, lifetime=self._lifetime
             )

@@ -100,7 +100,7 @@ def _prepare(
     standing = Identity.load(directory)
     # Whoever is revoked meanwhile is not renewed.
     with authority.changing():
-        if authority.is_revoked(standing.certificate):
+        if authority.register.is_revoked(standing.certificate):
             return False
         forget_past(directory, now)
         if is_due(standing.certificate, now) or is_superseded(standing):

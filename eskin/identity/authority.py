@@ -11,14 +11,13 @@ kind and no other, which the root as anchor could not say. Whoever changes the f
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
 from cryptography import x509
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import key_digest, leaf_certificate, new_key, pem, public_key
+from eskin.identity.certificates import leaf_certificate, new_key, pem
 from eskin.identity.identity import ROOT_FILE, load_certificates, save_key, write_whole
 from eskin.identity.issuer import (
     LIST_LIFETIME,
@@ -28,7 +27,7 @@ from eskin.identity.issuer import (
     retire_issuers,
 )
 from eskin.identity.kinds import IdentityKind
-from eskin.identity.ledger import Issued, Ledger
+from eskin.identity.register import LEDGER, Register
 from eskin.identity.roots import is_replaced, root_certificate, root_key
 from eskin.identity.turn import Turn
 
@@ -40,15 +39,20 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric import ec
 
     from eskin.identity.issuer import Issuer
+    from eskin.identity.ledger import Issued
 
 LEAF_LIFETIME: Final = timedelta(days=90)
 CA_SERVICE: Final = "server.authority"
 """Common name of the CA service, which is known to whoever knows the oldest standing root."""
-_LEDGER: Final = "ledger.jsonl"
 
 
 class Authority:
-    """A root CA and its issuing CAs, kept in one folder."""
+    """A root CA and its issuing CAs, kept in one folder.
+
+    Attributes:
+        directory: The folder.
+        register: What it has issued and revoked.
+    """
 
     def __init__(self, directory: Path) -> None:
         """Open the folder.
@@ -61,8 +65,8 @@ class Authority:
                 f"{directory}: there is no CA; `eskin pki init --dir {directory}` makes one"
             )
         self.directory = directory
-        self._ledger = Ledger(directory / _LEDGER)
-        self._turn = Turn(directory / _LEDGER)
+        self.register = Register(directory)
+        self._turn = Turn(directory / LEDGER)
         for kind in IdentityKind:
             load_issuers(directory, kind)
 
@@ -139,7 +143,7 @@ class Authority:
         """
         kind.require_name(name)
         with self.changing():
-            self.require_unrevoked(key)
+            self.register.require_unrevoked(key)
             issuer = self.issuer(kind, name)
             certificate = leaf_certificate(
                 kind,
@@ -150,24 +154,8 @@ class Authority:
                 not_before=now or datetime.now(UTC),
                 lifetime=lifetime,
             )
-            self._keep(kind, name, certificate, issuer)
+            self.register.add(certificate, issuer.certificate)
         return certificate, issuer.certificate
-
-    def _keep(
-        self, kind: IdentityKind, name: str, certificate: x509.Certificate, issuer: Issuer
-    ) -> None:
-        issued = self.directory / "issued"
-        issued.mkdir(exist_ok=True)
-        write_whole(issued / f"{name}.pem", pem((certificate, issuer.certificate)))
-        entry = Issued(
-            _serial(certificate),
-            str(kind),
-            name,
-            certificate.not_valid_after_utc.isoformat(),
-            issuer=issuer.serial,
-            key=key_digest(public_key(certificate)),
-        )
-        self._ledger.add(entry)
 
     def issuer(self, kind: IdentityKind, name: str) -> Issuer:
         """Who issues to a name now; read each time, as another process may have made a new one."""
@@ -180,30 +168,11 @@ class Authority:
 
     def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
         """The chain last issued to a name; ``None`` if there is none."""
-        if all(entry.name != name for entry in self.issued()):
-            return None
-        return load_certificates(self.directory / "issued" / f"{name}.pem")
+        return self.register.latest(name)
 
     def issued(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""
-        return self._ledger.entries()
-
-    def is_revoked(self, certificate: x509.Certificate) -> bool:
-        """Whether a certificate was revoked."""
-        return self._ledger.is_revoked(_serial(certificate))
-
-    def revoked_at(self, name: str) -> datetime | None:
-        """When a certificate of a name was revoked last; ``None`` if none ever was."""
-        return self._ledger.revoked_at(name)
-
-    def require_unrevoked(self, key: ec.EllipticCurvePublicKey) -> None:
-        """Require that no certificate of a key was revoked.
-
-        Raises:
-            IdentityError: One was.
-        """
-        if self._ledger.is_revoked_key(key_digest(key)):
-            raise IdentityError("this key was revoked; enrol with a fresh one, in a new folder")
+        return self.register.entries()
 
     def revoke(self, name: str) -> list[Issued]:
         """Revoke all certificates of a name, and write its kind's revocation list anew.
@@ -216,24 +185,12 @@ class Authority:
             IdentityError: None was issued to that name, or the folder cannot be written.
         """
         with self.changing():
-            standing = [e for e in self.issued() if e.name == name and e.revoked is None]
-            if not standing:
-                raise IdentityError(f"no standing certificate of {name!r}; see `eskin pki list`")
-            now = datetime.now(UTC).isoformat()
-            revoked = [self._with_key(entry).revoke(now) for entry in standing]
-            self._ledger.add(*revoked)
-        kind = IdentityKind(standing[0].kind)
+            revoked = self.register.revoke(name)
+        kind = IdentityKind(revoked[0].kind)
         # Whatever list is written from here on holds them, so others may go on meanwhile.
         self._await_next_second(kind)
         self.write_revocations(kind)
         return revoked
-
-    def _with_key(self, entry: Issued) -> Issued:
-        """An older line tells no key, but the certificate issued last may be at hand."""
-        latest = None if entry.key else self.latest(entry.name)
-        if latest is None or _serial(latest[0]) != entry.serial:
-            return entry
-        return replace(entry, key=key_digest(public_key(latest[0])))
 
     def _await_next_second(self, kind: IdentityKind) -> None:
         """OpenSSL takes the newer of two lists, and their times are whole seconds."""
@@ -324,15 +281,11 @@ class Authority:
         return load_certificates(self.root_file)
 
 
-def _serial(certificate: x509.Certificate) -> str:
-    return f"{certificate.serial_number:x}"
-
-
 def _create(directory: Path) -> None:
     """Make keys and certificates; the root's last, so that its presence means all is there."""
-    if (directory / _LEDGER).exists():
+    if (directory / LEDGER).exists():
         raise IdentityError(
-            f"{directory}: there is a {_LEDGER} but no root.pem; bring it back from a backup, as a "
+            f"{directory}: there is a {LEDGER} but no root.pem; bring it back from a backup, as a "
             "new CA would disown all that was issued"
         )
     directory.mkdir(parents=True, exist_ok=True, mode=0o700)
