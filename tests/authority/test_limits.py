@@ -43,9 +43,10 @@ def client(app: ASGIApp, address: str) -> httpx.AsyncClient:
 async def test_flood_from_one_address_is_told_to_wait(tmp_path: Path) -> None:
     app = limited(tmp_path, requests_per_s=1, refusals_per_min=600)
     async with client(app, "192.0.2.1") as flood:
-        for _ in range(10):
-            assert (await flood.get("/roots")).status_code == 200
-        answer = await flood.get("/roots")
+        answers = [await flood.get("/roots") for _ in range(20)]
+        assert {answer.status_code for answer in answers[:10]} == {200}
+        # Some of them may belong to the next ten seconds.
+        answer = next(answer for answer in answers if answer.status_code != 200)
         assert answer.status_code == 429
         assert answer.headers["retry-after"] == "10"
         assert answer.json()["status"] == 429

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import subprocess
 import sys
 import time
-from datetime import timedelta
+from dataclasses import asdict
+from datetime import UTC, datetime, timedelta
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
@@ -21,6 +23,7 @@ from authority.tokens import TOKENS_FILE, Tokens
 from eskin.envelope import sign
 from eskin.errors import IdentityError, LockedError, UntrustedCertificateError
 from eskin.identity import Authority, Identity, IdentityKind, Trust, der, new_key, turn
+from eskin.identity.ledger import Issued, Ledger
 from eskin.lockfile import LockFile
 from eskin.topics import RENEWAL
 
@@ -214,3 +217,29 @@ def test_folder_that_cannot_be_written_is_a_clear_error_and_can_be_listed(tmp_pa
     with pytest.raises(IdentityError, match="folder cannot be written, so nothing is changed"):
         Authority(tmp_path).revoke("palm")
     assert [entry.revoked for entry in Authority(tmp_path).issued()] == [None]
+
+
+def test_ledger_is_read_on_as_it_grows_and_anew_where_it_was_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "ledger.jsonl"
+    reader, writer = Ledger(path), Ledger(path)
+    palm = Issued("a1", "node", "palm", "2030-01-01T00:00:00+00:00", key="k1")
+    assert reader.entries() == []
+    writer.add(palm)
+    assert reader.entries() == [palm]
+    gone = palm.revoke("2029-01-01T00:00:00+00:00")
+    line = json.dumps(asdict(gone)) + "\n"
+    with path.open("a") as file:
+        file.write(line[:30])
+    assert reader.entries() == [palm], "half a line is not there yet"
+    with path.open("a") as file:
+        file.write(line[30:])
+    assert reader.entries() == [gone]
+    assert reader.is_revoked("a1")
+    assert reader.is_revoked_key("k1")
+    assert reader.revoked_at("palm") == datetime(2029, 1, 1, tzinfo=UTC)
+    backup = tmp_path / "backup"
+    backup.write_text(json.dumps(asdict(palm)) + "\n")
+    backup.replace(path)
+    assert reader.entries() == [palm]
+    assert not reader.is_revoked_key("k1")
+    assert reader.revoked_at("palm") is None
