@@ -11,17 +11,16 @@ import logging
 from datetime import timedelta
 from typing import Annotated
 
-from cryptography.hazmat.primitives import serialization
-from cryptography.hazmat.primitives.asymmetric import ec
 from fastapi import FastAPI, HTTPException, Path, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
+from authority.enrolments import Enrolments
 from authority.renewals import Renewals
-from authority.requests import der_of_pem, requested_key, requested_name
+from authority.requests import der_of_pem
 from authority.tokens import Tokens
-from eskin.errors import IdentityError
+from eskin.errors import IdentityError, LockedError
 from eskin.identity import Authority, IdentityKind, common_name
 from eskin.identity.certificates import pem
 from eskin.identity.roots import offered_roots
@@ -30,6 +29,7 @@ log = logging.getLogger(__name__)
 
 _PEM = "application/x-pem-file"
 _LONGEST_DETAIL = 1000
+_PAUSE_S = 10
 
 
 class EnrolmentRequest(BaseModel):
@@ -64,6 +64,7 @@ def create_application(
     Whoever serves it may set ``app.state.follow``, which is called before anybody is told the roots
     that stand: the service's own certificate must not lead to one that visitors then have dropped.
     """
+    enrolments = Enrolments(authority, tokens, lifetime=lifetime)
     renewals = Renewals(authority, lifetime=lifetime, grace=grace)
     app = FastAPI(title="eskin certificate authority", docs_url=None, redoc_url=None)
     app.state.follow = lambda: None
@@ -72,13 +73,7 @@ def create_application(
 
     @app.post("/enrol")
     async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
-        request = der_of_pem(body.request)
-        key = requested_key(request)
-        enrolment = tokens.redeem(body.token, _der(key), requested_name(request))
-        chain = authority.issue(
-            enrolment.kind, enrolment.name, key, hosts=enrolment.hosts, lifetime=lifetime
-        )
-        log.info("enrolled: kind=%s name=%s", enrolment.kind, enrolment.name)
+        chain = enrolments.enrol(body.token, der_of_pem(body.request))
         app.state.follow()
         return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
 
@@ -102,6 +97,21 @@ def _add_refusals(app: FastAPI) -> None:
         return JSONResponse(
             {"type": "about:blank", "title": "Forbidden", "status": 403, "detail": str(error)},
             status_code=403,
+            media_type="application/problem+json",
+        )
+
+    @app.exception_handler(LockedError)
+    async def wait(_: Request, error: LockedError) -> JSONResponse:
+        log.warning("not now: %s", error)
+        return JSONResponse(
+            {
+                "type": "about:blank",
+                "title": "Service Unavailable",
+                "status": 503,
+                "detail": "the CA is being changed; come again",
+            },
+            status_code=503,
+            headers={"Retry-After": str(_PAUSE_S)},
             media_type="application/problem+json",
         )
 
@@ -152,12 +162,6 @@ def _add_public(app: FastAPI, authority: Authority) -> None:
     @app.get("/healthz")
     async def health() -> dict[str, str]:
         return {"status": "ok"}
-
-
-def _der(key: ec.EllipticCurvePublicKey) -> bytes:
-    return key.public_bytes(
-        serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
-    )
 
 
 def _decoded(text: str) -> bytes:

@@ -46,6 +46,9 @@ class Keeper:
             one's are believed.
         site: File of the site's certificate, for a node.
         lists: Files of revocation lists; ``None`` where a process has none.
+
+    Attributes:
+        faults: How often something failed in a way that nobody foresaw.
     """
 
     def __init__(
@@ -61,7 +64,8 @@ class Keeper:
         self._identities = identities
         self._site = site
         self._lists = {kind: path for kind, path in (lists or {}).items() if path is not None}
-        self._faults: dict[str, str] = {}
+        self._said: dict[str, str] = {}
+        self.faults = 0
         self._stopping = Event()
         self._thread = Thread(target=self._run, name="keeper", daemon=True)
 
@@ -96,13 +100,19 @@ class Keeper:
         try:
             do()
         except (IdentityError, OSError) as error:
-            if self._faults.get(what) != str(error):
+            if self._is_new(what, error):
                 log.warning("%s failed, trying again: %s", what, error)
-                self._faults[what] = str(error)
-        except Exception:  # the thread's outermost loop: a strange answer must not end renewals
-            log.exception("%s failed, trying again", what)
+        except Exception as error:  # the thread's outermost loop: what broke is told and counted
+            self.faults += 1
+            if self._is_new(what, error):
+                log.exception("%s failed, trying again: faults=%d", what, self.faults)
         else:
-            self._faults.pop(what, None)
+            self._said.pop(what, None)
+
+    def _is_new(self, what: str, error: Exception) -> bool:
+        """Whether it failed otherwise the last time: it may fail at each look, for days."""
+        before, self._said[what] = self._said.get(what), repr(error)
+        return before != repr(error)
 
     def _renew(self, directory: Path) -> None:
         """Renew what is due; where gateways share a site's folder, one of them does it."""

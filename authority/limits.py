@@ -7,13 +7,11 @@ from typing import TYPE_CHECKING, Final
 
 from fastapi.responses import JSONResponse
 
-from eskin.limiting import Rate
+from eskin.limiting import Rate, counted
 
 if TYPE_CHECKING:
-    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+    from starlette.types import ASGIApp, Receive, Scope, Send
 
-_SPAN_S: Final = 10
-_MINUTE_S: Final = 60
 _REFUSALS: Final = {HTTPStatus.FORBIDDEN, HTTPStatus.UNPROCESSABLE_ENTITY}
 
 
@@ -28,8 +26,8 @@ class LimitsMiddleware:
 
     def __init__(self, app: ASGIApp, *, requests_per_s: int, refusals_per_min: int) -> None:
         self._app = app
-        self._requests = Rate(requests_per_s * _SPAN_S, _SPAN_S)
-        self._refusals = Rate(refusals_per_min, _MINUTE_S)
+        self._requests = Rate.per_second(requests_per_s)
+        self._refusals = Rate.per_minute(refusals_per_min)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -38,28 +36,24 @@ class LimitsMiddleware:
             return
         address = (scope.get("client") or ("",))[0]
         if not await self._requests.take(address):
-            await _flood("requests", _SPAN_S)(scope, receive, send)
+            await _flood("requests", self._requests)(scope, receive, send)
             return
-        flooded = False
-
-        async def sending(message: Message) -> None:
-            nonlocal flooded
-            if message.get("status") in _REFUSALS:
-                flooded = not await self._refusals.take(address)
-                if flooded:
-                    await _flood("refused requests", _MINUTE_S)(scope, receive, send)
-            if not flooded:
-                await send(message)
-
-        await self._app(scope, receive, sending)
+        counting = counted(
+            send,
+            rate=self._refusals,
+            address=address,
+            statuses=_REFUSALS,
+            flooded=lambda: _flood("refused requests", self._refusals)(scope, receive, send),
+        )
+        await self._app(scope, receive, counting)
 
 
-def _flood(what: str, seconds: int) -> JSONResponse:
+def _flood(what: str, rate: Rate) -> JSONResponse:
     status = HTTPStatus.TOO_MANY_REQUESTS
     said = {"type": "about:blank", "title": status.phrase, "status": int(status)}
     return JSONResponse(
         said | {"detail": f"too many {what} from your address; wait a little"},
         status_code=status,
-        headers={"Retry-After": str(seconds)},
+        headers=rate.pause,
         media_type="application/problem+json",
     )

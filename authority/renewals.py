@@ -55,9 +55,15 @@ class Renewals:
             The certificate, then the issuing CA's.
 
         Raises:
+            LockedError: Somebody else has been changing the CA for too long.
             IdentityError: The old certificate is revoked, too old or not ours, or its CA retired,
                 or it does not speak for this request.
         """
+        # Whoever is revoked while this is judged shall not get another certificate by it.
+        with self._authority.changing():
+            return self._renew(signed)
+
+    def _renew(self, signed: bytes) -> tuple[x509.Certificate, ...]:
         old, issuer = self._holder(signed)
         kind, name = issuer_kind(old), common_name(old)
         key = requested_key(self._opened(signed, old, kind, name))
@@ -74,7 +80,7 @@ class Renewals:
             old, issuer = (read_certificate(one) for one in signer_chain(signed))
         except (EnvelopeError, ValueError) as error:
             raise IdentityError(f"no request to renew: {error}") from error
-        if self._authority.is_revoked(old):
+        if self._authority.register.is_revoked(old):
             raise IdentityError(f"{common_name(old)} was revoked; enrol it again")
         if self._clock() > old.not_valid_after_utc + self._grace:
             raise IdentityError(

@@ -12,7 +12,7 @@ import uvicorn
 from authority.application import create_application
 from authority.limits import LimitsMiddleware
 from authority.tokens import TOKENS_FILE, Tokens
-from eskin.errors import IdentityError
+from eskin.errors import IdentityError, LockedError
 from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
 from eskin.identity.authority import CA_SERVICE
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
@@ -96,6 +96,7 @@ class Server(uvicorn.Server):
             headers=_HEADERS,
             log_config=None,
             access_log=False,
+            proxy_headers=False,
             server_header=False,
         )
         super().__init__(config)
@@ -106,7 +107,7 @@ class Server(uvicorn.Server):
         if counter % 10 == 0:
             try:
                 self._look()
-            except (IdentityError, OSError) as error:
+            except (IdentityError, LockedError, OSError) as error:
                 log.warning("the CA cannot be looked after, trying again: %s", error)
         return await super().on_tick(counter)
 

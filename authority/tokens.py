@@ -2,7 +2,8 @@
 
 A token binds to the first public key that it is used for. Using it again for the same key is
 allowed until it expires, so that an answer lost on the way can be asked for again. A fleet's token
-is good for each of its names once, and binds each of them in the same way.
+is good for each of its names once, and binds each of them in the same way. Once a name was revoked,
+it is enrolled by no token that was made before.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ class Enrolment:
         expires: RFC 3339.
         bound: SHA-256 of the public key that used it, or ``None``.
         count: Names of a fleet, NAME-0001 and so on; 0: one name.
+        created: RFC 3339; empty where it was not noted yet.
     """
 
     kind: IdentityKind
@@ -49,6 +51,7 @@ class Enrolment:
     expires: str
     bound: str | None = None
     count: int = 0
+    created: str = ""
 
 
 class Tokens:
@@ -77,10 +80,15 @@ class Tokens:
         count: int = 0,
     ) -> str:
         """Make the token of a name, or of so many of a fleet; an older one is void."""
-        token = secrets.token_urlsafe(32)
-        expires = (self._clock() + lifetime).isoformat()
+        token, now = secrets.token_urlsafe(32), self._clock()
         self._enrolments[name] = Enrolment(
-            kind, name, tuple(hosts), _digest(token), expires, count=count
+            kind,
+            name,
+            tuple(hosts),
+            _digest(token),
+            (now + lifetime).isoformat(),
+            count=count,
+            created=now.isoformat(),
         )
         self._write()
         return token
@@ -95,37 +103,49 @@ class Tokens:
         """All tokens, and how often each was used."""
         return [(each, self._used(each)) for each in self._enrolments.values()]
 
-    def redeem(self, token: str, public_key: bytes, name: str = "") -> Enrolment:
+    def redeem(
+        self,
+        token: str,
+        public_key: bytes,
+        name: str = "",
+        *,
+        revoked_at: Callable[[str], datetime | None] = lambda _: None,
+    ) -> Enrolment:
         """Use a token for a public key (DER).
 
         Args:
             token: As its holder gives it.
             public_key: Whose request came with it.
             name: The common name that was asked for; only a fleet's token looks at it.
+            revoked_at: When a name was revoked last; ``None`` if it never was.
 
         Returns:
             What is to be issued.
 
         Raises:
-            IdentityError: It is unknown, expired, was used for another key, or is not good for the
-                name.
+            IdentityError: It is unknown, expired, was used for another key, is not good for the
+                name, or was made before the name was revoked.
         """
-        digest, key = _digest(token), hashlib.sha256(public_key).hexdigest()
-        for enrolment in self._enrolments.values():
-            if hmac.compare_digest(enrolment.digest, digest):
-                break
-        else:
-            raise IdentityError("this enrolment token is not known; ask the CA for another")
+        enrolment, key = self._find(token), hashlib.sha256(public_key).hexdigest()
         if self._clock() > datetime.fromisoformat(enrolment.expires):
             raise IdentityError(f"token of {enrolment.name} expired on {enrolment.expires}")
         if enrolment.count:
+            _require_made_since(revoked_at(name), enrolment, name)
             return self._redeem_of_fleet(enrolment, name, key)
+        _require_made_since(revoked_at(enrolment.name), enrolment, enrolment.name)
         if enrolment.bound not in {None, key}:
             raise IdentityError(f"token of {enrolment.name} was used before, for another key")
         bound = replace(enrolment, bound=key)
         self._enrolments[enrolment.name] = bound
         self._write()
         return bound
+
+    def _find(self, token: str) -> Enrolment:
+        digest = _digest(token)
+        for enrolment in self._enrolments.values():
+            if hmac.compare_digest(enrolment.digest, digest):
+                return enrolment
+        raise IdentityError("this enrolment token is not known; ask the CA for another")
 
     def _redeem_of_fleet(self, enrolment: Enrolment, name: str, key: str) -> Enrolment:
         stem, count = enrolment.name, enrolment.count
@@ -148,6 +168,16 @@ class Tokens:
     def _write(self) -> None:
         entries = [asdict(enrolment) for enrolment in self._enrolments.values()]
         write_whole(self._path, json.dumps(entries, indent=1).encode(), mode=0o600)
+
+
+def _require_made_since(revoked: datetime | None, enrolment: Enrolment, name: str) -> None:
+    """Require that a token is newer than the revocation of a name."""
+    made = enrolment.created
+    if revoked is not None and (not made or datetime.fromisoformat(made) <= revoked):
+        raise IdentityError(
+            f"{name[:100]} was revoked on {revoked}, and this token of {enrolment.name} was made "
+            "before; ask the CA for another"
+        )
 
 
 def _digest(token: str) -> str:

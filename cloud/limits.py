@@ -10,15 +10,16 @@ from starlette.requests import Request
 
 from cloud.dependencies import address_of
 from cloud.problems import ProblemError, problem
+from eskin.limiting import counted
 
 if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
     from cloud.limiter import Limiter
+    from eskin.limiting import Rate
 
 _PATIENCE_S: Final = 20.0
-_PAUSE: Final = {"Retry-After": "10"}
 
 
 class LimitsMiddleware:
@@ -44,8 +45,9 @@ class LimitsMiddleware:
             await self._app(scope, receive, send)
             return
         request = Request(scope)
-        if not await self._limiter.take_request(address_of(request)):
-            await _flood(request, "requests")(scope, receive, send)
+        requests = self._limiter.requests
+        if not await requests.take(address_of(request)):
+            await _flood(request, "requests", requests)(scope, receive, send)
             return
         if self._body is not None:
             try:
@@ -57,25 +59,19 @@ class LimitsMiddleware:
 
     def _counting(self, request: Request, receive: Receive, send: Send) -> Send:
         """Send, but count what is refused for want of credentials."""
-        flooded = False
-
-        async def sending(message: Message) -> None:
-            nonlocal flooded
-            if message.get("status") == HTTPStatus.UNAUTHORIZED:
-                flooded = not await self._limiter.take_failure(address_of(request))
-                if flooded:
-                    answer = _flood(request, "requests without good credentials")
-                    await answer(request.scope, receive, send)
-            if not flooded:
-                await send(message)
-
-        return sending
+        rate, what = self._limiter.failures, "requests without good credentials"
+        return counted(
+            send,
+            rate=rate,
+            address=address_of(request),
+            statuses={HTTPStatus.UNAUTHORIZED},
+            flooded=lambda: _flood(request, what, rate)(request.scope, receive, send),
+        )
 
 
-def _flood(request: Request, what: str) -> Response:
-    return problem(
-        request, 429, f"too many {what} from your address; wait a little", headers=_PAUSE
-    )
+def _flood(request: Request, what: str, rate: Rate) -> Response:
+    told = f"too many {what} from your address; wait a little"
+    return problem(request, 429, told, headers=rate.pause)
 
 
 def _first(message: Message, receive: Receive) -> Receive:

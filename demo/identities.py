@@ -98,11 +98,13 @@ def _prepare(
     if (directory / ROOT_FILE).read_bytes() != authority.root_file.read_bytes():
         write_whole(directory / ROOT_FILE, authority.root_file.read_bytes())
     standing = Identity.load(directory)
-    if authority.is_revoked(standing.certificate):
-        return False
-    forget_past(directory, now)
-    if is_due(standing.certificate, now) or is_superseded(standing):
-        key = next_key(directory)
-        chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
-        install(directory, chain)
+    # Whoever is revoked meanwhile is not renewed.
+    with authority.changing():
+        if authority.register.is_revoked(standing.certificate):
+            return False
+        forget_past(directory, now)
+        if is_due(standing.certificate, now) or is_superseded(standing):
+            key = next_key(directory)
+            chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
+            install(directory, chain)
     return True

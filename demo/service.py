@@ -166,7 +166,7 @@ def _watch(stack: Stack, duration: float | None, renew: Callable[[], None]) -> N
             due = time.monotonic() + _RENEW_S
             try:
                 renew()
-            except (IdentityError, OSError) as error:
+            except (IdentityError, LockedError, OSError) as error:
                 log.warning("identities not renewed, trying again: %s", error)
         time.sleep(_WATCH_S)
 

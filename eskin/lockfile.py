@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import fcntl
 import os
-from typing import TYPE_CHECKING, Self
+import time
+from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import LockedError
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+_PAUSE_S: Final = 0.005
 
 
 class LockFile:
@@ -20,22 +23,20 @@ class LockFile:
 
     Args:
         path: The file to own; its folder is made if missing.
+        patience: Seconds for which to wait until the owner lets go.
 
     Raises:
-        LockedError: Another process owns it.
+        LockedError: Another process, or another `LockFile` of this one, owns it.
         OSError: The folder cannot be made or written.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, patience: float = 0.0) -> None:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
         lock = path.with_name(f"{path.name}.lock")
         self._descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         try:
-            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            self.close()
-            raise LockedError(path) from error
-        except OSError:
+            self._wait(path, time.monotonic() + patience)
+        except BaseException:
             self.close()
             raise
 
@@ -44,6 +45,18 @@ class LockFile:
         if self._descriptor >= 0:
             os.close(self._descriptor)
             self._descriptor = -1
+
+    def _wait(self, path: Path, deadline: float) -> None:
+        """Asked again and again: a call that waits in the kernel could wait for ever."""
+        while True:
+            try:
+                fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                if time.monotonic() >= deadline:
+                    raise LockedError(path) from error
+                time.sleep(_PAUSE_S)
+            else:
+                return
 
     def __enter__(self) -> Self:
         return self

@@ -8,8 +8,9 @@ from fastapi import APIRouter, Query
 from sqlalchemy import func, select
 from starlette.responses import Response, StreamingResponse
 
-from cloud.dependencies import Administrator, CloudState, Physician
+from cloud.dependencies import Access, Administrator, CloudState, Physician
 from cloud.privacy.erasures import look
+from cloud.problems import ProblemError
 from cloud.query.errors import UnknownPlaceError
 from cloud.routes.answers import as_json
 from cloud.routes.documents import (
@@ -74,7 +75,7 @@ async def get_export(
     deed = Deed(access.doer.name, access.doer.address, Action.SUBJECT_EXPORTED, subject)
     written = cloud.store.write(lambda c: record(c, deed, now=cloud.clock()))
     await asyncio.wrap_future(written)
-    return StreamingResponse(_lines(cloud, reader, subject), media_type=_LINES)
+    return StreamingResponse(stream_lines(cloud, access, reader, subject), media_type=_LINES)
 
 
 def _require_key(cloud: Cloud, subject: str) -> None:
@@ -86,7 +87,8 @@ def _require_key(cloud: Cloud, subject: str) -> None:
             raise UnknownPlaceError("subject", str(error)[:200]) from error
 
 
-def _lines(cloud: Cloud, reader: Unveiler, subject: str) -> Iterator[bytes]:
+def stream_lines(cloud: Cloud, access: Access, reader: Unveiler, subject: str) -> Iterator[bytes]:
+    """A subject's lines, for as long as the reader may read."""
     last = -1
     while True:
         query = select(veiled).where(veiled.c.subject == subject, veiled.c.cursor > last)
@@ -96,6 +98,8 @@ def _lines(cloud: Cloud, reader: Unveiler, subject: str) -> Iterator[bytes]:
         if not rows:
             return
         for row in rows:
+            if not access.lasts():
+                raise ProblemError(401, "the token was revoked while it was used")
             yield dump(_line(reader, dict(row))) + b"\n"
         last = rows[-1]["cursor"]
 

@@ -9,14 +9,13 @@ from typing import Annotated
 import typer
 
 from eskin.command.logs import start_logs
-from eskin.command.rotation import retire, rotate, switch
+from eskin.command.rotation import Directory, retire, rotate, switch
 from eskin.command.tables import show
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
 
 pki = typer.Typer()
 
-Directory = Annotated[Path, typer.Option("--dir", file_okay=False, help="Folder of the CA.")]
 Url = Annotated[str, typer.Option(help="The CA service, such as https://authority:8444.")]
 EnrolDirectory = Annotated[
     Path, typer.Option(help="Folder with root.pem and NAME.token, as the CA service left them.")
@@ -165,7 +164,10 @@ def guard(
 
 @pki.command()
 def serve(
-    config: Annotated[Path, typer.Option(help="TOML file with the CA service's settings.")],
+    config: Annotated[
+        Path,
+        typer.Option(envvar="ESKIN_CONFIG", help="TOML file with the CA service's settings."),
+    ],
 ) -> None:
     """Run the CA service: HTTPS, one-time enrolment tokens, certificate requests only."""
     from authority.service import run

@@ -4,7 +4,8 @@ Its folder holds the root (see `eskin.identity.roots`), the issuing CAs (see
 `eskin.identity.issuer`), for each kind ``KIND.crl.pem``, what was issued last in
 ``issued/NAME.pem``, and a ``ledger.jsonl`` of everything issued and revoked. An *anchor* is an
 issuing CA's certificate signed by its own key: a TLS server that trusts only this one accepts that
-kind and no other, which the root as anchor could not say.
+kind and no other, which the root as anchor could not say. Whoever changes the folder holds
+``ledger.jsonl.lock`` meanwhile (see `eskin.identity.turn`).
 """
 
 from __future__ import annotations
@@ -26,25 +27,32 @@ from eskin.identity.issuer import (
     retire_issuers,
 )
 from eskin.identity.kinds import IdentityKind
-from eskin.identity.ledger import Issued, Ledger
+from eskin.identity.register import LEDGER, Register
 from eskin.identity.roots import is_replaced, root_certificate, root_key
+from eskin.identity.turn import Turn
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from contextlib import AbstractContextManager
     from pathlib import Path
 
     from cryptography.hazmat.primitives.asymmetric import ec
 
     from eskin.identity.issuer import Issuer
+    from eskin.identity.ledger import Issued
 
 LEAF_LIFETIME: Final = timedelta(days=90)
 CA_SERVICE: Final = "server.authority"
 """Common name of the CA service, which is known to whoever knows the oldest standing root."""
-_LEDGER: Final = "ledger.jsonl"
 
 
 class Authority:
-    """A root CA and its issuing CAs, kept in one folder."""
+    """A root CA and its issuing CAs, kept in one folder.
+
+    Attributes:
+        directory: The folder.
+        register: What it has issued and revoked.
+    """
 
     def __init__(self, directory: Path) -> None:
         """Open the folder.
@@ -57,7 +65,8 @@ class Authority:
                 f"{directory}: there is no CA; `eskin pki init --dir {directory}` makes one"
             )
         self.directory = directory
-        self._ledger = Ledger(directory / _LEDGER)
+        self.register = Register(directory)
+        self._turn = Turn(directory / LEDGER)
         for kind in IdentityKind:
             load_issuers(directory, kind)
 
@@ -95,6 +104,17 @@ class Authority:
             )
         return cls.open(directory)
 
+    def changing(self) -> AbstractContextManager[None]:
+        """A block in which nobody else changes this CA, in this process or another.
+
+        What is decided by looking at the CA, such as to whom to issue, is decided and done in one.
+
+        Raises:
+            LockedError: Somebody else has been changing it for too long.
+            IdentityError: The folder cannot be written.
+        """
+        return self._turn.take()
+
     def issue(
         self,
         kind: IdentityKind,
@@ -119,27 +139,23 @@ class Authority:
             The certificate, then the issuing CA's.
 
         Raises:
-            IdentityError: The name is none of that kind.
+            IdentityError: The name is none of that kind, or the key was revoked.
         """
         kind.require_name(name)
-        issuer = self.issuer(kind, name)
-        certificate = leaf_certificate(
-            kind,
-            name,
-            key,
-            hosts=hosts,
-            signer=issuer.key,
-            not_before=now or datetime.now(UTC),
-            lifetime=lifetime,
-        )
-        chain = certificate, issuer.certificate
-        issued = self.directory / "issued"
-        issued.mkdir(exist_ok=True)
-        write_whole(issued / f"{name}.pem", pem(chain))
-        serial, expires = f"{certificate.serial_number:x}", certificate.not_valid_after_utc
-        entry = Issued(serial, str(kind), name, expires.isoformat(), issuer=issuer.serial)
-        self._ledger.add(entry)
-        return chain
+        with self.changing():
+            self.register.require_unrevoked(key)
+            issuer = self.issuer(kind, name)
+            certificate = leaf_certificate(
+                kind,
+                name,
+                key,
+                hosts=hosts,
+                signer=issuer.key,
+                not_before=now or datetime.now(UTC),
+                lifetime=lifetime,
+            )
+            self.register.add(certificate, issuer.certificate)
+        return certificate, issuer.certificate
 
     def issuer(self, kind: IdentityKind, name: str) -> Issuer:
         """Who issues to a name now; read each time, as another process may have made a new one."""
@@ -152,33 +168,26 @@ class Authority:
 
     def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
         """The chain last issued to a name; ``None`` if there is none."""
-        if all(entry.name != name for entry in self.issued()):
-            return None
-        return load_certificates(self.directory / "issued" / f"{name}.pem")
+        return self.register.latest(name)
 
     def issued(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""
-        return self._ledger.entries()
-
-    def is_revoked(self, certificate: x509.Certificate) -> bool:
-        """Whether a certificate was revoked."""
-        serial = f"{certificate.serial_number:x}"
-        return any(e.serial == serial and e.revoked is not None for e in self.issued())
+        return self.register.entries()
 
     def revoke(self, name: str) -> list[Issued]:
         """Revoke all certificates of a name, and write its kind's revocation list anew.
 
+        Once it returned, no certificate that was issued to the name before, or renewed from one, is
+        trusted by who has the list.
+
         Raises:
-            IdentityError: None was issued to that name.
+            LockedError: Somebody else has been changing the CA for too long.
+            IdentityError: None was issued to that name, or the folder cannot be written.
         """
-        standing = [e for e in self.issued() if e.name == name and e.revoked is None]
-        if not standing:
-            raise IdentityError(f"no standing certificate of {name!r}; see `eskin pki list`")
-        now = datetime.now(UTC).isoformat()
-        revoked = [entry.revoke(now) for entry in standing]
-        for entry in revoked:
-            self._ledger.add(entry)
-        kind = IdentityKind(standing[0].kind)
+        with self.changing():
+            revoked = self.register.revoke(name)
+        kind = IdentityKind(revoked[0].kind)
+        # Whatever list is written from here on holds them, so others may go on meanwhile.
         self._await_next_second(kind)
         self.write_revocations(kind)
         return revoked
@@ -194,11 +203,12 @@ class Authority:
 
         The file holds the certificate of each issuing CA, then the list that this one signed.
         """
-        revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
-        issuers = load_issuers(self.directory, kind)
         path = self.revocations_file(kind)
-        lists = [issuer.revocation_list(revoked) for issuer in issuers]
-        write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
+        with self.changing():
+            revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
+            issuers = load_issuers(self.directory, kind)
+            lists = [issuer.revocation_list(revoked) for issuer in issuers]
+            write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
         return path
 
     def refresh_revocations(self, kind: IdentityKind) -> Path:
@@ -215,12 +225,13 @@ class Authority:
         Raises:
             IdentityError: One is being replaced already, or the root's key is not here.
         """
-        if len(load_issuers(self.directory, kind)) > 1:
-            raise IdentityError(
-                f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
-            )
-        found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
-        self.write_revocations(kind)
+        with self.changing():
+            if len(load_issuers(self.directory, kind)) > 1:
+                raise IdentityError(
+                    f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
+                )
+            found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
+            self.write_revocations(kind)
 
     def dependants(self, kind: IdentityKind) -> list[str]:
         """Names whose newest standing certificate is from an issuing CA that is being replaced."""
@@ -242,13 +253,14 @@ class Authority:
         Raises:
             IdentityError: None is being replaced, or the root is, which ends them all.
         """
-        if is_replaced(self.directory):
-            raise IdentityError("the root is being replaced; see `eskin pki retire --root`")
-        issuers = load_issuers(self.directory, kind)
-        if len(issuers) == 1:
-            raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
-        retire_issuers(self.directory, kind, issuers)
-        self.write_revocations(kind)
+        with self.changing():
+            if is_replaced(self.directory):
+                raise IdentityError("the root is being replaced; see `eskin pki retire --root`")
+            issuers = load_issuers(self.directory, kind)
+            if len(issuers) == 1:
+                raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
+            retire_issuers(self.directory, kind, issuers)
+            self.write_revocations(kind)
 
     def anchor_file(self, kind: IdentityKind) -> Path:
         """The file with the kind's anchors, for a TLS server that takes only this kind."""
@@ -271,9 +283,9 @@ class Authority:
 
 def _create(directory: Path) -> None:
     """Make keys and certificates; the root's last, so that its presence means all is there."""
-    if (directory / _LEDGER).exists():
+    if (directory / LEDGER).exists():
         raise IdentityError(
-            f"{directory}: there is a {_LEDGER} but no root.pem; bring it back from a backup, as a "
+            f"{directory}: there is a {LEDGER} but no root.pem; bring it back from a backup, as a "
             "new CA would disown all that was issued"
         )
     directory.mkdir(parents=True, exist_ok=True, mode=0o700)

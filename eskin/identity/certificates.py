@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from datetime import timedelta
 from ipaddress import ip_address
 from typing import TYPE_CHECKING, Final
@@ -69,6 +70,14 @@ def read_certificate(data: bytes) -> x509.Certificate:
 def thumbprint(certificate: x509.Certificate) -> bytes:
     """SHA-256 of the DER: the certificate's name in envelopes (RFC 9360, x5t)."""
     return certificate.fingerprint(hashes.SHA256())
+
+
+def key_digest(key: ec.EllipticCurvePublicKey) -> str:
+    """SHA-256 of a public key (SubjectPublicKeyInfo, DER), hexadecimal."""
+    data = key.public_bytes(
+        serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+    )
+    return hashlib.sha256(data).hexdigest()
 
 
 def common_name(certificate: x509.Certificate) -> str:

@@ -41,6 +41,10 @@ class RootRotation:
         Raises:
             IdentityError: A CA is being replaced already, or the root's key is not here.
         """
+        with self._authority.changing():
+            self._begin()
+
+    def _begin(self) -> None:
         standby = len(load_certificates(self._directory / ROOT_FILE)) > 1
         single = [kind for kind in IdentityKind if len(load_issuers(self._directory, kind)) == 1]
         if (standby and not single) or (not standby and len(single) < len(IdentityKind)):
@@ -71,6 +75,10 @@ class RootRotation:
         Raises:
             IdentityError: No root is being replaced, or not all of its CAs are made.
         """
+        with self._authority.changing():
+            self._switch()
+
+    def _switch(self) -> None:
         new = newer_root(self._directory)
         for kind in IdentityKind:
             first, *others = load_issuers(self._directory, kind)
@@ -93,6 +101,10 @@ class RootRotation:
         Raises:
             IdentityError: No root is being replaced, or the new one does not issue yet.
         """
+        with self._authority.changing():
+            self._retire()
+
+    def _retire(self) -> None:
         new = newer_root(self._directory)
         if load_certificates(self._directory / ROOT_FILE)[0] != new:
             raise IdentityError("the new root does not issue yet; see `eskin pki switch`")

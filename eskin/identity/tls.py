@@ -10,7 +10,7 @@ import ssl
 from typing import TYPE_CHECKING, Any, Self
 
 from eskin.errors import IdentityError
-from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE, NEXT, ROOT_FILE
 from eskin.identity.version import Version, version
 
 if TYPE_CHECKING:
@@ -156,7 +156,13 @@ def _trust(context: ssl.SSLContext, root_file: Path) -> None:
 
 
 def _show(context: ssl.SSLContext, directory: Path) -> None:
-    try:
-        context.load_cert_chain(directory / CHAIN_FILE, directory / KEY_FILE)
-    except (OSError, ssl.SSLError) as error:
-        raise IdentityError(f"{directory}: identity cannot be used for TLS: {error}") from error
+    # As `Identity.load`: one of the three fits the key, in the middle of a renewal, too.
+    faults = []
+    for chain_file in (CHAIN_FILE, f"{NEXT}/{CHAIN_FILE}", CHAIN_FILE):
+        try:
+            context.load_cert_chain(directory / chain_file, directory / KEY_FILE)
+        except (OSError, ssl.SSLError) as error:
+            faults.append(error)
+        else:
+            return
+    raise IdentityError(f"{directory}: identity cannot be used for TLS: {faults[-1]}")

@@ -13,7 +13,7 @@ from cryptography import x509
 
 from authority.enrolment import fetch_anchor
 from authority.keeper import Keeper
-from eskin.identity import IdentityKind
+from eskin.identity import Identity, IdentityKind
 from eskin.settings import RenewalSection
 from tests.identities import Identities
 from tests.processes import ESKIN, Running, accepts, free_port
@@ -52,6 +52,31 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     with Service(tmp_path_factory.mktemp("authority")) as running:
         running.wait_for(lambda: accepts(running.port), "it listens", seconds=60)
         yield running
+
+
+def test_strange_answer_ends_nothing_and_is_counted_and_said_once(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    caplog.set_level(logging.WARNING)
+    own = Identities(tmp_path)
+    renewed: list[str] = []
+
+    def strange(*_: object) -> None:
+        raise KeyError("chain")
+
+    def renew(_: str, directory: Path) -> Identity:
+        renewed.append(directory.name)
+        return own.site
+
+    monkeypatch.setattr("authority.keeper.fetch_roots", strange)
+    site = own.make(IdentityKind.SITE, "site.old", lifetime=timedelta(seconds=-1))
+    monkeypatch.setattr("authority.keeper.renew", renew)
+    keeper = Keeper(RenewalSection(url="https://127.0.0.1:1"), [site.directory])
+    for _ in range(3):
+        keeper.look()
+    assert keeper.faults == 3
+    assert renewed == ["site.old"] * 3
+    assert [record.exc_info is not None for record in caplog.records] == [True]
 
 
 def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> None:

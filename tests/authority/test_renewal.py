@@ -17,6 +17,7 @@ from eskin.errors import IdentityError
 from eskin.identity import (
     Identity,
     IdentityKind,
+    client_context,
     forget_past,
     install,
     is_due,
@@ -25,7 +26,7 @@ from eskin.identity import (
     past_identities,
     settle,
 )
-from eskin.identity.identity import CHAIN_FILE
+from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 from eskin.topics import RENEWAL
 from tests.identities import Identities
 
@@ -139,6 +140,7 @@ def test_power_cut_between_key_and_chain_leaves_an_identity(rig: Rig, steps: int
         (folder / CHAIN_FILE).write_bytes(before)
     expected = rig.node.certificate if steps == 0 else chain[0]
     assert Identity.load(folder).certificate == expected
+    client_context(folder / ROOT_FILE, Identity.load(folder))
     settle(folder)
     assert Identity.load(folder).certificate == chain[0]
     assert next_key(folder).public_key() != new.public_key()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -273,3 +274,15 @@ def test_bad_configuration_is_one_clear_line_and_status_2(
     assert done.returncode == 2
     assert words in done.stderr
     assert len(done.stderr.splitlines()) == 1
+
+
+def test_configuration_is_named_by_the_environment_too(tmp_path: Path) -> None:
+    config = tmp_path / "authority.toml"
+    config.write_text("[authority]\n")
+    done = subprocess.run(
+        [ESKIN, "pki", "serve"],
+        capture_output=True, text=True, timeout=60, check=False,
+        env=os.environ | {"ESKIN_CONFIG": str(config)},
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "authority.directory: is missing" in done.stderr

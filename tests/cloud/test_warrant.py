@@ -13,7 +13,7 @@ from cloud.ingest.gatekeeper import Gatekeeper
 from cloud.ingest.replay import Replay
 from cloud.settings import GatewaysSection
 from eskin.errors import UntrustedCertificateError
-from eskin.identity import IdentityKind
+from eskin.identity import IdentityKind, Trust, der
 from eskin.moment import SECOND
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
 from tests.cloud.messages import block
@@ -132,6 +132,68 @@ async def test_revoked_gateway_is_refused(tmp_path: Path, identities: Identities
         assert "revoked" in problem(await stand.ingest(body), 401)
         stand.gateway = identities.gateway
         assert (await stand.ingest(body)).status_code == 200
+
+
+def test_last_good_revocation_list_stays_where_another_cannot_be_used(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    from tests.identities import Identities as Fresh  # noqa: PLC0415 - the class, not the fixture
+
+    own, now, listed = Fresh(tmp_path / "own"), [1000.0], tmp_path / "gateway.crl.pem"
+    lost = own.make(IdentityKind.GATEWAY, "gateway.lost")
+    good, revoked = ([der(one) for one in who.chain] for who in (own.gateway, lost))
+    keeper = Gatekeeper(Trust(*own.authority.roots), revocations=listed, clock=lambda: now[0])
+
+    def put_down(data: bytes | None) -> None:
+        now[0] += 5
+        listed.unlink(missing_ok=True)
+        if data is not None:
+            listed.write_bytes(data)
+
+    older = own.authority.revocations_file(IdentityKind.GATEWAY).read_bytes()
+    nodes = own.authority.revocations_file(IdentityKind.NODE).read_bytes()
+    bad = {b"rubbish": "no revocation list", nodes: "is no gateway CA"}
+    for data, words in bad.items():
+        put_down(data)
+        for _ in range(2):
+            with pytest.raises(UntrustedCertificateError, match=f"{words}.*nobody is let in"):
+                keeper.verify(good)
+    own.authority.revoke("gateway.lost")
+    put_down(own.authority.revocations_file(IdentityKind.GATEWAY).read_bytes())
+    keeper.verify(good)
+    assert keeper.fault is None
+    caplog.clear()
+    for changed in (*bad, older, None):
+        put_down(changed)
+        for _ in range(3):
+            now[0] += 2
+            keeper.verify(good)
+            with pytest.raises(UntrustedCertificateError, match="was revoked"):
+                keeper.verify(revoked)
+    said = (*bad.values(), "older than the one that stands", "cannot be read")
+    assert len(caplog.messages) == len(said)
+    for message, words in zip(caplog.messages, said, strict=True):
+        assert words in message
+        assert "the last good one stays" in message
+    put_down(own.authority.write_revocations(IdentityKind.GATEWAY).read_bytes())
+    keeper.verify(good)
+    assert keeper.fault is None
+
+
+def test_list_that_comes_before_its_root_is_taken_once_that_has_come(tmp_path: Path) -> None:
+    now, listed = [1000.0], tmp_path / "list.pem"
+    trust = Mock()
+    trust.revocations = Mock(side_effect=UntrustedCertificateError("not issued by our CA"))
+    keeper = Gatekeeper(trust, revocations=listed, clock=lambda: now[0])
+    listed.write_text("one")
+    for _ in range(3):
+        with pytest.raises(UntrustedCertificateError, match="not issued by our CA"):
+            keeper.verify([b"leaf", b"issuer"])
+    assert trust.revocations.call_count == 1, "it is read again for each request"
+    trust.revocations = Mock()
+    now[0] += 1.0
+    keeper.verify([b"leaf", b"issuer"])
+    assert trust.revocations.call_count == 1
 
 
 def test_replay_forgets_what_expired_and_stays_small() -> None:

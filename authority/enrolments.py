@@ -1,0 +1,64 @@
+"""Enrolling: who holds a token gets a first certificate, for a key that was never revoked."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+from cryptography.hazmat.primitives import serialization
+
+from authority.requests import requested_key, requested_name
+
+if TYPE_CHECKING:
+    from datetime import timedelta
+
+    from cryptography import x509
+
+    from authority.tokens import Tokens
+    from eskin.identity import Authority
+
+log = logging.getLogger(__name__)
+
+
+class Enrolments:
+    """Judges requests to enrol.
+
+    Args:
+        authority: Issues.
+        tokens: Who may enrol.
+        lifetime: Of the certificates.
+    """
+
+    def __init__(self, authority: Authority, tokens: Tokens, *, lifetime: timedelta) -> None:
+        self._authority = authority
+        self._tokens = tokens
+        self._lifetime = lifetime
+
+    def enrol(self, token: str, request: bytes) -> tuple[x509.Certificate, ...]:
+        """Issue a certificate.
+
+        Args:
+            token: As its holder gives it.
+            request: Certificate request (PKCS #10, DER).
+
+        Returns:
+            The certificate, then the issuing CA's.
+
+        Raises:
+            LockedError: Somebody else has been changing the CA for too long.
+            IdentityError: The token is not good for this key or name, or the key was revoked.
+        """
+        key, name = requested_key(request), requested_name(request)
+        der = key.public_bytes(
+            serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+        )
+        register = self._authority.register
+        # Whoever is revoked while this is judged shall not get another certificate by it.
+        with self._authority.changing():
+            register.require_unrevoked(key)
+            found = self._tokens.redeem(token, der, name, revoked_at=register.revoked_at)
+            chain = self._authority.issue(
+                found.kind, found.name, key, hosts=found.hosts, lifetime=self._lifetime
+            )
+        log.info("enrolled: kind=%s name=%s", found.kind, found.name)
+        return chain
