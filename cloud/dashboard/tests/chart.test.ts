@@ -5,7 +5,6 @@ import { enclosingBox, xPixel, yPixel, type PlotMap } from "../src/chart/plot-ma
 import { missingStretches, withoutPauses } from "../src/chart/segments";
 import { calmRange, finiteExtent } from "../src/chart/value-range";
 import type { Entries } from "../src/tube/entries";
-import { inSegments, sumSegments } from "../src/view/threshold-form";
 
 const MAP: PlotMap = { width: 200, height: 100, xMin: 0, xMax: 1000, yMin: 0, yMax: 10 };
 const STYLE = { halfMark: 1.5, thickness: 2, timeError: 0 };
@@ -104,20 +103,6 @@ describe("scale and stretches", () => {
     const outage = { x0: 500, x1: 900 };
     expect(withoutPauses([...pauses, outage])).toEqual([outage]);
     expect(withoutPauses(pauses.slice(0, 2))).toEqual([]);
-  });
-
-  test("the time above a threshold is at least the certain and at most all of it", () => {
-    const segments = [
-      { x0: 0, x1: 10, verdict: "certain" },
-      { x0: 10, x1: 15, verdict: "possible" },
-      { x0: 90, x1: 200, verdict: "certain" },
-    ] as const;
-    expect(sumSegments(segments, { x0: 0, x1: 100 })).toEqual({ certain: 20, atMost: 25 });
-  });
-
-  test("are counted in words, and none of them in no words", () => {
-    expect([0, 1, 2].map((count) => inSegments(count, false))).toEqual(["", " in 1 segment", " in 2 segments"]);
-    expect([0, 1, 2].map((count) => inSegments(count, true))).toEqual(["", " in 1 more segment", " in 2 more segments"]);
   });
 });
 

@@ -20,7 +20,6 @@ export class ChannelQuestions {
     this.threshold = new ThresholdForm({
       ...place,
       magnitude: Math.max(0, ...[bounds?.lo ?? 0, bounds?.hi ?? 0].map(Math.abs).filter(Number.isFinite)),
-      known: (range) => panel.data.knows(range),
       onSegments: (segments) => this.mark({ segments }),
     });
     this.model = new ModelForm({
