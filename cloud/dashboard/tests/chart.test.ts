@@ -7,11 +7,12 @@ import { calmRange, finiteExtent } from "../src/chart/value-range";
 import type { Entries } from "../src/tube/entries";
 
 const MAP: PlotMap = { width: 200, height: 100, xMin: 0, xMax: 1000, yMin: 0, yMax: 10 };
-const STYLE = { halfMark: 1.5, thickness: 2, timeError: 0 };
+const STYLE = { halfMark: 1.5, thickness: 2 };
 
-function entries(rows: readonly (readonly [t: number, width: number, lo: number, hi: number])[]): Entries {
+function entries(rows: readonly (readonly [t: number, width: number, lo: number, hi: number])[], timeError = 0): Entries {
   const column = (index: 0 | 1 | 2 | 3): Float64Array => Float64Array.from(rows, (row) => row[index]);
-  return { t: column(0), width: column(1), lo: column(2), hi: column(3), reach: 10 };
+  const [doubt, error] = [new Float64Array(rows.length), new Float64Array(rows.length).fill(timeError)];
+  return { t: column(0), width: column(1), lo: column(2), hi: column(3), doubt, error, reach: 10 };
 }
 
 describe("pixel columns", () => {
@@ -49,7 +50,7 @@ describe("pixel columns", () => {
   });
 
   test("an error of time widens a mark to both sides", () => {
-    const columns = reduceToColumns(entries([[500, 0, 4, 5]]), MAP, { ...STYLE, timeError: 50 });
+    const columns = reduceToColumns(entries([[500, 0, 4, 5]], 50), MAP, STYLE);
     expect(columns.bottom[90]).toBeGreaterThan(0);
     expect(columns.bottom[109]).toBeGreaterThan(0);
   });
