@@ -102,12 +102,12 @@ describe("reduced blocks", () => {
 
   test("a window that starts afresh asks for the last bucket, too, and takes none of it for missing", async () => {
     const data = dataOf(channel(1000), [[0, 1250]]);
-    data.take(reduced(1000, 1250, 9), 0, null);
-    expect(data.end).toBe(1252 * MS);
+    data.take(reduced(1000, 1250, 83), 0, null);
+    expect(data.end).toBe(1332 * MS);
     await fill(data, { x0: 0, x1: data.end! });
     expect(data.rolling.t.at(-1)).toBe(1249 * MS);
     expect(data.rolling.lo.at(-1)).toBe(1);
-    expect(data.take(reduced(1250, 1500, 9), 0, 0).hole).toBeNull();
+    expect(data.take(reduced(1250, 1500, 83), 0, 0).hole).toBeNull();
   });
 
   test("what the stream tells while the store is asked is not lost by its answer", async () => {
