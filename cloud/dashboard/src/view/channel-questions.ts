@@ -9,7 +9,7 @@ import { ThresholdForm } from "./threshold-form";
 
 /** What may be asked of a channel that stands alone: one question at a time, whose answer its chart marks. */
 export class ChannelQuestions {
-  readonly root = element("div", { class: "questions" });
+  readonly root = element("div");
   private readonly threshold: ThresholdForm;
   private readonly model: ModelForm;
 
