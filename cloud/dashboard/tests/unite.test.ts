@@ -48,6 +48,15 @@ describe("blocks that overlap", () => {
 });
 
 describe("blocks of any kind", () => {
+  test("take no more room than there is, however often they overlap", () => {
+    const tube = new Tube(64);
+    for (let from = 0; from < 10; from += 1) {
+      tube.merge(run(from, Array.from({ length: 40 }, (_, i): [number, number] => [i, i + from])));
+      expect(tube.size).toBeLessThanOrEqual(64);
+    }
+    for (let i = 0; i < 40; i += 1) expect(hullWithin(tube.view(), 10 * i + 9, 10 * i + 9).hi).toBeGreaterThanOrEqual(i + 9);
+  });
+
   test("whatever comes over whatever, each sample of each block stays enclosed", () => {
     for (let seed = 1; seed < 200; seed += 1) {
       const draw = random(seed);
