@@ -35,7 +35,10 @@ export function hullOf({ lo, hi }: Pick<SeriesAnswer, "lo" | "hi">): Interval | 
  */
 export class Present {
   private readonly latest = new Map<string, Told>();
-  private lag = 0;
+  /** Of all blocks, that with the newest samples. */
+  private newest: Told | null = null;
+  /** What is added to the page's clock (ns) gives the cloud's; null before it is known, -Infinity where none tells. */
+  private offset: number | null = null;
 
   constructor(private readonly timeline: Timeline, private readonly edge: LiveEdge) {}
 
@@ -44,29 +47,41 @@ export class Present {
     const end = this.timeline.toX(parseInstant(block.t0)) + (block.t.at(-1) ?? 0);
     const held = this.latest.get(block.channel);
     if (held && end <= held.end) return;
-    this.latest.set(block.channel, { interval: hullOf(block), end, at });
+    const told = { interval: hullOf(block), end, at };
+    this.latest.set(block.channel, told);
+    if (this.newest === null || end > this.newest.end) this.newest = told;
   }
 
-  /** Takes what the cloud says of how old the node's latest block was when it came. */
+  /** Takes what the cloud says by its own clock: how old the node's latest block was when it was stored. */
   takeLag(lag: LagJson | null): void {
-    this.lag = lag?.lo_ns ?? 0;
+    if (lag === null) this.offset = -Infinity;
+    else if (this.newest !== null) this.offset = lag.lo_ns - (this.newest.at * MS - this.newest.end);
   }
 
-  /** How old all that the node tells is at least (ns), if it is too old for the present: it brings what waited. */
+  /** How old the newest samples were at least (ns) when they came, if that was too old: the node brings what waited. */
   get age(): number | null {
-    return this.lag > STALE_MS * MS ? this.lag : null;
+    const age = this.newest === null || this.offset === null ? 0 : this.ageOf(this.newest, this.offset);
+    return age > STALE_MS * MS ? age : null;
   }
 
   /** The interval of a channel at a moment of the page's clock (ms); null where nothing is known of the present. */
   of(channel: string, at: number): Interval | null {
     const told = this.latest.get(channel);
-    if (!told || at - told.at >= STALE_MS || this.age !== null) return null;
+    if (!told || this.offset === null || at - told.at >= STALE_MS) return null;
+    if (this.ageOf(told, this.offset) > STALE_MS * MS) return null;
     // A simulated node's clock may run faster than ours: then as much more of its time passes.
     const behind = (this.edge.newest() ?? told.end) - told.end;
     return behind > this.edge.timeIn(STALE_MS) ? null : told.interval;
   }
 
+  /** How old its samples were at least when it came, in ns. */
+  private ageOf(told: Told, offset: number): number {
+    return told.at * MS - told.end + offset;
+  }
+
   clear(): void {
     this.latest.clear();
+    this.newest = null;
+    this.offset = null;
   }
 }
