@@ -88,6 +88,7 @@ export class Tube {
     while (this.size + count > this.capacity && this.size > 1) {
       if (!this.coalesce()) this.start += Math.ceil(this.size / 2);
     }
+    if (count === 0) return;
     this.makeRoom(count);
     for (const column of COLUMNS) this.arrays[column].set(run[column], this.end);
     this.end += count;

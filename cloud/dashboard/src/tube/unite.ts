@@ -16,6 +16,7 @@ function isSame(one: Said, other: Said): boolean {
 }
 
 function distinct(said: readonly Said[]): readonly Said[] {
+  if (said.length < 2) return said;
   return said.filter((one, index) => !said.slice(0, index).some((other) => isSame(one, other)));
 }
 
@@ -58,9 +59,14 @@ class Writer {
 
   /** The hull of what is said; not all of it holds with the sum of the doubts at most. */
   add(t: number, width: number, said: readonly Said[]): void {
-    const all = (column: Column): number[] => said.map(({ run, index }) => run[column][index]!);
-    const doubt = all("doubt").reduce((sum, one) => sum + one, 0);
-    this.push({ t, width, lo: Math.min(...all("lo")), hi: Math.max(...all("hi")), doubt, error: Math.max(...all("error")) });
+    let [lo, hi, doubt, error] = [Infinity, -Infinity, 0, 0];
+    for (const { run, index } of said) {
+      lo = Math.min(lo, run.lo[index]!);
+      hi = Math.max(hi, run.hi[index]!);
+      doubt += run.doubt[index]!;
+      error = Math.max(error, run.error[index]!);
+    }
+    this.push({ t, width, lo, hi, doubt, error });
   }
 
   /** Nothing is known; that goes on where nothing was known before. */
@@ -83,8 +89,17 @@ class Writer {
 
 /** All instants at which an entry begins or ends, each once. */
 function edgesOf(runs: readonly Entries[]): Float64Array {
-  const edges = runs.flatMap(({ t, width }) => [...t, ...t.map((begin, i) => begin + width[i]!)]);
-  return Float64Array.from(new Set(edges)).toSorted();
+  const edges = new Float64Array(2 * runs.reduce((sum, { t }) => sum + t.length, 0));
+  let at = 0;
+  for (const { t, width } of runs) {
+    for (let i = 0; i < t.length; i += 1) {
+      edges[at] = t[i]!;
+      edges[at + 1] = t[i]! + width[i]!;
+      at += 2;
+    }
+  }
+  edges.sort();
+  return edges.filter((x, i) => x !== edges[i - 1]);
 }
 
 /**
