@@ -85,6 +85,7 @@ export class Tube {
 
   private append(run: Entries): void {
     const count = run.t.length;
+    // Also where nothing is added: what was united before it may be more than fits.
     while (this.size + count > this.capacity && this.size > 1) {
       if (!this.coalesce()) this.start += Math.ceil(this.size / 2);
     }
