@@ -1,9 +1,13 @@
 import { describe, expect, test } from "vitest";
 import { Client } from "../src/api/client";
 import type { ChannelItem, EventItem, SeriesAnswer } from "../src/api/contract";
+import { reduceToColumns } from "../src/chart/columns";
+import { readValue } from "../src/chart/reading";
+import { missingStretches } from "../src/chart/segments";
 import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
+import { hullWithin } from "../src/tube/entries";
 
 const MS = 1_000_000;
 const ORIGIN = BigInt(Date.parse("2026-01-31T12:00:00Z")) * 1_000_000n;
@@ -77,6 +81,85 @@ describe("the seam between store and stream", () => {
     data.take(series(1000, 1250), 0, null);
     expect(data.rolling.t.length).toBe(0);
     expect(data.end).toBe(1250 * MS);
+  });
+});
+
+/** A live block reduced to hulls of so many samples each; the last one may have fewer. */
+function reduced(from: number, to: number, stride: number, value = 1): SeriesAnswer {
+  const count = Math.ceil((to - from) / stride);
+  const t = Array.from({ length: count }, (_, i) => i * stride * MS);
+  return { ...series(from, from), resolution: "hull", t, lo: t.map(() => value), hi: t.map(() => value + 1), dt: stride * MS };
+}
+
+describe("reduced blocks", () => {
+  test("a late one takes nothing from what came before it", () => {
+    const data = dataOf(channel(1000), []);
+    const spike = series(1250, 1500);
+    data.take({ ...spike, hi: spike.hi.map((hi, i) => (i === 0 ? 51 : hi)) }, 0, 0);
+    data.take(reduced(1000, 1250, 3), 0, 0);
+    expect(hullWithin(data.rolling, 1249 * MS, 1260 * MS).hi).toBe(51);
+  });
+
+  test("a window that starts afresh asks for the last bucket, too, and takes none of it for missing", async () => {
+    const data = dataOf(channel(1000), [[0, 1250]]);
+    data.take(reduced(1000, 1250, 83), 0, null);
+    expect(data.end).toBe(1332 * MS);
+    await fill(data, { x0: 0, x1: data.end! });
+    expect(data.rolling.t.at(-1)).toBe(1249 * MS);
+    expect(data.rolling.lo.at(-1)).toBe(1);
+    expect(data.take(reduced(1250, 1500, 83), 0, 0).hole).toBeNull();
+  });
+
+  test("what the stream tells while the store is asked is not lost by its answer", async () => {
+    const data = dataOf(channel(1000), [[0, 1100]]);
+    const { hole } = data.take(series(2000, 2250), 0, 0);
+    const filled = fill(data, hole);
+    data.take(reduced(1500, 1600, 3, 7), 0, 0);
+    await filled;
+    expect(hullWithin(data.rolling, 1500 * MS, 1599 * MS)).toMatchObject({ lo: 7, hi: 8 });
+    expect(missingStretches(data.rolling, 0, 2250 * MS)).toEqual([{ x0: 1100 * MS, x1: 1500 * MS }, { x0: 1602 * MS, x1: 2000 * MS }]);
+  });
+});
+
+describe("coverage and error of time", () => {
+  const sure = { coverage: 0.999, time_error: 1000 };
+  const doubtful = { coverage: 0.9, time_error: 2e9 };
+  const facts = { unit: "F", bursts: false };
+
+  test("are those of the entries that are read, not of the latest block", () => {
+    const data = dataOf(channel(1000), []);
+    data.take({ ...series(1000, 1001), ...doubtful }, 0, 0);
+    data.take({ ...series(1001, 1250), ...sure }, 0, 0);
+    const read = (x: number): string => {
+      const reading = readValue(data.rolling, new Timeline(ORIGIN), facts, { x, perPixel: MS / 2 });
+      return reading!.text.lines.map(({ value }) => value).slice(1).join(", ");
+    };
+    expect(read(1000 * MS)).toBe("± 2 s, ≥ 90 %");
+    expect(read(1100 * MS)).toBe("± 1 µs, ≥ 99.9 %");
+  });
+
+  test("a hull of n samples is as sure as the union bound says", () => {
+    const data = dataOf(channel(1000), []);
+    data.take({ ...series(1000, 1250), ...sure }, 0, 0);
+    const read = (x: number, perPixel: number): string | undefined =>
+      readValue(data.rolling, new Timeline(ORIGIN), facts, { x, perPixel })?.text.lines.at(-1)?.value;
+    expect(read(1100 * MS, 10.5 * MS)).toBe("≥ 98 %");
+    expect(read(1125 * MS, 10_000 * MS)).toBe("≥ 74 %");
+    const thinned = dataOf(channel(1000), []);
+    thinned.take({ ...series(1000, 1250), coverage: 0.99, time_error: 0 }, 0, 1000 * MS);
+    expect(thinned.rolling.t.length).toBe(1);
+    expect(readValue(thinned.rolling, new Timeline(ORIGIN), facts, { x: 1100 * MS, perPixel: MS })?.text.lines.at(-1)?.value).toBe("≥ 0 %");
+  });
+
+  test("the band is painted as wide in time as each entry's own error", () => {
+    const data = dataOf(channel(1000), []);
+    data.take({ ...series(1000, 1001), coverage: 1, time_error: 100 * MS }, 0, 0);
+    data.take({ ...series(1500, 1501), ...sure }, 0, 0);
+    const map = { width: 1000, height: 10, xMin: 800 * MS, xMax: 1800 * MS, yMin: 0, yMax: 3 };
+    const { bottom } = reduceToColumns(data.rolling, map, { halfMark: 1, thickness: 1 });
+    const painted = [...bottom.keys()].filter((column) => bottom[column]! > 0);
+    expect([painted[0]! <= 100, painted.filter((column) => column > 310 && column < 690)]).toEqual([true, []]);
+    expect(painted.filter((column) => column >= 690).length).toBeLessThan(5);
   });
 });
 

@@ -5,14 +5,14 @@ import { enclosingBox, xPixel, yPixel, type PlotMap } from "../src/chart/plot-ma
 import { missingStretches, withoutPauses } from "../src/chart/segments";
 import { calmRange, finiteExtent } from "../src/chart/value-range";
 import type { Entries } from "../src/tube/entries";
-import { inSegments, sumSegments } from "../src/view/threshold-form";
 
 const MAP: PlotMap = { width: 200, height: 100, xMin: 0, xMax: 1000, yMin: 0, yMax: 10 };
-const STYLE = { halfMark: 1.5, thickness: 2, timeError: 0 };
+const STYLE = { halfMark: 1.5, thickness: 2 };
 
-function entries(rows: readonly (readonly [t: number, width: number, lo: number, hi: number])[]): Entries {
+function entries(rows: readonly (readonly [t: number, width: number, lo: number, hi: number])[], timeError = 0): Entries {
   const column = (index: 0 | 1 | 2 | 3): Float64Array => Float64Array.from(rows, (row) => row[index]);
-  return { t: column(0), width: column(1), lo: column(2), hi: column(3), reach: 10 };
+  const [doubt, error] = [new Float64Array(rows.length), new Float64Array(rows.length).fill(timeError)];
+  return { t: column(0), width: column(1), lo: column(2), hi: column(3), doubt, error, reach: 10 };
 }
 
 describe("pixel columns", () => {
@@ -50,7 +50,7 @@ describe("pixel columns", () => {
   });
 
   test("an error of time widens a mark to both sides", () => {
-    const columns = reduceToColumns(entries([[500, 0, 4, 5]]), MAP, { ...STYLE, timeError: 50 });
+    const columns = reduceToColumns(entries([[500, 0, 4, 5]], 50), MAP, STYLE);
     expect(columns.bottom[90]).toBeGreaterThan(0);
     expect(columns.bottom[109]).toBeGreaterThan(0);
   });
@@ -104,20 +104,6 @@ describe("scale and stretches", () => {
     const outage = { x0: 500, x1: 900 };
     expect(withoutPauses([...pauses, outage])).toEqual([outage]);
     expect(withoutPauses(pauses.slice(0, 2))).toEqual([]);
-  });
-
-  test("the time above a threshold is at least the certain and at most all of it", () => {
-    const segments = [
-      { x0: 0, x1: 10, verdict: "certain" },
-      { x0: 10, x1: 15, verdict: "possible" },
-      { x0: 90, x1: 200, verdict: "certain" },
-    ] as const;
-    expect(sumSegments(segments, { x0: 0, x1: 100 })).toEqual({ certain: 20, atMost: 25 });
-  });
-
-  test("are counted in words, and none of them in no words", () => {
-    expect([0, 1, 2].map((count) => inSegments(count, false))).toEqual(["", " in 1 segment", " in 2 segments"]);
-    expect([0, 1, 2].map((count) => inSegments(count, true))).toEqual(["", " in 1 more segment", " in 2 more segments"]);
   });
 });
 

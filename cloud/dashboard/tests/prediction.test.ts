@@ -48,7 +48,7 @@ describe("a predicted tube", () => {
   test("is painted over all of each entry's width and bounds", () => {
     const entries = readPrediction({ ...answer, t0: new Date(Number(ORIGIN / 1_000_000n)).toISOString(), lo: [1, 2, 3], hi: [2, 3, 4] }, timeline);
     const map = { width: 30, height: 40, xMin: 0, xMax: 300, yMin: 0, yMax: 5 };
-    const { top, bottom } = reduceToColumns(entries, map, { halfMark: 1, thickness: 1, timeError: 0 });
+    const { top, bottom } = reduceToColumns(entries, map, { halfMark: 1, thickness: 1 });
     for (let column = 0; column < 30; column += 1) {
       const entry = Math.floor(column / 10);
       expect(top[column]).toBeLessThanOrEqual(40 - 8 * (entry + 2));

@@ -2,7 +2,7 @@ import { expect, test } from "vitest";
 import type { ChannelItem } from "../src/api/contract";
 import { judge, levelOf, quantitiesOf } from "../src/skin/contact";
 import { layOut, PITCH } from "../src/skin/layout";
-import { hullOf } from "../src/view/skin-picture";
+import { hullOf } from "../src/skin/present";
 
 function channel(id: string, bounds: ChannelItem["bounds"]): ChannelItem {
   const [taxel = "", quantity = ""] = id.split(".");

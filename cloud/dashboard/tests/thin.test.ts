@@ -1,6 +1,7 @@
 import { describe, expect, test } from "vitest";
-import { hullWithin, type Entries } from "../src/tube/entries";
+import { hullWithin, stopOf, type Entries } from "../src/tube/entries";
 import { thin } from "../src/tube/thin";
+import { random } from "./runs";
 
 const STEP = 10;
 
@@ -10,15 +11,9 @@ function run(lo: readonly number[], t = lo.map((_, i) => 1000 + i * STEP), width
     width: new Float64Array(t.length).fill(width),
     lo: Float64Array.from(lo),
     hi: Float64Array.from(lo, (low) => low + 1),
+    doubt: new Float64Array(t.length).fill(0.25),
+    error: Float64Array.from(t, (_, i) => i % 7),
     reach: 1.5 * STEP,
-  };
-}
-
-function random(seed: number): () => number {
-  let state = seed;
-  return () => {
-    state = (state * 1_103_515_245 + 12_345) % 2 ** 31;
-    return state / 2 ** 31;
   };
 }
 
@@ -38,7 +33,10 @@ describe("thinning a run", () => {
         let count = 0;
         while (from + count < times.length && whole.t[from + count]! + whole.width[from + count]! <= stop) count += 1;
         expect(whole.t[from]).toBe(few.t[i]);
-        expect(whole.t[from + count - 1]! + whole.width[from + count - 1]!).toBe(stop);
+        const last = from + count - 1;
+        expect(count > 1 ? stopOf(whole, last) : whole.t[last]! + whole.width[last]!).toBe(stop);
+        expect(few.doubt[i]).toBe(0.25 * count);
+        expect(few.error[i]).toBe(Math.max(...whole.error.subarray(from, from + count)));
         const lows = [...whole.lo.subarray(from, from + count)];
         const highs = [...whole.hi.subarray(from, from + count)];
         expect(few.lo[i]).toBe(Math.min(...lows));

@@ -2,20 +2,9 @@ import { describe, expect, test } from "vitest";
 import type { SeriesAnswer } from "../src/api/contract";
 import { Timeline } from "../src/time/timeline";
 import { readSeries } from "../src/tube/decode";
-import { clipEnd, endOf, hullWithin, type Entries } from "../src/tube/entries";
+import { clipEnd, endOf, hullWithin } from "../src/tube/entries";
 import { Tube } from "../src/tube/tube";
-
-function run(from: number, values: readonly (readonly [number, number])[], width = 0, step = 10): Entries {
-  return {
-    t: Float64Array.from(values, (_, i) => from + i * step),
-    width: new Float64Array(values.length).fill(width),
-    lo: Float64Array.from(values, ([lo]) => lo),
-    hi: Float64Array.from(values, ([, hi]) => hi),
-    reach: 1.5 * step,
-  };
-}
-
-const GAP = [Number.NaN, Number.NaN] as const;
+import { GAP, run } from "./runs";
 
 describe("reading series", () => {
   const answer: SeriesAnswer = {
@@ -53,16 +42,6 @@ describe("the rolling tube", () => {
     tube.merge(block);
     tube.merge(block);
     expect(tube.size).toBe(3);
-  });
-
-  test("a hull that reaches into a run keeps what the run does not tell of", () => {
-    const tube = new Tube(100);
-    tube.merge(run(0, [[1, 9]], 100));
-    tube.merge(run(40, [[3, 4], [5, 6]], 10));
-    const { t, width, lo } = tube.view();
-    expect([...t]).toEqual([0, 40, 50, 60]);
-    expect([...width]).toEqual([40, 10, 10, 40]);
-    expect([...lo]).toEqual([1, 3, 5, 1]);
   });
 
   test("a bucket that ends where the next block begins leaves its first value", () => {

@@ -27,6 +27,14 @@ export interface PredictionQuery {
   readonly end: Instant;
 }
 
+/** Which values are asked for, above or below a level, and when. */
+export interface ThresholdQuery {
+  readonly above?: number;
+  readonly below?: number;
+  readonly start: Instant;
+  readonly end: Instant;
+}
+
 export interface ClientOptions {
   readonly fetch: typeof fetch;
   /** Called when the session is over; the page then goes to the login. */
@@ -92,10 +100,15 @@ export class Client {
   /** The segments of a window in which a threshold is passed; `complete` is false if there were too many. */
   threshold(
     place: { node: string; channel: string },
-    question: { above?: number; below?: number; start: Instant; end: Instant },
+    query: ThresholdQuery,
     signal: AbortSignal,
   ): Promise<{ items: SegmentItem[]; complete: boolean }> {
-    return this.all(`/series/${part(place.node)}/${part(place.channel)}/threshold`, question, signal);
+    return this.all(`/series/${part(place.node)}/${part(place.channel)}/threshold`, { ...query }, signal);
+  }
+
+  /** For how long a threshold is passed in a window: each sample holds until the next, so it is more than the segments. */
+  thresholdTime(place: { node: string; channel: string }, query: ThresholdQuery, signal: AbortSignal): Promise<OccupancyAnswer> {
+    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}/time`, { ...query }), signal);
   }
 
   models(signal: AbortSignal): Promise<ModelItem[]> {

@@ -63,13 +63,14 @@ export interface StorageAnswer {
 export interface NodeItem {
   readonly id: string;
   readonly health: Health;
-  readonly last_seen: string | null;
-  readonly boot: number | null;
-  readonly sequence: number | null;
+  readonly last_seen: string;
+  readonly boot: number;
+  readonly sequence: number;
   readonly profile: string | null;
   readonly description: string | null;
   readonly uptime_ns: number | null;
-  readonly outbox: { readonly messages: number; readonly bytes: number; readonly capacity_bytes: number } | null;
+  /** Its `bytes` are null where they are sealed. */
+  readonly outbox: { readonly messages: number; readonly bytes: number | null; readonly capacity_bytes: number } | null;
   readonly gaps: number;
   readonly energy: EnergyJson | null;
   /** Taxels that may be broken; none known before the node's first self-test. */

@@ -221,10 +221,10 @@ export class BandChart {
     const missing = missingStretches(this.entries, x0, x1);
     paintMissing(canvas, map, [...(this.facts.bursts ? withoutPauses(missing) : missing), ...this.marks.gaps]);
     const spacing = ((this.entries.reach / 1.5) * map.width) / (x1 - x0);
-    const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio), timeError: this.facts.timeError };
+    const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio) };
     this.placed = placePeaks(this.marks.peaks, map, ratio);
     paintRegions(canvas, this.placed);
-    paintPredicted(canvas, reduceToColumns(this.marks.predicted, map, { ...style, timeError: 0 }), map.height);
+    paintPredicted(canvas, reduceToColumns(this.marks.predicted, map, style), map.height);
     this.band.paint(canvas, reduceToColumns(this.entries, map, style), map.height);
     if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
     paintPeaks(canvas, map, this.placed);

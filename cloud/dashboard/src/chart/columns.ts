@@ -17,8 +17,6 @@ export interface MarkStyle {
   readonly halfMark: number;
   /** The least thickness of the band in device pixels. */
   readonly thickness: number;
-  /** The bound of the error of the entries' times in ns: a value may lie so far to either side. */
-  readonly timeError: number;
 }
 
 function emptyColumns(width: number): Columns {
@@ -27,6 +25,12 @@ function emptyColumns(width: number): Columns {
     bottom: new Int32Array(width).fill(-1),
     open: new Uint8Array(width),
   };
+}
+
+function largest(values: Float64Array): number {
+  let most = 0;
+  for (let i = 0; i < values.length; i += 1) if (values[i]! > most) most = values[i]!;
+  return most;
 }
 
 /**
@@ -44,14 +48,15 @@ export function halfMarkFor(spacing: number, ratio: number): number {
 export function reduceToColumns(entries: Entries, map: PlotMap, style: MarkStyle): Columns {
   const columns = emptyColumns(map.width);
   const perPixel = (map.xMax - map.xMin) / map.width;
-  const margin = style.timeError + style.halfMark * perPixel;
-  const { t, width, lo, hi } = entries;
+  const { t, width, lo, hi, error } = entries;
+  const margin = largest(error) + style.halfMark * perPixel;
   for (let i = firstReaching(entries, map.xMin - margin); i < t.length; i += 1) {
     if (t[i]! - margin > map.xMax) break;
     if (Number.isNaN(lo[i]!)) continue;
     const extra = width[i] === 0 ? style.halfMark : 0;
-    const begin = t[i]! - style.timeError;
-    const stop = t[i]! + width[i]! + style.timeError;
+    // A value may lie as far to either side as its time may be wrong.
+    const begin = t[i]! - error[i]!;
+    const stop = t[i]! + width[i]! + error[i]!;
     const left = extra > 0 ? Math.floor(xPixel(map, begin) - extra) : leftColumn(map, begin);
     const right = extra > 0 ? Math.ceil(xPixel(map, stop) + extra) : rightColumn(map, stop);
     include(columns, map, [left, right], [lo[i]!, hi[i]!]);

@@ -13,6 +13,8 @@ export function readPrediction(answer: PredictionAnswer, timeline: Timeline): En
     width: new Float64Array(answer.t.length).fill(answer.dt),
     lo: Float64Array.from(answer.lo, (bound) => bound ?? -Infinity),
     hi: Float64Array.from(answer.hi, (bound) => bound ?? Infinity),
+    doubt: new Float64Array(answer.t.length),
+    error: new Float64Array(answer.t.length),
     reach: answer.dt / 2,
   };
 }

@@ -11,9 +11,6 @@ import { finiteExtent } from "./value-range";
 /** What is known about a channel besides its values. */
 export interface ChannelFacts {
   readonly unit: string;
-  readonly coverage: number;
-  /** The bound of the error of the times, in ns. */
-  readonly timeError: number;
   /** Whether the channel measures in bursts, so that silence between them is as it should be. */
   readonly bursts: boolean;
 }
@@ -45,7 +42,8 @@ function span(timeline: Timeline, from: number, to: number, perPixel: number): s
 }
 
 /**
- * Reads the value at x: of all entries within one pixel the hull, otherwise the nearest within reach.
+ * Reads the value at x: of all entries within one pixel the hull, otherwise the nearest within reach. Its coverage
+ * is a union bound over them, and its time as uncertain as the worst of theirs.
  *
  * @param perPixel the width of a CSS pixel in ns
  */
@@ -60,6 +58,7 @@ export function readValue(
   if (centre === null) return null;
   let [from, to] = [entries.t[centre]!, entries.t[centre]! + entries.width[centre]!];
   let [lo, hi] = [entries.lo[centre]!, entries.hi[centre]!];
+  let [doubt, error] = [entries.doubt[centre]!, entries.error[centre]!];
   let count = 1;
   for (let i = firstReaching(entries, x - perPixel / 2); i < entries.t.length; i += 1) {
     if (entries.t[i]! > x + perPixel / 2) break;
@@ -68,12 +67,14 @@ export function readValue(
     hi = Math.max(hi, entries.hi[i]!);
     from = Math.min(from, entries.t[i]!);
     to = Math.max(to, entries.t[i]! + entries.width[i]!);
+    doubt += entries.doubt[i]!;
+    error = Math.max(error, entries.error[i]!);
     count += 1;
   }
   const sample = count === 1 && entries.width[centre] === 0;
   const lines: TipLine[] = [{ name: sample ? "at" : "over", value: span(timeline, from, to, perPixel) }];
-  if (facts.timeError > 0) lines.push({ name: "time", value: `± ${formatDuration(facts.timeError, "up")}` });
-  lines.push({ name: "coverage", value: formatCoverage(facts.coverage) });
+  if (error > 0) lines.push({ name: "time", value: `± ${formatDuration(error, "up")}` });
+  lines.push({ name: "coverage", value: formatCoverage(Math.max(0, 1 - doubt)) });
   const title = formatInterval({ lo, hi }, facts.unit);
   return { x: (from + to) / 2, text: { title, kind: sample ? "sample" : "hull of samples", lines } };
 }

@@ -33,7 +33,7 @@ export function finiteExtentOf(runs: readonly Entries[], from: number, to: numbe
 }
 
 /** Adds room around an extent, for the peaks' triangles above and so that a flat line has a scale. */
-export function withRoom(extent: ValueRange): ValueRange {
+function withRoom(extent: ValueRange): ValueRange {
   const size = extent.max - extent.min;
   const least = Math.max(Math.abs(extent.max), Math.abs(extent.min)) * 1e-9;
   const span = size > least ? size : Math.max(Math.abs(extent.max) * 0.02, least, 1e-30);

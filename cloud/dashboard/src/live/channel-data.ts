@@ -7,7 +7,7 @@ import type { Range } from "../state/window";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { readSeries } from "../tube/decode";
-import { clipEnd, endOf, hullWithin, NOTHING, type Entries } from "../tube/entries";
+import { clipEnd, copyOf, endOf, NOTHING, type Entries } from "../tube/entries";
 import { thin } from "../tube/thin";
 import { Tube } from "../tube/tube";
 import type { LiveEdge } from "./edge";
@@ -43,8 +43,14 @@ function bounded<Item>(kept: Map<string, Item>): void {
 
 /** One entry that says: nothing is known here. */
 function nothingIn({ x0, x1 }: Range): Entries {
-  const missing = Float64Array.of(Number.NaN);
-  return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, reach: 0 };
+  const [missing, none] = [Float64Array.of(Number.NaN), Float64Array.of(0)];
+  return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, doubt: none, error: none, reach: 0 };
+}
+
+/** A stretch that the store was asked for, and what the stream tells of it meanwhile. */
+interface Filling {
+  readonly range: Range;
+  readonly runs: Entries[];
 }
 
 /** What the page knows of one channel: the rolling window, a stretch of history, peaks and gaps. */
@@ -61,6 +67,9 @@ export class ChannelData {
   private latest: ChannelItem;
   /** Up to here the store has everything, and every block after it is told by the live stream. */
   private told: number | null;
+  /** Up to here the stream may have told of samples: the last bucket of a block may claim more than it has. */
+  private heard: number | null;
+  private readonly fillings = new Set<Filling>();
   /** Of a channel that measures in bursts, the shortest silence in which the store has nothing either. */
   private pause = Infinity;
 
@@ -68,7 +77,8 @@ export class ChannelData {
     const { channel } = options;
     this.latest = channel;
     this.told = this.storedEnd();
-    this.facts = { unit: channel.unit, coverage: channel.coverage, timeError: 0, bursts: false };
+    this.heard = this.told;
+    this.facts = { unit: channel.unit, bursts: false };
     this.channel = channel;
   }
 
@@ -85,9 +95,9 @@ export class ChannelData {
     this.facts.bursts = channel.samples * channel.dt < BURST_SHARE * length;
   }
 
-  /** The end of what the store and the live stream have told: the store is complete up to here. */
+  /** The end of what the store and the live stream have told. */
   get end(): number | null {
-    return this.told;
+    return this.heard;
   }
 
   get rolling(): Entries {
@@ -124,12 +134,15 @@ export class ChannelData {
     const before = this.told ?? start;
     // What comes late lies in the middle of what was loaded.
     if (this.loaded && !apart(this.loaded, { x0: start, x1: end })) this.loaded = null;
+    const hull = block.resolution === "hull";
     // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
-    this.told = Math.max(before, block.resolution === "hull" ? run.t.at(-1)! : end + block.dt);
+    this.told = Math.max(before, hull ? run.t.at(-1)! : end + block.dt);
+    this.heard = Math.max(this.heard ?? start, hull ? end : end + block.dt);
     this.options.edge.observe(end, at);
     if (grain === null) return { block: null, hole: null };
-    this.note(block);
-    this.tube.merge(thin(run, grain));
+    const seen = thin(run, grain);
+    this.tube.merge(seen);
+    for (const { range, runs } of this.fillings) if (!apart(range, { x0: start, x1: end })) runs.push(seen);
     const silence = start - before;
     const usual = this.pause === Infinity ? 0 : PAUSE_SLACK * this.pause;
     const hole = silence > Math.max(2 * run.reach, 3 * this.latest.dt, usual);
@@ -138,22 +151,32 @@ export class ChannelData {
 
   /** Fills a stretch of the rolling window, up to `end` at most, from the store. */
   async backfill(range: Range, points: number, signal: AbortSignal): Promise<void> {
-    const answer = await this.ask(range, points, signal);
-    this.note(answer);
-    // A bucket may reach beyond the range, where the live stream knows more than this answer.
-    const run = clipEnd(readSeries(answer, this.options.timeline), range.x1);
-    this.tube.merge(run);
+    const filling: Filling = { range, runs: [] };
+    this.fillings.add(filling);
+    try {
+      const answer = await this.ask(range, points, signal);
+      // A bucket may reach beyond the range, where the live stream knows more than this answer.
+      this.fill(range, clipEnd(readSeries(answer, this.options.timeline), range.x1));
+      // What the stream told meanwhile may have been stored after the store was read.
+      for (const run of filling.runs) this.tube.merge(run);
+    } finally {
+      this.fillings.delete(filling);
+    }
+  }
+
+  private fill(range: Range, run: Entries): void {
+    this.tube.replace({ x0: Math.floor(range.x0), x1: range.x1 }, run);
     const known = run.lo.findLastIndex((lo) => !Number.isNaN(lo));
     const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, this.latest.dt);
-    const quiet = range.x1 - end;
-    if (quiet > 2 * this.latest.dt) this.tube.merge(nothingIn({ x0: end, x1: range.x1 }));
+    const silent = { x0: end, x1: Math.min(range.x1, this.told ?? range.x1) };
+    const quiet = silent.x1 - silent.x0;
+    if (quiet > 2 * this.latest.dt) this.tube.replace(silent, nothingIn(silent));
     if (this.facts.bursts && quiet > QUIET_SHARE * (range.x1 - range.x0)) this.pause = Math.min(this.pause, quiet);
   }
 
   /** Loads a stretch of history. */
   async load(range: Range, points: number, signal: AbortSignal): Promise<void> {
     const answer = await this.ask(range, points, signal);
-    this.note(answer);
     this.resolution = answer.resolution;
     this.history = readSeries(answer, this.options.timeline);
     this.loaded = answer.resolution === "sample" ? range : null;
@@ -167,19 +190,13 @@ export class ChannelData {
 
   /** Starts history with what the rolling window shows, until the store has answered. */
   freeze(): void {
-    const { t, width, lo, hi, reach } = this.rolling;
-    this.history = { t: t.slice(), width: width.slice(), lo: lo.slice(), hi: hi.slice(), reach };
+    this.history = copyOf(this.rolling);
     this.loaded = null;
   }
 
   /** Forgets the rolling window. */
   clear(): void {
     this.tube.clear();
-  }
-
-  /** Whether any value of a window is known. */
-  knows(range: Range): boolean {
-    return [this.history, this.rolling].some((run) => hullWithin(run, range.x0, range.x1).count > 0);
   }
 
   /** Forgets the values and marks that are over before an instant. */
@@ -214,11 +231,6 @@ export class ChannelData {
   private storedEnd(): number | null {
     const { last, dt } = this.latest;
     return last === null ? null : this.options.timeline.toX(parseInstant(last)) + dt;
-  }
-
-  private note(answer: SeriesAnswer): void {
-    this.facts.coverage = answer.coverage;
-    this.facts.timeError = answer.time_error;
   }
 
   private ask(range: Range, points: number, signal: AbortSignal): Promise<SeriesAnswer> {

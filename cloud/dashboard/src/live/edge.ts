@@ -69,6 +69,11 @@ export class LiveEdge {
     return this.shown;
   }
 
+  /** How much of the node's time (ns) passes in so many ms of the page's clock, and no less than in ours. */
+  timeIn(ms: number): number {
+    return Math.max(1e6, this.pace()) * ms;
+  }
+
   /** Nanoseconds of data for each millisecond of the page's clock. */
   private pace(): number {
     const first = this.seen[0];

@@ -5,7 +5,7 @@ export interface Range {
 }
 
 export const SHORTEST = 100;
-export const LONGEST = 10 * 365 * 86_400e9;
+const LONGEST = 10 * 365 * 86_400e9;
 
 /** Zooms about an anchor (0 at the left edge, 1 at the right one); a factor below 1 zooms in. */
 export function zoom(range: Range, anchor: number, factor: number): Range {

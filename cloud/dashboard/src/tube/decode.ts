@@ -19,5 +19,7 @@ export function readSeries(answer: SeriesAnswer, timeline: Timeline): Entries {
   }
   const hull = answer.resolution === "hull";
   const width = new Float64Array(count).fill(hull ? answer.dt : 0);
-  return { t, width, lo, hi, reach: (hull ? 0.5 : 1.5) * answer.dt };
+  const doubt = new Float64Array(count).fill(1 - answer.coverage);
+  const error = new Float64Array(count).fill(answer.time_error);
+  return { t, width, lo, hi, doubt, error, reach: (hull ? 0.5 : 1.5) * answer.dt };
 }

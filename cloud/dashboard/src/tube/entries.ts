@@ -8,17 +8,34 @@ export interface Entries {
   readonly width: Float64Array;
   readonly lo: Float64Array;
   readonly hi: Float64Array;
+  /** Of each entry, the probability at most that some sample of it is not enclosed: 1 - coverage. */
+  readonly doubt: Float64Array;
+  /** Of each entry, how far the true moments may lie from where it says, in ns. */
+  readonly error: Float64Array;
   /** Neighbours with no more than this between them (ns) follow each other without a break. */
   readonly reach: number;
 }
 
-export const NOTHING: Entries = {
-  t: new Float64Array(0),
-  width: new Float64Array(0),
-  lo: new Float64Array(0),
-  hi: new Float64Array(0),
-  reach: 0,
-};
+export type Column = Exclude<keyof Entries, "reach">;
+export const COLUMNS: readonly Column[] = ["t", "width", "lo", "hi", "doubt", "error"];
+
+/** A run of which each column is made by a function. */
+export function byColumn(make: (column: Column) => Float64Array, reach: number): Entries {
+  const [t, width, lo, hi, doubt, error] = COLUMNS.map(make) as [Float64Array, Float64Array, Float64Array, Float64Array, Float64Array, Float64Array];
+  return { t, width, lo, hi, doubt, error, reach };
+}
+
+export const NOTHING: Entries = byColumn(() => new Float64Array(0), 0);
+
+/** The entries [from, to) of a run, without copying. */
+export function part(entries: Entries, from: number, to: number): Entries {
+  return byColumn((column) => entries[column].subarray(from, to), entries.reach);
+}
+
+/** A copy that stays as it is. */
+export function copyOf(entries: Entries): Entries {
+  return byColumn((column) => entries[column].slice(), entries.reach);
+}
 
 /** The index of the first entry at or after x. */
 export function firstAtOrAfter(t: Float64Array, x: number): number {
@@ -32,11 +49,23 @@ export function firstAtOrAfter(t: Float64Array, x: number): number {
   return low;
 }
 
-/** The index of the first entry that touches x or comes later; a joined hull holds its last instant too. */
+/** The index of the first entry that says something of x or of what comes after it. */
+export function firstBeyond({ t, width }: Entries, x: number): number {
+  let index = firstAtOrAfter(t, x);
+  while (index > 0 && t[index - 1]! + width[index - 1]! > x) index -= 1;
+  return index;
+}
+
+/** The index of the first entry that touches x or comes later. */
 export function firstReaching(entries: Entries, x: number): number {
   let index = firstAtOrAfter(entries.t, x);
   while (index > 0 && entries.t[index - 1]! + entries.width[index - 1]! >= x) index -= 1;
   return index;
+}
+
+/** Where a hull of this entry stops: a hull is open at its end, so that of a sample is one nanosecond wide. */
+export function stopOf({ t, width }: Entries, index: number): number {
+  return t[index]! + (width[index]! || 1);
 }
 
 /** Where the run ends: the last instant that it speaks of, or null for an empty run. */
@@ -50,13 +79,7 @@ export function clipEnd(entries: Entries, x: number): Entries {
   const count = firstAtOrAfter(entries.t, x);
   const width = entries.width.slice(0, count);
   for (let i = count - 1; i >= 0 && entries.t[i]! + width[i]! > x; i -= 1) width[i] = x - entries.t[i]!;
-  return {
-    t: entries.t.subarray(0, count),
-    width,
-    lo: entries.lo.subarray(0, count),
-    hi: entries.hi.subarray(0, count),
-    reach: entries.reach,
-  };
+  return { ...part(entries, 0, count), width };
 }
 
 /** The hull of the known entries that touch [from, to]; NaN where there is none. */

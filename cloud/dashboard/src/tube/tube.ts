@@ -1,7 +1,7 @@
-import { endOf, firstAtOrAfter, type Entries } from "./entries";
+import type { Range } from "../state/window";
+import { byColumn, COLUMNS, copyOf, endOf, firstAtOrAfter, firstBeyond, part, stopOf, type Column, type Entries } from "./entries";
+import { unite } from "./unite";
 
-type Column = "t" | "width" | "lo" | "hi";
-const COLUMNS: readonly Column[] = ["t", "width", "lo", "hi"];
 const FIRST_SIZE = 512;
 
 /**
@@ -9,19 +9,14 @@ const FIRST_SIZE = 512;
  * hull, so that memory stays bounded and the picture still encloses every sample.
  */
 export class Tube {
-  private readonly arrays: Record<Column, Float64Array>;
+  private readonly arrays: { [Name in Column]: Float64Array };
   private start = 0;
   private end = 0;
   private reach = 0;
 
   constructor(private readonly capacity: number) {
     const size = Math.min(FIRST_SIZE, 2 * capacity);
-    this.arrays = {
-      t: new Float64Array(size),
-      width: new Float64Array(size),
-      lo: new Float64Array(size),
-      hi: new Float64Array(size),
-    };
+    this.arrays = byColumn(() => new Float64Array(size), 0);
   }
 
   get size(): number {
@@ -30,14 +25,7 @@ export class Tube {
 
   /** The entries held now, without copying; valid until the next change. */
   view(): Entries {
-    const { t, width, lo, hi } = this.arrays;
-    return {
-      t: t.subarray(this.start, this.end),
-      width: width.subarray(this.start, this.end),
-      lo: lo.subarray(this.start, this.end),
-      hi: hi.subarray(this.start, this.end),
-      reach: this.reach,
-    };
+    return byColumn((column) => this.arrays[column].subarray(this.start, this.end), this.reach);
   }
 
   clear(): void {
@@ -47,34 +35,46 @@ export class Tube {
   }
 
   /**
-   * Puts a run in its place in time; what was known of the same stretch is replaced by it. A held hull
-   * that reaches into the run is cut: its bounds enclose the samples of what is left of it, too.
+   * Puts a run in its place in time. Of a stretch of which something is known already, both hold: neither a block
+   * nor what came before it is known to tell of all samples there, and the last hull of a block claims more time
+   * than its samples take.
    */
   merge(run: Entries): void {
+    const begin = run.t[0];
     const stop = endOf(run);
-    if (stop === null) return;
+    if (begin === undefined || stop === null) return;
     this.reach = Math.max(this.reach, run.reach);
-    const { t, width } = this.arrays;
-    const from = this.start + firstAtOrAfter(this.view().t, run.t[0]!);
-    const tail = this.tailAfter(stop, run.width.at(-1) === 0);
-    if (from > this.start) width[from - 1] = Math.min(width[from - 1]!, run.t[0]! - t[from - 1]!);
-    this.end = from;
-    this.append(run);
-    if (tail.t.length > 0) this.append(tail);
+    const held = this.view();
+    const from = firstBeyond(held, begin);
+    if (from === held.t.length) {
+      this.append(run);
+      return;
+    }
+    // The neighbours on both sides tell whether something goes on there without a break.
+    const first = Math.max(0, from - 1);
+    const after = Math.min(held.t.length, firstAtOrAfter(held.t, stop) + 2);
+    const known = copyOf(part(held, first, after));
+    const tail = copyOf(part(held, after, held.t.length));
+    const shared = firstAtOrAfter(run.t, endOf(known)!) + 2;
+    this.end = this.start + first;
+    this.append(unite(known, part(run, 0, shared)));
+    this.append(part(run, shared, run.t.length));
+    this.append(tail);
   }
 
-  /** A copy of what is held after `stop`; `told` if another sample has told of that instant itself. */
-  private tailAfter(stop: number, told: boolean): Entries {
-    const { t, width } = this.arrays;
-    let to = this.start + firstAtOrAfter(this.view().t, stop);
-    const rest = to > this.start ? t[to - 1]! + width[to - 1]! - stop : 0;
-    if (told && to < this.end && t[to] === stop && width[to] === 0) to += 1;
-    const tail = this.copy(rest > 0 ? to - 1 : to, this.end);
-    if (rest > 0) {
-      tail.t[0] = stop;
-      tail.width[0] = rest;
-    }
-    return tail;
+  /** Puts the store's answer in the place of all that is held of [x0, x1): it tells of every sample there. */
+  replace({ x0, x1 }: Range, run: Entries): void {
+    const held = this.view();
+    const to = firstAtOrAfter(held.t, x1);
+    const rest = to > 0 ? endOf(part(held, 0, to))! - x1 : 0;
+    const tail = copyOf(part(held, rest > 0 ? to - 1 : to, held.t.length));
+    if (rest > 0) [tail.t[0], tail.width[0]] = [x1, rest];
+    const from = firstBeyond(held, x0);
+    const cut = from < held.t.length && held.t[from]! < x0;
+    if (cut) held.width[from] = x0 - held.t[from]!;
+    this.end = this.start + (cut ? from + 1 : from);
+    this.append(tail);
+    this.merge(run);
   }
 
   /** Forgets the entries that end before x. */
@@ -83,22 +83,13 @@ export class Tube {
     while (this.start < this.end && t[this.start]! + width[this.start]! < x) this.start += 1;
   }
 
-  private copy(from: number, to: number): Entries {
-    const { t, width, lo, hi } = this.arrays;
-    return {
-      t: t.slice(from, to),
-      width: width.slice(from, to),
-      lo: lo.slice(from, to),
-      hi: hi.slice(from, to),
-      reach: this.reach,
-    };
-  }
-
   private append(run: Entries): void {
     const count = run.t.length;
+    // Also where nothing is added: what was united before it may be more than fits.
     while (this.size + count > this.capacity && this.size > 1) {
       if (!this.coalesce()) this.start += Math.ceil(this.size / 2);
     }
+    if (count === 0) return;
     this.makeRoom(count);
     for (const column of COLUMNS) this.arrays[column].set(run[column], this.end);
     this.end += count;
@@ -120,28 +111,25 @@ export class Tube {
 
   /** Joins neighbours two by two, never across a gap; false when nothing could be joined. */
   private coalesce(): boolean {
-    const { t, width, lo, hi } = this.arrays;
-    const before = this.size;
-    let out = this.start;
-    for (let i = this.start; i < this.end; out += 1) {
-      const pair = this.joins(i);
+    const held = this.view();
+    const { t, width, lo, hi, doubt, error } = held;
+    let out = 0;
+    for (let i = 0; i < t.length; out += 1) {
+      const pair = this.joins(held, i);
       const last = pair ? i + 1 : i;
-      const stop = t[last]! + width[last]!;
-      const low = Math.min(lo[i]!, lo[last]!);
-      const high = Math.max(hi[i]!, hi[last]!);
-      t[out] = t[i]!;
-      width[out] = stop - t[out]!;
-      lo[out] = low;
-      hi[out] = high;
+      const stop = pair ? Math.max(stopOf(held, i), stopOf(held, last)) : t[i]! + width[i]!;
+      const joined = pair ? doubt[i]! + doubt[last]! : doubt[i]!;
+      [t[out], width[out]] = [t[i]!, stop - t[i]!];
+      [lo[out], hi[out]] = [Math.min(lo[i]!, lo[last]!), Math.max(hi[i]!, hi[last]!)];
+      [doubt[out], error[out]] = [joined, Math.max(error[i]!, error[last]!)];
       i = last + 1;
     }
-    this.end = out;
-    return this.size < before;
+    this.end = this.start + out;
+    return out < t.length;
   }
 
-  private joins(i: number): boolean {
-    const { t, width, lo } = this.arrays;
-    if (i + 1 >= this.end) return false;
+  private joins({ t, width, lo }: Entries, i: number): boolean {
+    if (i + 1 >= t.length) return false;
     const known = !Number.isNaN(lo[i]!);
     if (known !== !Number.isNaN(lo[i + 1]!)) return false;
     return !known || t[i + 1]! - t[i]! - width[i]! <= this.reach;

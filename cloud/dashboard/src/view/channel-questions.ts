@@ -9,7 +9,7 @@ import { ThresholdForm } from "./threshold-form";
 
 /** What may be asked of a channel that stands alone: one question at a time, whose answer its chart marks. */
 export class ChannelQuestions {
-  readonly root = element("div", { class: "questions" });
+  readonly root = element("div");
   private readonly threshold: ThresholdForm;
   private readonly model: ModelForm;
 
@@ -20,7 +20,6 @@ export class ChannelQuestions {
     this.threshold = new ThresholdForm({
       ...place,
       magnitude: Math.max(0, ...[bounds?.lo ?? 0, bounds?.hi ?? 0].map(Math.abs).filter(Number.isFinite)),
-      known: (range) => panel.data.knows(range),
       onSegments: (segments) => this.mark({ segments }),
     });
     this.model = new ModelForm({

@@ -12,7 +12,7 @@ import { AskClock } from "./ask-clock";
 import type { Context } from "./context";
 import { button, element } from "./element";
 import { IntervalField } from "./interval-field";
-import { modelAnswer } from "./model-answer";
+import { occupancyAnswer, type Wording } from "./occupancy-answer";
 
 export interface ModelFormOptions {
   readonly context: Context;
@@ -29,6 +29,12 @@ export interface ModelFormOptions {
 
 /** A live window moves on while an answer is shown; what is predicted is known ahead. */
 const AHEAD = 5n * NS_PER_SECOND;
+const WORDING: Wording = {
+  state: "Not as predicted",
+  never: "No anomaly",
+  because: (window) => `all that is known in this window of ${window} is as predicted`,
+  name: "anomalous",
+};
 const INTRODUCTION = "Certain: no value of the interval is predicted. Possible: some value is not.";
 
 function keyOf(question: ModelQuestion | null): string {
@@ -230,7 +236,7 @@ export class ModelForm {
       this.mark(predicted, this.anomalies);
       const [segments, time] = await Promise.all([client.anomalies(place, query, signal), client.anomaliesTime(place, query, signal)]);
       this.mark(predicted, segments.items.map((item) => this.read(item)));
-      this.answer.replaceChildren(...modelAnswer(time, range, segments.complete));
+      this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: WORDING, complete: segments.complete }));
     } catch (error) {
       if (isAbort(error)) return;
       // What is predicted may be known though there is too much to be compared with it.

@@ -6,11 +6,17 @@ import { fact, fillMeter, formatBytes, heardAgo } from "./fact";
 import { healthSymbol } from "./symbol";
 
 function outboxMeter({ outbox }: NodeItem): HTMLElement {
-  return outbox === null ? element("span", { class: "fact" }, "unknown") : fillMeter("outbox fill", outbox);
+  if (outbox === null) return element("span", { class: "fact" }, "unknown");
+  const { messages, bytes, capacity_bytes } = outbox;
+  if (bytes === null) return element("span", { class: "fact" }, `${messages.toLocaleString("en")} msg, sealed`);
+  return fillMeter("outbox fill", { messages, bytes, capacity_bytes });
 }
 
-function outboxBytes({ outbox }: NodeItem): string | null {
-  return outbox && `outbox ${formatBytes(outbox.bytes)} of ${formatBytes(outbox.capacity_bytes)}`;
+/** What the messages take of a node's flash; null where nothing is known. */
+export function outboxBytes({ outbox }: Pick<NodeItem, "outbox">): string | null {
+  if (outbox === null) return null;
+  const capacity = formatBytes(outbox.capacity_bytes);
+  return outbox.bytes === null ? `outbox of ${capacity}; what is taken of it is sealed` : `outbox ${formatBytes(outbox.bytes)} of ${capacity}`;
 }
 
 const MINUTE_NS = 60e9;
@@ -62,7 +68,6 @@ export function nodeCard(
   node: NodeItem,
   options: { href: string; current: boolean; now: bigint; reachable: boolean },
 ): HTMLElement {
-  const seen = node.last_seen;
   const health = options.reachable ? node.health : "unknown";
   const head = element(
     "div",
@@ -75,13 +80,13 @@ export function nodeCard(
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("seen", seen === null ? "never" : heardAgo(seen, options.now)),
+    ...fact("seen", heardAgo(node.last_seen, options.now)),
     ...fact("lag", lagOf(node)),
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
     ...battery(node),
     ...broken(node),
-    ...fact("boot", `${node.boot ?? "–"} · ${node.uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(node.uptime_ns / 1e9) * 1e9)}`}`),
+    ...fact("boot", `${node.boot} · ${node.uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(node.uptime_ns / 1e9) * 1e9)}`}`),
   );
   return element(
     "a",
@@ -92,7 +97,7 @@ export function nodeCard(
       "data-testid": "node",
       "data-node": node.id,
       "data-health": health,
-      title: [node.description, seen === null ? "This node has not reported yet." : `last seen ${seen}`, outboxBytes(node)].filter(Boolean).join("\n"),
+      title: [node.description, `last seen ${node.last_seen}`, outboxBytes(node)].filter(Boolean).join("\n"),
     },
     head,
     facts,

@@ -1,4 +1,4 @@
-import type { ChannelItem, EventItem, SeriesAnswer } from "../api/contract";
+import type { ChannelItem, EventItem, LagJson, SeriesAnswer } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import type { PeakMark } from "../chart/peak-groups";
 import { LiveEdge } from "../live/edge";
@@ -38,7 +38,7 @@ export class NodeSection {
   constructor(private readonly options: SectionOptions) {
     const { context, node, channel } = options;
     const href = printPlace({ ...context.place(), node, channel: null, question: null });
-    this.picture = channel === null ? new SkinPicture(context, node) : null;
+    this.picture = channel === null ? new SkinPicture(context, node, this.edge) : null;
     const head = channel === null ? element("h2", { class: "section-head" }, element("a", { href }, node)) : null;
     this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.picture?.root, this.grid);
     this.grid.append(notice("loading", "Loading channels…", ""));
@@ -70,6 +70,11 @@ export class NodeSection {
     const panel = this.panels.get(block.channel);
     if (panel) panel.take(block, at);
     else if (this.options.channel === null && this.retry === null) this.loadAgain(1_000);
+  }
+
+  /** Takes how old the node's latest block was when it came. */
+  takeLag(lag: LagJson | null): void {
+    this.picture?.takeLag(lag);
   }
 
   takeEvent(event: EventItem): void {

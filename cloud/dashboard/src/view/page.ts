@@ -69,16 +69,10 @@ export class Page {
     this.apply(place);
   }
 
-  /** Shows the nodes of the overview; a page of one node keeps to it. */
+  /** Takes over how the nodes are; the overview shows all of them, a page of one node keeps to it. */
   showNodes(nodes: readonly NodeItem[]): void {
-    if (this.scope.node !== null) return;
-    if (nodes.length === 0) {
-      const detail = "Nodes appear here with their first message. Start one with: eskin node --config node.toml, or try eskin demo.";
-      if (this.sections.size === 0) this.column.replaceChildren(notice("empty", "No node has reported yet", detail));
-      return;
-    }
-    if (this.sections.size === 0) this.column.replaceChildren();
-    for (const node of nodes) if (!this.sections.has(node.id)) this.addSection(node.id);
+    if (this.scope.node === null) this.showAll(nodes);
+    for (const { id, lag } of nodes) this.sections.get(id)?.takeLag(lag);
   }
 
   /** Says that the nodes could not be loaded. */
@@ -136,6 +130,16 @@ export class Page {
     for (const section of this.sections.values()) section.destroy();
     this.list.destroy();
     this.root.remove();
+  }
+
+  private showAll(nodes: readonly NodeItem[]): void {
+    if (nodes.length === 0) {
+      const detail = "Nodes appear here with their first message. Start one with: eskin node --config node.toml, or try eskin demo.";
+      if (this.sections.size === 0) this.column.replaceChildren(notice("empty", "No node has reported yet", detail));
+      return;
+    }
+    if (this.sections.size === 0) this.column.replaceChildren();
+    for (const node of nodes) if (!this.sections.has(node.id)) this.addSection(node.id);
   }
 
   private addSection(node: string): void {

@@ -1,40 +1,26 @@
-import type { ChannelItem, SeriesAnswer, TaxelItem } from "../api/contract";
+import type { ChannelItem, LagJson, SeriesAnswer, TaxelItem } from "../api/contract";
 import { isAbort } from "../api/failure";
 import { formatInterval } from "../interval/format";
-import { readInterval, type Interval } from "../interval/interval";
+import type { Interval } from "../interval/interval";
+import type { LiveEdge } from "../live/edge";
 import { judge, levelOf, quantitiesOf, type Contact } from "../skin/contact";
 import { layOut, PITCH } from "../skin/layout";
+import { hullOf, Present } from "../skin/present";
 import { printPlace, type View } from "../state/place";
 import { Beat, TEXT_MS } from "../time/beat";
+import { formatDuration } from "../time/duration";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 import { LevelField } from "./level-field";
 import { drawing, taxelMark } from "./taxel-mark";
 
 const REPAINT_MS = 100;
-const STALE_MS = 4_000;
+const RETRY_MS = 4_000;
 const SETTLE_MS = 250;
 /** In the past, what is shown is what was measured in so many ns before the window's end. */
 const LOOK_BACK = 250_000_000n;
 /** A taxel is drawn no larger, so that few of them leave room for the charts. */
 const TAXEL_PX = 80;
-
-interface Known {
-  readonly interval: Interval;
-  readonly at: number;
-}
-
-/** Joins a block's intervals to their hull; a missing sample makes nothing of it, an unbounded side counts. */
-export function hullOf({ lo, hi }: Pick<SeriesAnswer, "lo" | "hi">): Interval | null {
-  let hull: Interval | null = null;
-  for (const [index, low] of lo.entries()) {
-    const high = hi[index] ?? null;
-    if (low === null && high === null) continue;
-    const one = readInterval({ lo: low, hi: high });
-    hull = hull === null ? one : { lo: Math.min(hull.lo, one.lo), hi: Math.max(hull.hi, one.hi) };
-  }
-  return hull;
-}
 
 /** A node's skin as a picture: each taxel where it sits, touched certainly, possibly or not. */
 export class SkinPicture {
@@ -42,7 +28,9 @@ export class SkinPicture {
   private readonly summary = element("figcaption", { class: "skin-summary", "data-testid": "skin-summary" });
   private readonly choice = element("select", { "aria-label": "quantity", "data-testid": "skin-quantity" });
   private readonly level: LevelField;
-  private readonly known = new Map<string, Known>();
+  private readonly present: Present;
+  /** What was measured at the end of a window in the past. */
+  private readonly past = new Map<string, Interval>();
   private readonly marks = new Map<string, SVGElement>();
   private channels: readonly ChannelItem[] = [];
   private taxels: readonly TaxelItem[] = [];
@@ -52,8 +40,9 @@ export class SkinPicture {
   private readonly texts = new Beat(TEXT_MS);
   private view: View;
 
-  constructor(private readonly context: Context, private readonly node: string) {
+  constructor(private readonly context: Context, private readonly node: string, edge: LiveEdge) {
     this.view = context.place().view;
+    this.present = new Present(context.timeline, edge);
     this.level = new LevelField(() => this.paint());
     this.choice.addEventListener("change", () => this.choose());
     void this.load();
@@ -70,17 +59,20 @@ export class SkinPicture {
     const before = this.view;
     this.view = view;
     if (view.kind === "live" && before.kind === "live") return;
-    this.known.clear();
+    this.present.clear();
+    this.past.clear();
     if (this.timer !== null) clearTimeout(this.timer);
     if (view.kind === "history") this.timer = setTimeout(() => void this.look(), SETTLE_MS);
   }
 
   /** Takes a live block. */
   take(block: SeriesAnswer, at: number): void {
-    if (this.view.kind !== "live") return;
-    const interval = hullOf(block);
-    if (interval === null) this.known.delete(block.channel);
-    else this.known.set(block.channel, { interval, at });
+    if (this.view.kind === "live") this.present.take(block, at);
+  }
+
+  /** Takes how old the node's latest block was when it came. */
+  takeLag(lag: LagJson | null): void {
+    this.present.takeLag(lag);
   }
 
   frame(at: number): void {
@@ -98,7 +90,7 @@ export class SkinPicture {
     } catch (error) {
       if (isAbort(error)) return;
       // The charts beneath tell of the same failure; they list their channels again, and so does this.
-      this.timer = setTimeout(() => void this.load(), STALE_MS);
+      this.timer = setTimeout(() => void this.load(), RETRY_MS);
       return;
     }
     this.offer();
@@ -154,7 +146,7 @@ export class SkinPicture {
     const wanted = this.taxels.map(({ id }) => this.channelOf(id)).filter((channel) => names.has(channel));
     const ask = async (channel: string): Promise<void> => {
       const interval = hullOf(await this.context.client.series({ node: this.node, channel }, window, this.loading.signal));
-      if (this.view === view && interval !== null) this.known.set(channel, { interval, at: Infinity });
+      if (this.view === view && interval !== null) this.past.set(channel, interval);
     };
     // What cannot be had stays unknown, which the picture shows.
     await Promise.allSettled(wanted.map(ask));
@@ -164,15 +156,16 @@ export class SkinPicture {
   private paint(texts = true): void {
     const counts: Record<Contact, number> = { certain: 0, possible: 0, none: 0, unknown: 0 };
     const now = performance.now();
+    const live = this.view.kind === "live";
     const unit = this.channels.find(({ quantity }) => quantity === this.choice.value)?.unit ?? "1";
     for (const [taxel, mark] of this.marks) {
-      const known = this.known.get(this.channelOf(taxel));
-      const interval = known && now - known.at < STALE_MS ? known.interval : null;
+      const channel = this.channelOf(taxel);
+      const interval = live ? this.present.of(channel, now) : (this.past.get(channel) ?? null);
       const contact = judge(interval, this.level.value);
       counts[contact] += 1;
       if (mark.dataset["contact"] !== contact) mark.dataset["contact"] = contact;
       if (!texts) continue;
-      const href = printPlace({ ...this.context.place(), node: this.node, channel: this.channelOf(taxel), question: null });
+      const href = printPlace({ ...this.context.place(), node: this.node, channel, question: null });
       if (mark.getAttribute("href") !== href) mark.setAttribute("href", href);
       const text = `${taxel}: ${contact}${interval ? `, ${formatInterval(interval, unit)}` : ""}`;
       if (mark.getAttribute("aria-label") !== text) {
@@ -180,6 +173,9 @@ export class SkinPicture {
         mark.querySelector("title")!.textContent = text;
       }
     }
-    setText(this.summary, `Contact: ${counts.certain} certain, ${counts.possible} possible, ${counts.none} none${counts.unknown > 0 ? `, ${counts.unknown} unknown` : ""}.`);
+    const unknown = counts.unknown > 0 ? `, ${counts.unknown} unknown` : "";
+    const { age } = this.present;
+    const late = live && age !== null ? ` What comes was measured at least ${formatDuration(age, "down")} ago.` : "";
+    setText(this.summary, `Contact: ${counts.certain} certain, ${counts.possible} possible, ${counts.none} none${unknown}.${late}`);
   }
 }

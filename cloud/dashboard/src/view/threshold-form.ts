@@ -1,3 +1,4 @@
+import type { ThresholdQuery } from "../api/client";
 import type { SegmentItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import type { Segment } from "../chart/segments";
@@ -6,11 +7,11 @@ import { parseTyped, printTyped } from "../interval/typed";
 import { choosePrefix, findUnit } from "../interval/unit";
 import type { ThresholdQuestion } from "../state/place";
 import type { Range } from "../state/window";
-import { formatDuration } from "../time/duration";
 import { parseInstant } from "../time/instant";
 import { AskClock } from "./ask-clock";
 import type { Context } from "./context";
 import { button, element } from "./element";
+import { occupancyAnswer, type Wording } from "./occupancy-answer";
 
 export interface ThresholdOptions {
   readonly context: Context;
@@ -20,30 +21,10 @@ export interface ThresholdOptions {
   /** The typical magnitude of the channel, which chooses the prefix that people type in. */
   readonly magnitude: number;
   readonly range: () => Range | null;
-  /** Whether anything is known in a window: where nothing is, nothing is impossible either. */
-  readonly known: (range: Range) => boolean;
   readonly onSegments: (segments: readonly Segment[]) => void;
 }
 
 const INTRODUCTION = "Certain: the whole interval passes. Possible: a part of it does.";
-
-/** The sums of the answers: certain time is a lower bound, certain and possible together an upper one. */
-export function sumSegments(segments: readonly Segment[], within: Range): { certain: number; atMost: number } {
-  let certain = 0;
-  let possible = 0;
-  for (const { x0, x1, verdict } of segments) {
-    const length = Math.max(0, Math.min(x1, within.x1) - Math.max(x0, within.x0));
-    if (verdict === "certain") certain += length;
-    else possible += length;
-  }
-  return { certain, atMost: certain + possible };
-}
-
-/** Says in how many segments, and nothing where there is none. */
-export function inSegments(count: number, more: boolean): string {
-  if (count === 0) return "";
-  return ` in ${count} ${more ? "more " : ""}${count === 1 ? "segment" : "segments"}`;
-}
 
 function sameQuestion(one: ThresholdQuestion | null, other: ThresholdQuestion | null): boolean {
   return one?.side === other?.side && one?.level === other?.level;
@@ -94,6 +75,11 @@ export class ThresholdForm {
     if (question) {
       this.side.value = question.side;
       this.clock.settle();
+      if (!same && !this.invalid) {
+        this.asking?.abort();
+        this.options.onSegments([]);
+        this.answer.textContent = "Asking…";
+      }
     } else {
       this.asking?.abort();
       this.clock.stop();
@@ -145,15 +131,19 @@ export class ThresholdForm {
     const { context, node, channel } = this.options;
     this.asking?.abort();
     this.asking = new AbortController();
-    const window = { start: context.timeline.toInstant(range.x0), end: context.timeline.toInstant(Math.ceil(range.x1)) };
+    const { signal } = this.asking;
+    const place = { node, channel };
     const side = question.side === "above" ? { above: question.level } : { below: question.level };
+    const query: ThresholdQuery = { ...side, start: context.timeline.toInstant(range.x0), end: context.timeline.toInstant(Math.ceil(range.x1)) };
     try {
-      const found = await context.client.threshold({ node, channel }, { ...side, ...window }, this.asking.signal);
-      const segments = found.items.map((item) => this.read(item));
-      this.options.onSegments(segments);
-      this.tell(question, segments, range, found.complete);
+      const [segments, time] = await Promise.all([context.client.threshold(place, query, signal), context.client.thresholdTime(place, query, signal)]);
+      this.options.onSegments(segments.items.map((item) => this.read(item)));
+      this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: this.wording(question), complete: segments.complete }));
     } catch (error) {
-      if (!isAbort(error)) this.answer.textContent = `No answer: ${messageOf(error)}`;
+      if (isAbort(error)) return;
+      // Marks of another window or level would be taken for the answer to this question.
+      this.options.onSegments([]);
+      this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
     }
   }
 
@@ -163,24 +153,9 @@ export class ThresholdForm {
     return { x0, x1: timeline.toX(parseInstant(item.end)), verdict: item.verdict };
   }
 
-  private tell(question: ThresholdQuestion, segments: readonly Segment[], range: Range, complete: boolean): void {
-    const certain = segments.filter((segment) => segment.verdict === "certain").length;
-    const more = segments.length - certain;
-    const sums = sumSegments(segments, range);
+  private wording(question: ThresholdQuestion): Wording {
     const unit = this.root.querySelector(".unit")?.textContent ?? "";
-    const level = `${question.side} ${printTyped(question.level, this.prefix)} ${unit}`.trim();
-    const window = formatDuration(range.x1 - range.x0);
-    const parts = [
-      element("strong", { "data-testid": "total-certain", "data-ns": sums.certain }, `certainly ${formatDuration(sums.certain, "down")}`),
-      element("span", {}, `${inSegments(certain, false)}, `),
-      element("strong", { "data-testid": "total-possible", "data-ns": sums.atMost }, `possibly up to ${formatDuration(sums.atMost, "up")}`),
-      element("span", {}, `${inSegments(more, certain > 0)}, of ${window}.`),
-      complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
-    ];
-    if (segments.length === 0 && !this.options.known(range)) {
-      this.answer.textContent = "Nothing is known in this window, so there is no answer.";
-    } else if (segments.length === 0) {
-      this.answer.replaceChildren(element("strong", {}, "Impossible"), `: no sample in this window of ${window} is ${level}.`);
-    } else this.answer.replaceChildren(`${level}: `, ...parts);
+    const state = `${question.side} ${printTyped(question.level, this.prefix)} ${unit}`.trim();
+    return { state, never: "Impossible", because: (window) => `no sample in this window of ${window} is ${state}`, name: "total" };
   }
 }

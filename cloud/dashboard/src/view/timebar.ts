@@ -17,7 +17,7 @@ export interface TimebarOptions {
 /** Live or history, how long a window, and moving through time by buttons. */
 export class Timebar {
   readonly root: HTMLElement;
-  private readonly live = button("Live", { class: "live-button", "data-testid": "go-live", title: "Follow the newest data (L)" }, () => this.goLive());
+  private readonly live = button("Live", { "data-testid": "go-live", title: "Follow the newest data (L)" }, () => this.goLive());
   private readonly span = element("select", { "aria-label": "length of the live window", "data-testid": "live-span" });
   private readonly text = element("span", { class: "window-text", "data-testid": "window-text" });
   private readonly panMode: HTMLButtonElement;

@@ -1,0 +1,87 @@
+import type { LagJson, SeriesAnswer } from "../api/contract";
+import { readInterval, type Interval } from "../interval/interval";
+import type { LiveEdge } from "../live/edge";
+import { parseInstant } from "../time/instant";
+import type { Timeline } from "../time/timeline";
+
+/** What is older is not the present, nor what nothing followed for so long. */
+const STALE_MS = 4_000;
+const MS = 1e6;
+
+interface Told {
+  /** Null where the block has no known sample. */
+  readonly interval: Interval | null;
+  /** When the block's last sample was taken. */
+  readonly end: number;
+  /** When the block came, in ms of the page's clock. */
+  readonly at: number;
+}
+
+/** Joins a block's intervals to their hull; a missing sample makes nothing of it, an unbounded side counts. */
+export function hullOf({ lo, hi }: Pick<SeriesAnswer, "lo" | "hi">): Interval | null {
+  let hull: Interval | null = null;
+  for (const [index, low] of lo.entries()) {
+    const high = hi[index] ?? null;
+    if (low === null && high === null) continue;
+    const one = readInterval({ lo: low, hi: high });
+    hull = hull === null ? one : { lo: Math.min(hull.lo, one.lo), hi: Math.max(hull.hi, one.hi) };
+  }
+  return hull;
+}
+
+/**
+ * What the channels of one node measure at present. A block that comes late tells of the past: it changes nothing,
+ * and where nothing newer is known, nothing is known of the present.
+ */
+export class Present {
+  private readonly latest = new Map<string, Told>();
+  /** Of all blocks, that with the newest samples. */
+  private newest: Told | null = null;
+  /** What is added to the page's clock (ns) gives the cloud's; null before it is known, -Infinity where none tells. */
+  private offset: number | null = null;
+
+  constructor(private readonly timeline: Timeline, private readonly edge: LiveEdge) {}
+
+  /** Takes a live block, that came at a moment of the page's clock (ms). */
+  take(block: SeriesAnswer, at: number): void {
+    const end = this.timeline.toX(parseInstant(block.t0)) + (block.t.at(-1) ?? 0);
+    const held = this.latest.get(block.channel);
+    if (held && end <= held.end) return;
+    const told = { interval: hullOf(block), end, at };
+    this.latest.set(block.channel, told);
+    if (this.newest === null || end > this.newest.end) this.newest = told;
+  }
+
+  /** Takes what the cloud says by its own clock: how old the node's latest block was when it was stored. */
+  takeLag(lag: LagJson | null): void {
+    if (lag === null) this.offset = -Infinity;
+    else if (this.newest !== null) this.offset = lag.lo_ns - (this.newest.at * MS - this.newest.end);
+  }
+
+  /** How old the newest samples were at least (ns) when they came, if that was too old: the node brings what waited. */
+  get age(): number | null {
+    const age = this.newest === null || this.offset === null ? 0 : this.ageOf(this.newest, this.offset);
+    return age > STALE_MS * MS ? age : null;
+  }
+
+  /** The interval of a channel at a moment of the page's clock (ms); null where nothing is known of the present. */
+  of(channel: string, at: number): Interval | null {
+    const told = this.latest.get(channel);
+    if (!told || this.offset === null || at - told.at >= STALE_MS) return null;
+    if (this.ageOf(told, this.offset) > STALE_MS * MS) return null;
+    // A simulated node's clock may run faster than ours: then as much more of its time passes.
+    const behind = (this.edge.newest() ?? told.end) - told.end;
+    return behind > this.edge.timeIn(STALE_MS) ? null : told.interval;
+  }
+
+  /** How old its samples were at least when it came, in ns. */
+  private ageOf(told: Told, offset: number): number {
+    return told.at * MS - told.end + offset;
+  }
+
+  clear(): void {
+    this.latest.clear();
+    this.newest = null;
+    this.offset = null;
+  }
+}

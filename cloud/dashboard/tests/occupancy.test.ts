@@ -1,0 +1,31 @@
+import { describe, expect, test } from "vitest";
+import { Client } from "../src/api/client";
+import type { OccupancyAnswer } from "../src/api/contract";
+import { readSums } from "../src/view/occupancy-answer";
+
+const WINDOW = { x0: -1e6, x1: 2e7 };
+const NONE = { lo: 0, hi: 0 };
+
+function answer(lo: number, hi: number, unknown: number): OccupancyAnswer {
+  return { time_s: { lo, hi }, unknown_s: unknown, samples: NONE, entries: NONE, coverage: 1 };
+}
+
+describe("how long a threshold was passed", () => {
+  test("is asked for: segments end at their last samples, which hold for longer", async () => {
+    const asked: string[] = [];
+    const fetch = (url: RequestInfo | URL): Promise<Response> => {
+      asked.push(String(url));
+      return Promise.resolve(Response.json(answer(0.002, 0.003, 0.018)));
+    };
+    const client = new Client({ fetch, onUnauthorised: () => undefined });
+    const place = { node: "n", channel: "t01.capacitance" };
+    const found = await client.thresholdTime(place, { above: 5e-12, start: 1n, end: 9n }, new AbortController().signal);
+    expect(asked).toEqual(["/api/v1/series/n/t01.capacitance/time?above=5e-12&start=1&end=9"]);
+    expect(readSums(found, WINDOW)).toEqual({ certain: 2e6, atMost: 3e6, unknown: 18e6 });
+  });
+
+  test("has no answer where nothing is known", () => {
+    expect(readSums(answer(0, 0, 0.021), WINDOW)).toBeNull();
+    expect(readSums(answer(0, 0, 0.020), WINDOW)).toEqual({ certain: 0, atMost: 0, unknown: 20e6 });
+  });
+});

@@ -1,0 +1,86 @@
+import { describe, expect, test } from "vitest";
+import type { SeriesAnswer } from "../src/api/contract";
+import { LiveEdge } from "../src/live/edge";
+import { Present } from "../src/skin/present";
+import { Timeline } from "../src/time/timeline";
+
+const START = Date.parse("2026-01-31T12:00:00Z");
+const touched = { lo: 5, hi: 6 };
+const idle = { lo: 1, hi: 2 };
+
+/** A block that ends so many ms after the start. */
+function block(end: number, { lo, hi }: { lo: number; hi: number }, name = "c"): SeriesAnswer {
+  const t0 = new Date(START + end - 1).toISOString();
+  return { node: "n", channel: name, unit: "F", coverage: 1, resolution: "sample", t0, t: [0, 1e6], lo: [lo, lo], hi: [hi, hi], dt: 1e6, time_error: 0 };
+}
+
+/** Nobody tells how late what the node says is, unless a test does. */
+function presentOf(edge = new LiveEdge()): Present {
+  const present = new Present(new Timeline(BigInt(START) * 1_000_000n), edge);
+  present.takeLag(null);
+  return present;
+}
+
+describe("the present", () => {
+  test("is not what a block tells that comes late", () => {
+    const present = presentOf();
+    present.take(block(10_000, idle), 0);
+    present.take(block(2_000, touched), 10);
+    expect(present.of("c", 20)).toEqual(idle);
+    present.take(block(10_250, touched), 250);
+    expect(present.of("c", 260)).toEqual(touched);
+    present.take({ ...block(10_500, idle), lo: [null, null], hi: [null, null] }, 500);
+    present.take(block(10_400, touched), 510);
+    expect(present.of("c", 520)).toBeNull();
+  });
+
+  test("is unknown where what came last is older than what the node measured since", () => {
+    const edge = new LiveEdge();
+    const present = presentOf(edge);
+    edge.observe(10_000e6, 0);
+    present.take(block(5_000, touched), 10);
+    present.take(block(9_000, idle, "d"), 10);
+    expect(present.of("c", 20)).toBeNull();
+    expect(present.of("d", 20)).toEqual(idle);
+    expect(present.of("d", 4_010)).toBeNull();
+    expect(present.of("e", 20)).toBeNull();
+  });
+
+  test("fits the pace of a node whose clock runs faster than ours", () => {
+    const edge = new LiveEdge();
+    const present = presentOf(edge);
+    for (let at = 0; at <= 2_000; at += 250) edge.observe(10 * at * 1e6, at);
+    present.take(block(10_000, touched), 2_000);
+    expect(present.of("c", 2_000)).toEqual(touched);
+  });
+});
+
+describe("the present of a node that comes back", () => {
+  test("is unknown while a node brings what waited, by the cloud's clock", () => {
+    const present = presentOf();
+    present.take(block(1_000, touched), 500_000);
+    present.takeLag({ lo_ns: 3600e9, hi_ns: 3601e9 });
+    expect([present.of("c", 500_010), present.age]).toEqual([null, 3600e9]);
+    present.take(block(3_601_100, idle), 500_200);
+    expect([present.of("c", 500_210), present.age]).toEqual([idle, null]);
+  });
+
+  test("is unknown at once where a node falls silent and comes back with the past", () => {
+    const present = presentOf();
+    present.take(block(1_000, idle), 500_000);
+    present.takeLag({ lo_ns: 31e6, hi_ns: 35e6 });
+    expect(present.of("c", 500_010)).toEqual(idle);
+    present.take(block(1_250, touched), 600_000);
+    expect([present.of("c", 600_010), present.age]).toEqual([null, 99_781e6]);
+  });
+
+  test("is not known before the cloud has said how late a block was", () => {
+    const present = presentOf();
+    present.clear();
+    present.takeLag({ lo_ns: 0, hi_ns: 1 });
+    present.take(block(1_000, touched), 0);
+    expect(present.of("c", 10)).toBeNull();
+    present.takeLag({ lo_ns: 31e6, hi_ns: 35e6 });
+    expect(present.of("c", 20)).toEqual(touched);
+  });
+});
