@@ -59,7 +59,7 @@ class OutboxDocument(BaseModel):
     """What waits in a node's flash."""
 
     messages: int
-    bytes: int | None
+    bytes: int
     capacity_bytes: int
 
 

@@ -254,7 +254,7 @@ async def test_export_of_a_subject_ends_when_its_token_is_revoked(stand: Stand, 
     first = holder()
     assert first is not None
     access = Access(first, "192.0.2.1", lambda: holder() is not None)
-    reader = stand.cloud.keyholder.reader(first.scopes)
+    reader = stand.cloud.keyholder.require(first.scopes)
     lines = stream_lines(stand.cloud, access, reader, site.ada.pseudonym)
     assert json.loads(next(lines))["sequence"] == 1
     assert revoke_token(store, token_id(digest(token)))

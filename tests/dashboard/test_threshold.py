@@ -91,9 +91,7 @@ def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
     assert level.get_attribute("aria-invalid") is None
 
 
-def test_answer_tells_how_often_it_began(
-    demo: RunningDemo, visit: Visit, recorded: int
-) -> None:
+def test_answer_tells_how_often_it_began(demo: RunningDemo, visit: Visit, recorded: int) -> None:
     assert demo.samples()["palm"] > 0
     start, end = recorded - 3 * SECOND, recorded
     visit.open(history("palm/t01.energy", start, end))

@@ -7,7 +7,7 @@ const WINDOW = { x0: -1e6, x1: 2e7 };
 const NONE = { lo: 0, hi: 0 };
 
 function answer(lo: number, hi: number, unknown: number): OccupancyAnswer {
-  return { time_s: { lo, hi }, unknown_s: unknown, samples: NONE, entries: NONE, coverage: 1 };
+  return { time_s: { lo, hi }, unknown_s: unknown, samples: NONE, entries: NONE, coverage: 1, time_error: 0 };
 }
 
 describe("how long a threshold was passed", () => {

@@ -69,8 +69,7 @@ export interface NodeItem {
   readonly profile: string | null;
   readonly description: string | null;
   readonly uptime_ns: number | null;
-  /** Its `bytes` are null where they are sealed. */
-  readonly outbox: { readonly messages: number; readonly bytes: number | null; readonly capacity_bytes: number } | null;
+  readonly outbox: { readonly messages: number; readonly bytes: number; readonly capacity_bytes: number } | null;
   readonly gaps: number;
   readonly energy: EnergyJson | null;
   /** Taxels that may be broken; none known before the node's first self-test. */

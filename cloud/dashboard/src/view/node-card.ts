@@ -6,17 +6,11 @@ import { fact, fillMeter, formatBytes, heardAgo } from "./fact";
 import { healthSymbol } from "./symbol";
 
 function outboxMeter({ outbox }: NodeItem): HTMLElement {
-  if (outbox === null) return element("span", { class: "fact" }, "unknown");
-  const { messages, bytes, capacity_bytes } = outbox;
-  if (bytes === null) return element("span", { class: "fact" }, `${messages.toLocaleString("en")} msg, sealed`);
-  return fillMeter("outbox fill", { messages, bytes, capacity_bytes });
+  return outbox === null ? element("span", { class: "fact" }, "unknown") : fillMeter("outbox fill", outbox);
 }
 
-/** What the messages take of a node's flash; null where nothing is known. */
-export function outboxBytes({ outbox }: Pick<NodeItem, "outbox">): string | null {
-  if (outbox === null) return null;
-  const capacity = formatBytes(outbox.capacity_bytes);
-  return outbox.bytes === null ? `outbox of ${capacity}; what is taken of it is sealed` : `outbox ${formatBytes(outbox.bytes)} of ${capacity}`;
+function outboxBytes({ outbox }: NodeItem): string | null {
+  return outbox && `outbox ${formatBytes(outbox.bytes)} of ${formatBytes(outbox.capacity_bytes)}`;
 }
 
 const MINUTE_NS = 60e9;
