@@ -11,12 +11,9 @@ import numpy as np
 import pytest
 from sqlalchemy import select
 
-from cloud.access import Holder, Scope, digest, find_token, revoke_token, token_id
-from cloud.dependencies import Access
+from cloud.access import Scope
 from cloud.live.feed import read_entries
-from cloud.problems import ProblemError
 from cloud.routes.documents import ChannelDocument
-from cloud.routes.subjects import stream_lines
 from cloud.store.dead_letters import count
 from cloud.store.schema import dead_letters
 from eskin.moment import SECOND
@@ -242,24 +239,6 @@ async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site:
     assert shown[1] is not None
     assert shown[1].event is not None
     assert shown[1].event["height_lo"] == 2.0
-
-
-async def test_export_of_a_subject_ends_when_its_token_is_revoked(stand: Stand, site: Site) -> None:
-    await stand.ingest(site.batch(declared(), *(pulse(sequence) for sequence in range(1, 6))))
-    store, token = stand.cloud.store, physician(stand)
-
-    def holder() -> Holder | None:
-        return find_token(store, token)
-
-    first = holder()
-    assert first is not None
-    access = Access(first, "192.0.2.1", lambda: holder() is not None)
-    reader = stand.cloud.keyholder.require(first.scopes)
-    lines = stream_lines(stand.cloud, access, reader, site.ada.pseudonym)
-    assert json.loads(next(lines))["sequence"] == 1
-    assert revoke_token(store, token_id(digest(token)))
-    with pytest.raises(ProblemError, match="revoked while it was used"):
-        next(lines)
 
 
 async def test_window_of_too_many_blocks_is_refused(

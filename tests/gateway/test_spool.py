@@ -151,55 +151,6 @@ def test_sender_and_status_survive_reopening(tmp_path: Path) -> None:
     second.close()
 
 
-def test_holes_are_closed_once_the_node_holds_nothing_there(spool: Spool) -> None:
-    record = NodeRecord()
-    for boot in (1, 2, 3):
-        for number in range(0, 100, 2):
-            record.add(Position(boot, number))
-    record.release(Position(3, 90))
-    record.release(Position(2, 5))
-    spool.commit(Batch(nodes={"n": record}))
-    kept = spool.node("n")
-    assert kept is not None
-    assert {boot: list(ranges) for boot, ranges in kept.ranges.items()} == {
-        1: [(0, 98)],
-        2: [(0, 98)],
-        3: [(90, 90), (92, 92), (94, 94), (96, 96), (98, 98)],
-    }
-    assert kept.seen(Position(1, 1))
-    assert kept.seen(Position(3, 89))
-    assert not kept.seen(Position(3, 91))
-
-
-def test_lower_boot_that_is_not_known_was_never_seen(spool: Spool) -> None:
-    record = NodeRecord()
-    record.release(Position(9, 4))
-    for number in (5, 3):
-        assert not record.seen(Position(7, number))
-        record.add(Position(7, number))
-        record.release(Position(7, 0))
-    spool.commit(Batch(nodes={"n": record}))
-    kept = spool.node("n")
-    assert kept is not None
-    assert [number for number in range(7) if kept.seen(Position(7, number))] == [3, 5]
-    kept.release(Position(10, 0))
-    assert [number for number in range(7) if kept.seen(Position(7, number))] == list(range(6))
-    assert kept.seen(Position(9, 3)), "that was below what the node held"
-
-
-@pytest.mark.parametrize("held", [Position(0, 0), Position(3000, 0)])
-def test_record_is_bounded_whatever_a_node_says(spool: Spool, held: Position) -> None:
-    record = NodeRecord()
-    record.release(held)
-    for number in range(0, 20_000, 2):
-        record.add(Position(1, number))
-    for boot in range(2, 2000):
-        record.add(Position(boot, 0))
-    spool.commit(Batch(nodes={"n": record}))
-    assert len(record.encode_ranges()) < 50_000
-    assert record.seen(Position(1999, 0))
-
-
 def fill(spool: Spool) -> None:
     batch = Batch([Entry("n", 1, bytes(2000)), Entry("m", 2, bytes(2000))])
     for _ in range(1000):

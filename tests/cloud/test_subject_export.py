@@ -1,0 +1,61 @@
+"""All that is held of a person, for whoever may read it, and for as long."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import pytest
+
+from cloud.access import Holder, digest, find_token, revoke_token, token_id
+from cloud.dependencies import Access
+from cloud.problems import ProblemError
+from cloud.routes.subjects import stream_lines
+from tests.cloud.sealing import (
+    Site,
+    declared,
+    physician,
+    pulse,
+    sealing,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path)
+
+
+@pytest.fixture
+def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]:
+    with sealing(tmp_path, identities) as made:
+        vault = made.cloud.keyholder.vault
+        assert vault is not None
+        vault.keep(site.ada.pseudonym, site.ada.key)
+        yield made
+
+
+async def test_export_of_a_subject_ends_when_its_token_is_revoked(stand: Stand, site: Site) -> None:
+    await stand.ingest(site.batch(declared(), *(pulse(sequence) for sequence in range(1, 6))))
+    store, token = stand.cloud.store, physician(stand)
+
+    def holder() -> Holder | None:
+        return find_token(store, token)
+
+    first = holder()
+    assert first is not None
+    access = Access(first, "192.0.2.1", lambda: holder() is not None)
+    reader = stand.cloud.keyholder.require(first.scopes)
+    lines = stream_lines(stand.cloud, access, reader, site.ada.pseudonym)
+    assert json.loads(next(lines))["sequence"] == 1
+    assert revoke_token(store, token_id(digest(token)))
+    with pytest.raises(ProblemError, match="revoked while it was used"):
+        next(lines)
