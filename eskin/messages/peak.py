@@ -17,7 +17,7 @@ _FIELDS: Final = frozenset(range(1, 12))
 
 @dataclass(frozen=True, slots=True)
 class Peak:
-    """See `eskin.peaks.PeakEvent`; here with absolute time.
+    """See `eskin.peaks.PeakEvent`; with absolute time, and of the signal as its node smooths it.
 
     Attributes:
         position: Boot and sequence.
