@@ -172,9 +172,11 @@ class Intake:
             record.add(position)
             body = self._veiling.guard(node, personal, opened.plaintext)
             outcome.batch.entries.append(Entry(node, received, body))
-            outcome.messages.append((node, message, not arrival.retained))
-            if isinstance(message, Status):
-                record.status = opened.plaintext
+            # It may have been said long ago, and be forgotten here: the cloud knows.
+            if position.boot >= record.held.boot:
+                outcome.messages.append((node, message, not arrival.retained))
+                if isinstance(message, Status):
+                    record.status = opened.plaintext
         record.release(opened.held)
 
     def _bury(

@@ -27,7 +27,8 @@ class NodeRecord:
     Attributes:
         held: The lowest position that the node still holds, as it said; of this boot, nothing below
             comes again.
-        ranges: Accepted sequences of each boot; of the boot of ``held``, not below it.
+        ranges: Accepted sequences of each boot, the one used last behind the others; of the boot of
+            ``held``, not below it.
         status: The node's latest status (plaintext), for the public topic.
         thumbprint: The certificate that it last used.
     """
@@ -53,6 +54,8 @@ class NodeRecord:
         ranges = self.ranges.get(position.boot)
         if ranges is None:
             ranges = self.ranges[position.boot] = SequenceRanges()
+        elif next(reversed(self.ranges)) != position.boot:
+            self.ranges[position.boot] = self.ranges.pop(position.boot)
         ranges.add(position.sequence)
 
     def release(self, held: Position | None) -> None:
@@ -106,7 +109,7 @@ class NodeRecord:
             most = _MOST_OLD_RANGES if known < boot else _MOST_RANGES
             if len(kept) > most:
                 self.ranges[known] = SequenceRanges(list(kept)[-most:])
-        for forgotten in sorted(self.ranges)[:-_MOST_BOOTS]:
+        for forgotten in list(self.ranges)[:-_MOST_BOOTS]:
             del self.ranges[forgotten]
         ranges = self.ranges.get(boot)
         if ranges is not None and any(first < sequence for first, _ in ranges):

@@ -186,6 +186,32 @@ def test_node_whose_clock_was_ahead_is_heard_also_on_a_new_flash(
     assert acknowledged(inside, identities) == {(ahead, 0), (now, 0), (now, 1), (now, 2)}
 
 
+def test_status_of_a_boot_that_is_over_and_forgotten_is_not_told_again(
+    inside: Inside, seal: Seal
+) -> None:
+    """A broker may repeat what it has; of boots long ago the cloud alone knows that it was said."""
+
+    def say(boot: int) -> bytes:
+        held = Position(boot, 0)
+        message = status(0, boot=boot).encode()
+        envelope = seal("fingertip", Stream.STATUS, message, held=held, introduce=True)
+        inside.arrive(Stream.STATUS, envelope)
+        return envelope
+
+    old = say(4)
+    for boot in range(5, 40):
+        say(boot)
+    record = inside.spool.node("fingertip")
+    before = len(inside.broker.published)
+    inside.arrive(Stream.STATUS, old)
+    assert inside.stored()[-1] == status(0, boot=4).encode(), "the cloud will know it"
+    after = inside.spool.node("fingertip")
+    assert record is not None
+    assert after is not None
+    assert after.status == record.status
+    assert [topic for topic, *_ in inside.broker.published[before:]] == [ACKS]
+
+
 @pytest.mark.parametrize(
     ("stream", "plaintext", "position"),
     [

@@ -61,6 +61,20 @@ def test_lower_boot_that_is_not_known_was_never_seen(spool: Spool) -> None:
     assert kept.seen(Position(9, 3)), "that was below what the node held"
 
 
+def test_boot_in_use_is_not_forgotten_for_higher_ones(spool: Spool) -> None:
+    record = NodeRecord()
+    for boot in range(100, 140):
+        record.add(Position(boot, 0))
+    record.release(Position(120, 0))
+    for number in range(5):
+        record.add(Position(7, number))
+        spool.commit(Batch(nodes={"n": record}))
+        kept = spool.node("n")
+        assert kept is not None
+        assert all(kept.seen(Position(7, k)) for k in range(number + 1))
+        record = kept
+
+
 @pytest.mark.parametrize("held", [Position(0, 0), Position(3000, 0)])
 def test_record_is_bounded_whatever_a_node_says(spool: Spool, held: Position) -> None:
     record = NodeRecord()
