@@ -148,11 +148,15 @@ def union_coverage(coverage: float, n: int) -> float:
 def reduce_samples(samples: Samples, points: int) -> tuple[Samples, int, int]:
     """The hulls of runs of equally many samples, at most ``points`` of them.
 
+    The last run is as long as the others where a length up to twice the least one makes it so: a
+    shorter one would claim a time that belongs to what follows.
+
     Returns:
         One entry a run, the run's length in samples, and the samples of the largest run.
     """
     n = samples.t.size
-    stride = -(-n // points)
+    least = -(-n // points)
+    stride = next((each for each in range(least, 2 * least + 1) if n % each == 0), least)
     at = np.arange(0, n, stride)
     lo, hi = np.minimum.reduceat(samples.lo, at), np.maximum.reduceat(samples.hi, at)
     return Samples(samples.t[at], samples.dt[at], lo, hi), stride, min(stride, n)

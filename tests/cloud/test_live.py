@@ -284,6 +284,7 @@ def test_reduced_block_is_the_hull_of_its_samples(points: int) -> None:
     said = block(0, lo, lo + draw.random(500), time=(START, START + 7), coverage=0.999)
     series = reduce_block(NODE, Block.decode(said.encode()), points)
     assert len(series.t) <= points
+    assert len(series.t) * series.dt == 500 * said.tube.dt, "the last one claims nobody else's time"
     moments = said.tube.moments - series.t0
     for t, low, high in zip(series.t, series.lo, series.hi, strict=True):
         inside = (moments >= t) & (moments < t + series.dt)
