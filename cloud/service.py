@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cloud.application import gateway_application, people_application
+from cloud.certificate import Certificate
 from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
 from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
-from cloud.listener import Certificate, Listener, bind
+from cloud.listener import Listener, bind
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics

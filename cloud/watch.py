@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from cloud.listener import Certificate
+    from cloud.certificate import Certificate
     from cloud.state import Cloud
 
 log = logging.getLogger(__name__)

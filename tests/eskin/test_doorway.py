@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cloud.listener import Certificate
+from cloud.certificate import Certificate
 from eskin.doorway import _MARGIN
 from eskin.identity import IdentityKind
 from eskin.listening import Bounds
