@@ -9,8 +9,6 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
-from sqlalchemy.exc import SQLAlchemyError
-
 from cloud.store.faults import explain, is_of_the_store
 from eskin.errors import EskinError, StoreError
 
@@ -131,7 +129,7 @@ class Writer:
                     self._probe(connection)
                 for job in batch:
                     self._do(connection, job, done)
-        except (SQLAlchemyError, StoreError) as error:
+        except Exception as error:  # whatever it is, nothing is committed, and the thread goes on
             self._fail(batch, error)
             return
         self.fault = None
@@ -159,7 +157,7 @@ class Writer:
                 done.append((job, result))
                 return
 
-    def _fail(self, batch: list[_Job], error: SQLAlchemyError | StoreError) -> None:
+    def _fail(self, batch: list[_Job], error: Exception) -> None:
         self._on_rollback()
         cause = explain(error)
         self.fault = f"the store cannot be written: {cause}"
