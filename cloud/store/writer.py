@@ -9,6 +9,8 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
+from sqlalchemy.exc import SQLAlchemyError
+
 from cloud.store.faults import explain, is_of_the_store
 from eskin.errors import EskinError, StoreError
 
@@ -129,7 +131,11 @@ class Writer:
                     self._probe(connection)
                 for job in batch:
                     self._do(connection, job, done)
-        except Exception as error:  # whatever it is, nothing is committed, and the thread goes on
+        except (SQLAlchemyError, StoreError, MemoryError, OSError) as error:
+            self._fail(batch, error)
+            return
+        except Exception as error:  # nothing is committed either, and the thread goes on
+            log.exception("commit broke")
             self._fail(batch, error)
             return
         self.fault = None

@@ -100,7 +100,7 @@ def test_shortage_is_the_stores_fault_and_no_messages(
 
     monkeypatch.setattr(intake, "insert_many", short)
     ways = partial(work, take_in), partial(work, take_in_apart)
-    with pytest.raises(StoreError, match="memory left|Input/output"):
+    with pytest.raises(StoreError, match=r"memory left|Input/output"):
         store.write(ways[0], instead=ways[1]).result(20)
     assert rows(store, blocks) == []
     assert results(store.write(ways[0], instead=ways[1]).result(20)) == ["stored"] * 3
