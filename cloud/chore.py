@@ -6,7 +6,7 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING
 
-from eskin.errors import StoreError
+from eskin.errors import EskinError
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -24,7 +24,9 @@ async def repeat(
     stopping: asyncio.Event,
     every_s: float,
 ) -> None:
-    """Do some work until told to stop. What breaks it is told and counted, and ends nothing else.
+    """Do some work until told to stop. What breaks it ends nothing else, and is tried again.
+
+    It is told once while it lasts; what nobody foresaw is counted, too.
 
     Args:
         name: What it is.
@@ -33,13 +35,19 @@ async def repeat(
         stopping: Tells to stop.
         every_s: Rest between two times.
     """
+    told: type[Exception] | None = None
     while not stopping.is_set():
         try:
             await work()
-        except StoreError as error:
-            log.warning("%s: trying again: reason=%s", name, error)
-        except Exception:  # ingest and queries go on without it
-            log.exception("%s: broke, trying again", name)
+            told = None
+        except (EskinError, OSError) as error:
+            if told is not type(error):
+                log.warning("%s: trying again: reason=%s", name, error)
+            told = type(error)
+        except Exception as error:  # ingest and queries go on without it
+            if told is not type(error):
+                log.exception("%s: broke, trying again", name)
+            told = type(error)
             cloud.metrics.faults.labels(name).inc()
         try:
             await asyncio.wait_for(stopping.wait(), every_s)

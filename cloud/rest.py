@@ -6,6 +6,7 @@ import asyncio
 import logging
 from typing import TYPE_CHECKING, Final
 
+from cloud.chore import repeat
 from eskin.errors import StoreError
 from eskin.memory import MUCH, give_back
 
@@ -22,16 +23,15 @@ _LITTLE: Final = 1_048_576
 async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTERVAL) -> None:
     """Look every few seconds, until told to stop."""
     seen = rested = cloud.uploads.taken
-    while not stopping.is_set():
-        taken = cloud.uploads.taken
-        if taken - seen < _LITTLE and taken - rested >= MUCH:
-            rested = taken
+
+    async def look() -> None:
+        nonlocal seen, rested
+        before, seen = seen, cloud.uploads.taken
+        if seen - before < _LITTLE and seen - rested >= MUCH:
+            rested = seen
             await _shrink(cloud)
-        seen = taken
-        try:
-            await asyncio.wait_for(stopping.wait(), interval)
-        except TimeoutError:
-            continue
+
+    await repeat("rest", look, cloud=cloud, stopping=stopping, every_s=interval)
 
 
 async def _shrink(cloud: Cloud) -> None:

@@ -194,7 +194,10 @@ class LimitsSection(Section):
         default=768, ge=1, le=100_000, description="connections open at once, of each listener"
     )
     connections_of_one: int = Field(
-        default=256, ge=1, le=100_000, description="of these, from one address"
+        default=256,
+        ge=1,
+        le=100_000,
+        description="of these, from one address (IPv4, or an IPv6 network of 64 bit)",
     )
 
 

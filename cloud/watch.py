@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from cloud.chore import repeat
 from cloud.store.intake import Outcome
 from cloud.store.news import WATCHED, tell
 from cloud.store.presence import give_up
@@ -30,7 +31,9 @@ _INTERVAL: Final = 1.0
 async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asyncio.Event) -> None:
     """Look every second, until told to stop."""
     begun, due = cloud.clock(), time.monotonic()
-    while not stopping.is_set():
+
+    async def look() -> None:
+        nonlocal due
         for certificate in certificates:
             _refresh(certificate)
         silence = int(cloud.settings.nodes.silence_s * SECOND)
@@ -40,10 +43,8 @@ async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asy
         if time.monotonic() >= due:  # whatever the clock of the day does
             await _tell_onlookers(cloud)
             due = time.monotonic() + cloud.settings.live.watched_s / 3
-        try:
-            await asyncio.wait_for(stopping.wait(), _INTERVAL)
-        except TimeoutError:
-            continue
+
+    await repeat("watch", look, cloud=cloud, stopping=stopping, every_s=_INTERVAL)
 
 
 async def _tell_onlookers(cloud: Cloud) -> None:

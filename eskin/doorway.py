@@ -11,6 +11,8 @@ import socket
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Final
 
+from eskin.limiting import source_of
+
 if TYPE_CHECKING:
     from eskin.listening import Bounds
 
@@ -28,7 +30,7 @@ class Doorway(socket.socket):
         bounds: How many there may be, and how long a handshake may take (``head_s``).
 
     Attributes:
-        inside: Connections, by address.
+        inside: Connections, by whom they count for, see `source_of`.
     """
 
     def __init__(self, bound: socket.socket, bounds: Bounds) -> None:
@@ -45,7 +47,7 @@ class Doorway(socket.socket):
         """
         for _ in range(_REFUSED_AT_ONCE):
             arrived, address = super().accept()
-            host = address[0]
+            host = source_of(address[0])
             if (
                 self.inside[host] < self._bounds.of_one + _MARGIN
                 and self.inside.total() < self._bounds.connections + _MARGIN

@@ -15,6 +15,8 @@ from typing import TYPE_CHECKING, Any, Final
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
+from eskin.limiting import source_of
+
 if TYPE_CHECKING:
     import asyncio
     from collections.abc import Callable
@@ -48,7 +50,7 @@ class Bounds:
         body_least: How much of it, in bytes.
         body_bytes: A body's length; ``None`` where the application looks after that.
         connections: Open at once.
-        of_one: Of these, from one address.
+        of_one: Of these, from one address, or one IPv6 network of 64 bit.
     """
 
     head_s: float = 10.0
@@ -77,6 +79,9 @@ class GuardedProtocol(HttpToolsProtocol):
         bounds: What it may take.
         greet: Told of it once it is open.
         others: As uvicorn gives them.
+
+    Attributes:
+        source: Whom it counts for, see `source_of`.
     """
 
     def __init__(self, *, bounds: Bounds, greet: Callable[[int], None], **others: Any) -> None:
@@ -85,6 +90,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._greet = greet
         self._timer: asyncio.TimerHandle | None = None
         self._stall: asyncio.TimerHandle | None = None
+        self.source: str | None = None
         self._silent = True  # so far
         self._in_head = True
         self._head_bytes = self._body_bytes = self._window_bytes = 0
@@ -95,8 +101,9 @@ class GuardedProtocol(HttpToolsProtocol):
         super().connection_made(transport)
         self._greet(transport.get_extra_info("socket").fileno())
         self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
-        others = [getattr(other, "client", None) for other in self.connections]
-        same = sum(1 for other in others if other and self.client and other[0] == self.client[0])
+        self.source = source_of(self.client[0]) if self.client else None
+        others = [getattr(other, "source", None) for other in self.connections]
+        same = 0 if self.source is None else others.count(self.source)
         if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:
             self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
             return

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import CloudError, NoKeyError, PrivacyError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
 
     from eskin.privacy import Tombstone, Vault
     from gateway.assignments import Assignments
@@ -54,6 +54,7 @@ class Steward:
         self._share = share
         self._told: set[tuple[str, str]] = set()
         self._forgotten: set[str] = set()
+        self._unread: set[str] = set()
         self._stopping = Event()
         self.fault: str | None = None
         self._thread = Thread(target=self._run, name="steward", daemon=True)
@@ -86,7 +87,9 @@ class Steward:
         return sum(grave.confirmed is None for grave in self._vault.graves())
 
     def tend(self) -> None:
-        """Look once for what is erased or new, and tell the cloud.
+        """Look once for what is erased or new, and tell the cloud: erasures first.
+
+        Whose key cannot be read is told later, once it can be.
 
         Raises:
             CloudError: The cloud did not answer as agreed.
@@ -97,15 +100,20 @@ class Steward:
         for pseudonym in {grave.pseudonym for grave in graves} - self._forgotten:
             self._veiling.forget(pseudonym)
             self._forgotten.add(pseudonym)
+        # Before anything that a file of somebody else could hinder.
         pending = [grave for grave in graves if grave.confirmed is None]
+        for begin in range(0, len(pending), _MOST_AT_ONCE):
+            self._tell_erased(pending[begin : begin + _MOST_AT_ONCE])
         worn = list(self._untold())
-        while pending or worn:
-            self._tell(worn[:_MOST_AT_ONCE], pending[:_MOST_AT_ONCE])
-            del worn[:_MOST_AT_ONCE], pending[:_MOST_AT_ONCE]
+        for begin in range(0, len(worn), _MOST_AT_ONCE):
+            self._tell_worn(worn[begin : begin + _MOST_AT_ONCE])
 
-    def _tell(self, worn: list[tuple[str, str, bytes | None]], pending: list[Tombstone]) -> None:
-        results = self._notices.send(worn, [grave.pseudonym for grave in pending])
+    def _tell_worn(self, worn: Sequence[tuple[str, str, bytes | None]]) -> None:
+        self._notices.send(worn, [])
         self._told.update((node, pseudonym) for pseudonym, node, _ in worn)
+
+    def _tell_erased(self, pending: Sequence[Tombstone]) -> None:
+        results = self._notices.send([], [grave.pseudonym for grave in pending])
         for grave in pending:
             if results.get(grave.pseudonym) == "erased":
                 self._vault.confirm(grave)
@@ -113,9 +121,24 @@ class Steward:
 
     def _untold(self) -> Iterator[tuple[str, str, bytes | None]]:
         for node, pseudonym in self._assignments.worn():
-            if (node, pseudonym) not in self._told:
-                try:
-                    key = self._vault.find(pseudonym).key
-                except NoKeyError:  # of whom is erased, the erasure is all that is told
-                    continue
-                yield pseudonym, node, key if self._share else None
+            if (node, pseudonym) in self._told:
+                continue
+            try:
+                key = self._key(pseudonym)
+            except NoKeyError:  # of whom is erased, the erasure is all that is told
+                continue
+            except PrivacyError as error:  # the others' keys are good
+                if pseudonym not in self._unread:
+                    log.warning("subject is not told, trying again: reason=%s", error)
+                self._unread.add(pseudonym)
+            else:
+                yield pseudonym, node, key
+
+    def _key(self, pseudonym: str) -> bytes | None:
+        """What the cloud is given of a subject's key."""
+        if not self._share:
+            self._vault.require(pseudonym)
+            return None
+        key = self._vault.find(pseudonym).key
+        self._unread.discard(pseudonym)
+        return key

@@ -10,7 +10,7 @@ import psycopg
 
 from cloud.store.news import CHANNEL, COMMANDS, FEED, WATCHED
 from cloud.store.postgresql import arguments
-from eskin.errors import StoreError
+from eskin.errors import EskinError
 
 if TYPE_CHECKING:
     from sqlalchemy import URL
@@ -27,8 +27,11 @@ async def relay(cloud: Cloud, place: URL) -> None:
     while True:
         try:
             await _listen(cloud, place)
-        except (psycopg.Error, StoreError) as error:
+        except (psycopg.Error, EskinError, OSError) as error:
             log.warning("other processes are not heard: reason=%s", error)
+        except Exception:  # others write what they like there; ingest and queries go on
+            log.exception("other processes are not heard: broke, trying again")
+            cloud.metrics.faults.labels("relay").inc()
         await asyncio.sleep(_PAUSE_S)
 
 

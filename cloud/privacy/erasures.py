@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import asyncio
-import logging
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
 
+from cloud.chore import repeat
 from cloud.store.sealed import erased_subjects
-from eskin.errors import PrivacyError, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Set as AbstractSet
@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.state import Cloud
-
-log = logging.getLogger(__name__)
 
 _INTERVAL_S: Final = 1.0
 
@@ -33,19 +31,9 @@ def unheard(connection: Connection, known: AbstractSet[str]) -> set[str]:
 
 async def hear(cloud: Cloud, stopping: asyncio.Event) -> None:
     """Look each second until told to stop, so that a key goes where nobody asks for it, too."""
-    hearing = True
-    while cloud.keyholder.vault is not None and not stopping.is_set():
-        try:
-            await asyncio.to_thread(look, cloud)
-            hearing = True
-        except (StoreError, PrivacyError, OSError) as error:
-            if hearing:
-                log.warning("erasures are not heard of, trying again: reason=%s", error)
-            hearing = False
-        try:
-            await asyncio.wait_for(stopping.wait(), _INTERVAL_S)
-        except TimeoutError:
-            continue
+    if cloud.keyholder.vault is not None:
+        work = partial(asyncio.to_thread, look, cloud)
+        await repeat("erasures", work, cloud=cloud, stopping=stopping, every_s=_INTERVAL_S)
 
 
 def look(cloud: Cloud) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import pairwise
+from operator import le
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
@@ -66,6 +67,7 @@ def decode(rows: Sequence[Any], window: Window) -> Pieces:
         rows: Blocks by the columns ``DECODED``, in order of time, then of boot and sequence.
         window: Which samples.
     """
+    rows = _holding(rows, window)
     return _apart(*_opened(rows), window) if rows else EMPTY
 
 
@@ -77,6 +79,7 @@ def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Pieces:
         window: Which samples; it lies within the buckets.
         buckets: Some.
     """
+    rows = _holding(rows, window)
     if not rows:
         return EMPTY
     heads, bounds = _opened(rows)
@@ -91,6 +94,11 @@ def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Pieces:
     coverage = np.array([head.coverage for head in heads])
     grid = buckets.start, buckets.width
     return Pieces.of_samples(bounds, np.array(runs), coverage, grid, buckets.count)
+
+
+def _holding(rows: Sequence[Any], window: Window) -> list[Any]:
+    """Those of whose samples any lies in a window: slow ones may reach over it without."""
+    return [row for row in rows if le(*clip(row[0], row[1], row[2], window))]
 
 
 class _Head(NamedTuple):

@@ -8,16 +8,18 @@ mark still stands, else made again.
 
 from __future__ import annotations
 
+from bisect import bisect
 from dataclasses import dataclass
+from itertools import accumulate
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from sqlalchemy import bindparam, delete, select, tuple_
+from sqlalchemy import bindparam, case, delete, select, tuple_
 
 from cloud.pyramid.blocks import Buckets, read_folded
 from cloud.pyramid.levels import write_levels
 from cloud.query.places import find_channel
 from cloud.query.window import Window
-from cloud.store.grid import CHUNK
+from cloud.store.grid import CHUNK, MOST_CHUNKS, Comb
 from cloud.store.schema import blocks, channels
 from cloud.store.tiles import stale, tiles
 
@@ -34,6 +36,8 @@ Place: TypeAlias = tuple[str, str]
 Key: TypeAlias = tuple[str, str, int]
 
 _PAGE: Final = 4096
+_MARKS: Final = _PAGE * MOST_CHUNKS
+"""Chunks that are marked at once, as packs of slow samples have many."""
 _CLEARED: Final = 1024
 AT_ONCE: Final = 64
 """Chunks that are made and written in one step."""
@@ -118,25 +122,34 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
     if row["built"] is None and connection.execute(_CLEAR, {"n": place[0], "c": place[1]}).rowcount:
         return True
     bits, b = row["grain"] + CHUNK, blocks.c
-    query = select(b.t, b.t_end).where(b.node == place[0], b.channel == place[1])
+    # Nothing beside the index is read, but of the few rows that reach far.
+    wide = min((MOST_CHUNKS - 1) << bits, _FOREVER)
+    messages = case((b.t_end - b.t >= wide, b.packed))
+    query = select(b.t, b.dt, b.n, messages).where(b.node == place[0], b.channel == place[1])
     if row["built"] is not None:
         query = query.where(b.t >= row["built"] - row["longest"], b.t_end >= row["built"])
-    found = [(t, end) for t, end in connection.execute(query.order_by(b.t).limit(_PAGE))]
-    begun = (found[0][0] >> bits << bits) if found else row["t_last"]
+    rows = connection.execute(query.order_by(b.t).limit(_PAGE))
+    page = [Comb(t, dt, n, packed or 1) for t, dt, n, packed in rows]
+    found = page[: bisect(list(accumulate(map(_most_marks, page))), _MARKS)]
+    full = len(page) == _PAGE or len(found) < len(page)
+    begun = (found[0].t >> bits << bits) if found else row["t_last"]
     begun = begun if row["built"] is None else max(begun, row["built"])
     horizon = row["t_last"] >> bits << bits
-    if len(found) == _PAGE:  # what follows begins after the last; one chunk is always whole
-        horizon = max(found[-1][0] >> bits << bits, begun + (1 << bits))
+    if full:  # what follows begins after the last; one chunk is always whole
+        horizon = max(found[-1].t >> bits << bits, begun + (1 << bits))
     if found and horizon <= begun:
         return False
     row["built"] = horizon
-    for t, t_end in found:
-        if t_end >= begun:
-            ledger.outdate(row, max(t, begun), t_end)
-    more = len(found) == _PAGE or row["built"] is None
+    for comb in found:
+        ledger.outdate(row, comb, since=begun)
+    more = full or row["built"] is None
     ledger.change(channels, *place)
     ledger.save(connection)
     return more
+
+
+def _most_marks(comb: Comb) -> int:
+    return min(comb.n, MOST_CHUNKS * comb.messages)
 
 
 def repair(store: Store, after: Key | None) -> Key | None:

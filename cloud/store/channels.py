@@ -5,7 +5,7 @@ from __future__ import annotations
 from operator import sub
 from typing import TYPE_CHECKING, Any, Final
 
-from cloud.store.grid import grain_of
+from cloud.store.grid import Comb, grain_of
 from cloud.store.schema import channels
 from eskin.messages import BlockSummary, Peak, Status
 from eskin.messages.head import Kind
@@ -85,8 +85,8 @@ def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
         row |= {"t_first": first, "t_last": last, "lo": lo, "hi": hi}
         row |= {"coverage": coverage, "dt": dt}
     if row["built"] is not None and first < row["built"]:
-        for each in zip(firsts, lasts, strict=True):
-            ledger.outdate(row, *each)
+        for each in zip(firsts, _column(rows, "dt"), _column(rows, "n"), strict=True):
+            ledger.outdate(row, Comb(*each))
     if row["packed"] is not None:
         row["packed"] = min(row["packed"], first)
     row["blocks"] += len(rows)

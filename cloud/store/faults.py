@@ -37,9 +37,12 @@ _AWAY: Final = "it does not answer; start it, or set store.url right"
 
 
 def is_of_the_store(error: Exception) -> bool:
-    """Whether the store itself is at fault, and not what it was asked to do."""
+    """Whether the store itself is at fault, and not what it was asked to do.
+
+    So are memory and disk: SQLite's driver tells of memory without an error of its own.
+    """
     of_the_work = isinstance(error, DataError | IntegrityError)
-    return isinstance(error, SQLAlchemyError) and not of_the_work
+    return isinstance(error, SQLAlchemyError | MemoryError | OSError) and not of_the_work
 
 
 def explain(error: Exception) -> str:
@@ -50,6 +53,8 @@ def explain(error: Exception) -> str:
     """
     if isinstance(error, PoolTimeoutError):
         return "no connection came free in time; ask less at once, or raise store.readers"
+    if isinstance(error, MemoryError):
+        return "there is no memory left; give it more"
     cause = getattr(error, "orig", None) or error
     said = "; ".join(line.strip() for line in str(cause).splitlines() if line.strip())
     remedy = _remedy(cause)

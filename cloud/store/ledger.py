@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
 
-from cloud.store.grid import CHUNK, chunks_between, grain_for
+from cloud.store.grid import CHUNK, grain_for
 from cloud.store.news import FEED, tell
 from cloud.store.schema import channels, feed, nodes, sequences
 from cloud.store.tiles import stale
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from sqlalchemy import ColumnElement, Connection, Table
+
+    from cloud.store.grid import Comb
 
 Row: TypeAlias = dict[str, Any]
 
@@ -165,25 +167,25 @@ class Ledger:
         """Have a row written."""
         self._changed[table, key] = None
 
-    def outdate(self, channel: Row, first: int, last: int) -> None:
-        """Have a channel's pyramid made anew for a row's stretch of time, up to where there is one.
+    def outdate(self, channel: Row, comb: Comb, *, since: int = -(2**63)) -> None:
+        """Have a channel's pyramid made anew where a row's samples are, up to where there is one.
 
-        A row that touches many of its chunks has all of it made anew, of longer ones: otherwise a
+        Samples that touch many of its chunks have all of it made anew, of longer ones: otherwise a
         node that first samples each nanosecond, and then each hour, would have billions marked.
 
         Args:
             channel: The channel's row.
-            first: UTC ns.
-            last: UTC ns, included.
+            comb: The row's samples.
+            since: What lies before, UTC ns, is good; a whole chunk's beginning.
         """
         if channel["built"] is None:
             return
-        grain = grain_for(channel["grain"], first, last)
+        grain = grain_for(channel["grain"], comb)
         if grain > channel["grain"]:
             self._raze(channel, grain)
             return
-        for chunk in chunks_between(grain, first, last):
-            if chunk << (grain + CHUNK) < channel["built"]:
+        for chunk in comb.chunks(grain):
+            if since <= chunk << (grain + CHUNK) < channel["built"]:
                 self._outdated[channel["node"], channel["channel"], chunk] = None
 
     def _raze(self, channel: Row, grain: int) -> None:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import delete, func, insert, select, tuple_, update
 
 from cloud.store.bulk import insert_many
+from cloud.store.grid import Comb
 from cloud.store.packs import part
 from cloud.store.schema import blocks, channels, events
 from cloud.store.sealed import erased_subjects, removals, veiled
@@ -147,7 +148,7 @@ def _counted(table: Table) -> list[ColumnElement[Any]]:
     """What of a removed row counts in its channel's sums."""
     if table is blocks:
         size = func.length(table.c.data).label("size")
-        return [size, table.c.packed, table.c.n, table.c.t, table.c.t_end]
+        return [size, table.c.packed, table.c.t, table.c.dt, table.c.n]
     return [table.c.kind] if table is veiled else []
 
 
@@ -164,7 +165,8 @@ def _count(
         row["bytes"] -= sum(removed.size for removed in rows)
         if row["built"] is not None:
             for removed in rows:
-                ledger.outdate(row, *removed[-2:])
+                t, dt, n = removed[-3:]
+                ledger.outdate(row, Comb(t, dt, n, _messages(removed)))
         first = select(func.min(blocks.c.t)).where(here)
     else:
         row["blocks"] -= sum(removed.kind == "block" for removed in rows)

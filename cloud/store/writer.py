@@ -131,7 +131,11 @@ class Writer:
                     self._probe(connection)
                 for job in batch:
                     self._do(connection, job, done)
-        except (SQLAlchemyError, StoreError) as error:
+        except (SQLAlchemyError, StoreError, MemoryError, OSError) as error:
+            self._fail(batch, error)
+            return
+        except Exception as error:  # nothing is committed either, and the thread goes on
+            log.exception("commit broke")
             self._fail(batch, error)
             return
         self.fault = None
@@ -159,7 +163,7 @@ class Writer:
                 done.append((job, result))
                 return
 
-    def _fail(self, batch: list[_Job], error: SQLAlchemyError | StoreError) -> None:
+    def _fail(self, batch: list[_Job], error: Exception) -> None:
         self._on_rollback()
         cause = explain(error)
         self.fault = f"the store cannot be written: {cause}"

@@ -94,15 +94,26 @@ class Vault:
         """
         with self._lock:
             try:
-                self._require(pseudonym)
+                self.require(pseudonym)
                 known = self._known.get(pseudonym)
                 if known is None:
                     known = self._known[pseudonym] = self._read(self._keys / pseudonym)
             except PrivacyError:
                 self._known.pop(pseudonym, None)
-                self._require(pseudonym)  # it may have been erased while it was read
+                self.require(pseudonym)  # it may have been erased while it was read
                 raise
             return known
+
+    def require(self, pseudonym: str) -> None:
+        """Refuse what has no key here, without reading it; a tombstone counts before a key.
+
+        Raises:
+            NoKeyError: Its key is not here.
+            PrivacyError: Its tombstone cannot be read.
+        """
+        erased = is_pseudonym(pseudonym) and self.grave(pseudonym) is not None
+        if erased or not is_pseudonym(pseudonym) or not (self._keys / pseudonym).exists():
+            raise NoKeyError(pseudonym, erased=erased)
 
     def subjects(self) -> list[Subject]:
         """All subjects whose keys are here, by pseudonym."""
@@ -126,7 +137,7 @@ class Vault:
         with turn(self.directory):
             grave = self.grave(pseudonym)
             if grave is None:
-                self._require(pseudonym)
+                self.require(pseudonym)
             return self._erase(pseudonym, grave)
 
     def bury(self, pseudonym: str) -> bool:
@@ -205,12 +216,6 @@ class Vault:
             destroy(self._keys / pseudonym)
         self._sweep()  # among them may be a copy of the key
         return grave
-
-    def _require(self, pseudonym: str) -> None:
-        """Refuse what has no key here; a tombstone counts before a key."""
-        erased = is_pseudonym(pseudonym) and self.grave(pseudonym) is not None
-        if erased or not is_pseudonym(pseudonym) or not (self._keys / pseudonym).exists():
-            raise NoKeyError(pseudonym, erased=erased)
 
     def _bury(self, grave: Tombstone) -> None:
         said = {"erased": grave.erased, "confirmed": grave.confirmed}

@@ -3,11 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+from unittest.mock import Mock
 
 import pytest
 
 from cloud.chore import repeat
+from cloud.live import relay
+from cloud.privacy import erasures
+from cloud.rest import rest
+from cloud.watch import watch
+from eskin.errors import PrivacyError, StoreError
+from eskin.memory import MUCH
 
 if TYPE_CHECKING:
     from tests.cloud.clouds import Stand
@@ -28,3 +35,69 @@ async def test_work_that_broke_is_counted_and_tried_again(stand: Stand) -> None:
     await repeat("work", work, cloud=stand.cloud, stopping=stopping, every_s=0.001)
     assert done == 3
     assert b'eskin_cloud_faults_total{work="work"} 2.0' in stand.cloud.metrics.write()
+
+
+@pytest.mark.anyio
+async def test_what_lasts_is_told_once_until_it_is_well_again(
+    stand: Stand, caplog: pytest.LogCaptureFixture
+) -> None:
+    stopping = asyncio.Event()
+    away, locked, disk = StoreError("away"), PrivacyError("locked"), OSError("worn disk")
+    unforeseen = RuntimeError("no thread")
+    faults = iter([away, away, locked, locked, None, locked, disk, disk, unforeseen, unforeseen])
+
+    async def work() -> None:
+        fault = next(faults, stopping)
+        if isinstance(fault, Exception):
+            raise fault
+        if fault is stopping:
+            stopping.set()
+
+    await repeat("work", work, cloud=stand.cloud, stopping=stopping, every_s=0.001)
+    told = [(record.levelname, record.getMessage()) for record in caplog.records]
+    reasons = ["away", "locked", "locked", "worn disk"]
+    warnings = [("WARNING", f"work: trying again: reason={reason}") for reason in reasons]
+    assert told == [*warnings, ("ERROR", "work: broke, trying again")]
+    assert b'eskin_cloud_faults_total{work="work"} 2.0' in stand.cloud.metrics.write()
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize("name", ["erasures", "watch", "rest", "relay"])
+async def test_what_nobody_foresaw_ends_no_work_in_the_background(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    """The work is done again after it broke, so its task did not end, and the cloud neither."""
+    cloud, stopping, times = stand.cloud, asyncio.Event(), 0
+
+    def breaks(*_: Any) -> None:
+        nonlocal times
+        times += 1
+        if times > 2:
+            stopping.set()
+        cloud.uploads.taken += MUCH  # a load, for those who rest after one
+        raise RuntimeError("can't start new thread")
+
+    if name == "erasures":
+        monkeypatch.setattr(erasures, "_INTERVAL_S", 0.001)
+        monkeypatch.setattr(erasures, "look", breaks)
+        monkeypatch.setattr(cloud.keyholder, "vault", Mock())
+        task = erasures.hear(cloud, stopping)
+    elif name == "watch":
+        monkeypatch.setattr("cloud.watch._INTERVAL", 0.001)
+        task = watch(cloud, [Mock(refresh=breaks)], stopping)
+    elif name == "rest":
+        monkeypatch.setattr(cloud.store, "shrink", breaks)
+        monkeypatch.setattr("cloud.rest._LITTLE", 2 * MUCH)
+        task = rest(cloud, stopping, interval=0.001)
+    else:
+        monkeypatch.setattr(relay, "_PAUSE_S", 0.001)
+        monkeypatch.setattr(relay, "_listen", breaks)
+        task = relay.relay(cloud, Mock())
+    running = asyncio.create_task(task)
+    await asyncio.sleep(0)
+    cloud.uploads.taken += MUCH
+    async with asyncio.timeout(20):
+        await stopping.wait()
+    running.cancel()
+    await asyncio.wait([running])
+    assert f'work="{name}"'.encode() in cloud.metrics.write()

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from sqlalchemy import func, insert, select, text
 
 from cloud.store import Store, migrations
+from cloud.store.bulk import insert_many
 from cloud.store.events import ENERGY
 from cloud.store.intake import take_in
 from cloud.store.item import Item
+from cloud.store.salvage import take_in_apart
 from cloud.store.schema import (
     blocks,
     channels,
+    dead_letters,
     feed,
     nodes,
     versions,
@@ -78,6 +82,67 @@ def test_full_disk_is_told_and_nothing_is_acknowledged(file_store: Store) -> Non
     again = put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
     assert results(again) == ["stored"] * 39
     assert len(rows(store, blocks)) == 40
+
+
+@pytest.mark.parametrize("shortage", [MemoryError(), OSError(5, "Input/output error")])
+def test_shortage_is_the_stores_fault_and_no_messages(
+    store: Store, monkeypatch: pytest.MonkeyPatch, shortage: Exception
+) -> None:
+    fails = iter([True])
+
+    def short(*args: Any) -> None:
+        if next(fails, False):
+            raise shortage
+        insert_many(*args)
+
+    def work(take: Callable[..., Any], connection: Connection) -> Any:
+        items = [Item.read(NODE, block(n).encode()) for n in range(3)]
+        return take(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
+
+    monkeypatch.setattr("cloud.store.intake.insert_many", short)
+    ways = partial(work, take_in), partial(work, take_in_apart)
+    with pytest.raises(StoreError, match=r"memory left|Input/output"):
+        store.write(ways[0], instead=ways[1]).result(20)
+    assert rows(store, blocks) == []
+    assert results(store.write(ways[0], instead=ways[1]).result(20)) == ["stored"] * 3
+    assert store.writer.fault is None
+
+
+def test_shortage_while_in_parts_buries_nothing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = iter([ValueError("nobody foresaw it"), MemoryError()])
+
+    def short(*_: Any) -> None:
+        raise next(faults)
+
+    def work(take: Callable[..., Any], connection: Connection) -> Any:
+        items = [Item.read(NODE, block(0).encode())]
+        return take(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
+
+    monkeypatch.setattr("cloud.store.intake.insert_many", short)
+    with pytest.raises(StoreError, match="memory left"):
+        store.write(partial(work, take_in), instead=partial(work, take_in_apart)).result(20)
+    assert rows(store, dead_letters) == []
+
+
+def test_commit_that_breaks_by_what_nobody_foresaw_ends_no_writing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = iter([MemoryError(), RuntimeError("unforeseen")])
+    begin = store.writer._on_begin
+
+    def breaks(connection: Connection) -> None:
+        fault = next(broken, None)
+        if fault is not None:
+            raise fault
+        begin(connection)
+
+    monkeypatch.setattr(store.writer, "_on_begin", breaks)
+    for told in ("memory left", "unforeseen"):
+        with pytest.raises(StoreError, match=told):
+            put(store, block(0))
+    assert results(put(store, block(0))) == ["stored"]
 
 
 def test_waiting_jobs_share_a_commit(store: Store) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import ssl
 from contextlib import AsyncExitStack, suppress
 from typing import TYPE_CHECKING
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cloud.certificate import Certificate
-from eskin.doorway import _MARGIN
+from eskin.doorway import _MARGIN, Doorway
 from eskin.identity import IdentityKind
 from eskin.listening import Bounds
 from tests.eskin.test_listening import GET, LONG_S, listening
@@ -87,3 +88,44 @@ async def test_handshake_that_is_not_begun_in_time_is_ended(context: ssl.SSLCont
         waiting = [await silent(port, stack) for _ in range(3)]
         assert [await asyncio.wait_for(each.read(), 20) for each in waiting] == [b""] * 3
         assert b" 200 " in await ask(port, come_from="127.0.0.1")
+
+
+async def test_network_of_one_ipv6_user_is_one_source(monkeypatch: pytest.MonkeyPatch) -> None:
+    arrivals = iter(
+        [*(f"2001:db8:1:2::{k + 1:x}" for k in range(ROOM + 3)), "2001:db8:1:3::1", "::1"]
+    )
+    outside: list[socket.socket] = []
+
+    def accept(_: socket.socket) -> tuple[socket.socket, tuple[str, int, int, int]]:
+        address = next(arrivals, None)
+        if address is None:
+            raise BlockingIOError
+        guest, peer = socket.socketpair()
+        outside.append(peer)
+        return guest, (address, 1024, 0, 0)
+
+    with Doorway(socket.create_server(("127.0.0.1", 0)), FEW) as doorway:
+        monkeypatch.setattr(socket.socket, "accept", accept)
+        guests = [doorway.accept()[0] for _ in range(ROOM + 2)]
+        with pytest.raises(BlockingIOError):
+            doorway.accept()
+        assert doorway.inside == {"2001:db8:1:2::": ROOM, "2001:db8:1:3::": 1, "::": 1}
+        for each in (*guests, *outside):
+            each.close()
+        assert not doorway.inside
+
+
+async def test_open_connections_of_one_source_are_counted_together(
+    monkeypatch: pytest.MonkeyPatch, context: ssl.SSLContext
+) -> None:
+    monkeypatch.setattr("eskin.listening.source_of", lambda _: "2001:db8:1:2::")
+    async with listening(FEW, context=context) as port, AsyncExitStack() as stack:
+        trusting = ssl.create_default_context()
+        trusting.check_hostname, trusting.verify_mode = False, ssl.CERT_NONE
+        for host in ("127.0.0.1", "127.0.0.2"):
+            _, writer = await asyncio.open_connection(
+                "127.0.0.1", port, ssl=trusting, local_addr=(host, 0)
+            )
+            stack.callback(writer.close)
+            writer.write(GET[:4])
+        assert b" 503 " in await ask(port, come_from="127.0.0.3")

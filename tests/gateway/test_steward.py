@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.errors import CloudError, NoKeyError
+from eskin.errors import CloudError, NoKeyError, PrivacyError
 from eskin.privacy import FileMaster, Vault
 from gateway import steward as room
 from gateway.assignments import Assignments
@@ -114,6 +114,41 @@ def test_long_history_is_told_in_parts(site: Site, monkeypatch: pytest.MonkeyPat
         site.vault.erase(site.vault.create().pseudonym)
     steward = site.start()
     steward.tend()
-    assert site.sizes == [2, 2, 1]
+    assert site.sizes == [2, 1, 2, 2, 1]
     assert len(set(site.told)) == 5
+    assert steward.pending == 0
+
+
+@pytest.mark.parametrize("share", [False, True])
+def test_key_that_cannot_be_read_hinders_nothing_but_itself(
+    site: Site, caplog: pytest.LogCaptureFixture, *, share: bool
+) -> None:
+    former, erased, now = (site.vault.create(name) for name in ("Former", "Erased", "Now"))
+    for since, subject in enumerate((former, erased, now), start=1):
+        site.assignments.assign(NODE, subject, since=since)
+    key = site.vault.directory / "subjects" / former.pseudonym
+    key.chmod(0o640)
+    site.vault.erase(erased.pseudonym)
+    site.vault = Vault(site.vault.directory, FileMaster(site.vault.directory.parent / "site.key"))
+    steward = site.start(share=share)
+    for _ in range(2):
+        steward.tend()
+    assert steward.pending == 0
+    told = {pseudonym for pseudonym, _, _ in site.told}
+    assert now.pseudonym in told
+    assert (former.pseudonym in told) is not share, "no key is read where none is shared"
+    assert caplog.text.count("chmod 600") == int(share)
+    key.chmod(0o600)
+    steward.tend()
+    assert former.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
+
+
+def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None:
+    ada = site.vault.create("Ada")
+    site.assignments.assign(NODE, ada, since=1)
+    site.vault.erase(ada.pseudonym)
+    (site.vault.directory / "nodes" / NODE).write_text("worn out")
+    steward = site.start()
+    with pytest.raises(PrivacyError, match="no list"):
+        steward.tend()
     assert steward.pending == 0
