@@ -148,10 +148,10 @@ async def test_service_that_renews_itself_answers_meanwhile(tmp_path: Path) -> N
     Authority(serving.ca).rotate(IdentityKind.SERVER)
     with LockFile(serving.ca / "ledger.jsonl"):
         async with serving:
-            await asyncio.sleep(1.5)
             before = time.monotonic()
+            await asyncio.sleep(1.5)
             assert await serving.health("127.0.0.1") == 200
-            assert time.monotonic() - before < 3
+            assert time.monotonic() - before < 5
 
 
 @pytest.mark.parametrize("fault", [LockedError, RuntimeError])
