@@ -1,14 +1,15 @@
 """HTTPS face of the CA service.
 
 ``POST /enrol`` takes a token and a certificate request, ``POST /renew`` a request that the holder
-of a certificate signed; everything else is public and read only. All run on the one event loop, so
-ledger and tokens change one request at a time.
+of a certificate signed; everything else is public and read only. Who is refused is refused on the
+event loop, at once; what changes the CA waits for its turn in a thread (see `authority.desk`).
 """
 
 import base64
 import binascii
 import logging
 from datetime import timedelta
+from functools import partial
 from typing import Annotated
 
 from fastapi import FastAPI, HTTPException, Path, Request, Response
@@ -16,6 +17,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
+from authority.desk import Desk
 from authority.enrolments import Enrolments
 from authority.renewals import Renewals
 from authority.requests import der_of_pem
@@ -61,30 +63,36 @@ def create_application(
 ) -> FastAPI:
     """Build the application over an opened CA.
 
-    Whoever serves it may set ``app.state.follow``, which is called before anybody is told the roots
-    that stand: the service's own certificate must not lead to one that visitors then have dropped.
+    Whoever serves it may set ``app.state.follow``, which is awaited before anybody is told the
+    roots that stand: the service's own certificate must not lead to one that visitors then have
+    dropped.
     """
     enrolments = Enrolments(authority, tokens, lifetime=lifetime)
     renewals = Renewals(authority, lifetime=lifetime, grace=grace)
     app = FastAPI(title="eskin certificate authority", docs_url=None, redoc_url=None)
-    app.state.follow = lambda: None
+    app.state.follow = _nothing
+    desk = Desk(authority.directory)
 
     _add_refusals(app)
 
     @app.post("/enrol")
     async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
-        chain = enrolments.enrol(body.token, der_of_pem(body.request))
-        app.state.follow()
+        request = der_of_pem(body.request)
+        enrolments.judge(body.token, request)
+        chain = await desk.do(partial(enrolments.enrol, body.token, request))
+        await app.state.follow()
         return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
 
     @app.post("/renew")
     async def renew(body: RenewalRequest) -> EnrolmentAnswer:
-        chain = renewals.renew(_decoded(body.signed))
+        signed = _decoded(body.signed)
+        renewals.judge(signed)
+        chain = await desk.do(partial(renewals.renew, signed))
         log.info("renewed: name=%s", common_name(chain[0]))
-        app.state.follow()
+        await app.state.follow()
         return EnrolmentAnswer(chain=pem(chain).decode(), root=pem(authority.roots).decode())
 
-    _add_public(app, authority)
+    _add_public(app, authority, desk)
     return app
 
 
@@ -131,14 +139,14 @@ def _add_refusals(app: FastAPI) -> None:
         )
 
 
-def _add_public(app: FastAPI, authority: Authority) -> None:
+def _add_public(app: FastAPI, authority: Authority, desk: Desk) -> None:
     """What anybody may read."""
 
     @app.get("/certificates/{name}")
     async def certificate(name: Annotated[str, Path(max_length=100)]) -> Response:
         chain = authority.latest(name)
         if chain is None:
-            raise HTTPException(404, f"no certificate was issued to {name!r} yet")
+            raise HTTPException(404, f"no certificate was issued to {name!r} yet that stands")
         return Response(pem(chain), media_type=_PEM)
 
     @app.get("/anchors/{kind}")
@@ -147,12 +155,14 @@ def _add_public(app: FastAPI, authority: Authority) -> None:
 
     @app.get("/roots")
     async def roots() -> Response:
-        app.state.follow()
+        await app.state.follow()
         return Response(offered_roots(authority.directory), media_type=_PEM)
 
     @app.get("/revocations/{kind}")
     async def revocations(kind: IdentityKind) -> Response:
-        return Response(authority.refresh_revocations(kind).read_bytes(), media_type=_PEM)
+        if authority.must_refresh(kind):
+            await desk.do(partial(authority.refresh_revocations, kind))
+        return Response(authority.revocations_file(kind).read_bytes(), media_type=_PEM)
 
     @app.get("/revoked/{kind}")
     async def revoked(kind: IdentityKind) -> dict[str, list[dict[str, str]]]:
@@ -162,6 +172,10 @@ def _add_public(app: FastAPI, authority: Authority) -> None:
     @app.get("/healthz")
     async def health() -> dict[str, str]:
         return {"status": "ok"}
+
+
+async def _nothing() -> None:
+    """Nobody serves it who would have a certificate to look after."""
 
 
 def _decoded(text: str) -> bytes:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from datetime import timedelta
 
     from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec
 
     from authority.tokens import Tokens
     from eskin.identity import Authority
@@ -34,6 +35,21 @@ class Enrolments:
         self._tokens = tokens
         self._lifetime = lifetime
 
+    def judge(self, token: str, request: bytes) -> None:
+        """Refuse who would not be enrolled, without waiting for the turn to change the CA.
+
+        Args:
+            token: As its holder gives it.
+            request: Certificate request (PKCS #10, DER).
+
+        Raises:
+            IdentityError: The token is not good for this key or name, or the key was revoked.
+        """
+        register, key = self._authority.register, requested_key(request)
+        register.require_unrevoked(key)
+        name = requested_name(request)
+        self._tokens.judge(token, _der(key), name, revocation=register.revocation)
+
     def enrol(self, token: str, request: bytes) -> tuple[x509.Certificate, ...]:
         """Issue a certificate.
 
@@ -49,16 +65,18 @@ class Enrolments:
             IdentityError: The token is not good for this key or name, or the key was revoked.
         """
         key, name = requested_key(request), requested_name(request)
-        der = key.public_bytes(
-            serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
-        )
         register = self._authority.register
         # Whoever is revoked while this is judged shall not get another certificate by it.
         with self._authority.changing():
             register.require_unrevoked(key)
-            found = self._tokens.redeem(token, der, name, revoked_at=register.revoked_at)
+            found = self._tokens.redeem(token, _der(key), name, revocation=register.revocation)
             chain = self._authority.issue(
                 found.kind, found.name, key, hosts=found.hosts, lifetime=self._lifetime
             )
         log.info("enrolled: kind=%s name=%s", found.kind, found.name)
         return chain
+
+
+def _der(key: ec.EllipticCurvePublicKey) -> bytes:
+    encoding, form = serialization.Encoding.DER, serialization.PublicFormat.SubjectPublicKeyInfo
+    return key.public_bytes(encoding, form)

@@ -17,6 +17,8 @@ from eskin.topics import RENEWAL
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from cryptography.hazmat.primitives.asymmetric import ec
+
     from eskin.identity import Authority
 
 
@@ -43,6 +45,17 @@ class Renewals:
         self._grace = grace
         self._clock = clock
 
+    def judge(self, signed: bytes) -> None:
+        """Refuse who would not be renewed, without waiting for the turn to change the CA.
+
+        Args:
+            signed: As for `renew`.
+
+        Raises:
+            IdentityError: The certificate would not be renewed.
+        """
+        self._judged(signed)
+
     def renew(self, signed: bytes) -> tuple[x509.Certificate, ...]:
         """Issue the next certificate.
 
@@ -61,18 +74,23 @@ class Renewals:
         """
         # Whoever is revoked while this is judged shall not get another certificate by it.
         with self._authority.changing():
-            return self._renew(signed)
+            old, key = self._judged(signed)
+            kind, name = issuer_kind(old), common_name(old)
+            latest = self._authority.latest(name)
+            if latest is not None and latest[0].public_key() == key:
+                return latest
+            return self._authority.issue(
+                kind, name, key, hosts=_hosts(old), lifetime=self._lifetime
+            )
 
-    def _renew(self, signed: bytes) -> tuple[x509.Certificate, ...]:
+    def _judged(self, signed: bytes) -> tuple[x509.Certificate, ec.EllipticCurvePublicKey]:
+        """The certificate that is to be renewed, and for which key."""
         old, issuer = self._holder(signed)
         kind, name = issuer_kind(old), common_name(old)
         key = requested_key(self._opened(signed, old, kind, name))
         if not self._authority.stands(issuer, kind):
             raise IdentityError(f"the CA that issued {name} is retired; enrol it again")
-        latest = self._authority.latest(name)
-        if latest is not None and latest[0].public_key() == key:
-            return latest
-        return self._authority.issue(kind, name, key, hosts=_hosts(old), lifetime=self._lifetime)
+        return old, key
 
     def _holder(self, signed: bytes) -> tuple[x509.Certificate, x509.Certificate]:
         """Who speaks and who issued it; not verified yet, but neither revoked nor too old."""

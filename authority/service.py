@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import ssl
 from datetime import UTC, datetime, timedelta
@@ -12,6 +13,7 @@ import uvicorn
 from authority.application import create_application
 from authority.limits import LimitsMiddleware
 from authority.tokens import TOKENS_FILE, Tokens
+from eskin.doorway import Doorway, bind
 from eskin.errors import IdentityError, LockedError
 from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
 from eskin.identity.authority import CA_SERVICE
@@ -21,6 +23,7 @@ from eskin.listening import Bounds, guarded
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
+    from socket import socket
 
     from fastapi import FastAPI
 
@@ -42,6 +45,7 @@ def run(settings: AuthoritySettings) -> None:
 
     Raises:
         IdentityError: The CA's folder cannot be read or written.
+        SettingsError: Its address cannot be had.
     """
     own = settings.authority
     authority = Authority.open(own.directory)
@@ -57,9 +61,10 @@ def run(settings: AuthoritySettings) -> None:
         requests_per_s=own.requests_per_s,
         refusals_per_min=own.refusals_per_min,
     )
-    log.info("ready: https://%s:%d", own.host, own.port)
     enrolling = {expected.directory for expected in settings.identity}
-    Server(app, own, authority, enrolling=enrolling).run()
+    server = Server(app, own, authority, enrolling=enrolling)
+    log.info("ready: https://%s:%d", own.host, own.port)
+    server.run()
 
 
 class Server(uvicorn.Server):
@@ -68,8 +73,12 @@ class Server(uvicorn.Server):
     Args:
         app: What is served.
         settings: Where, and under which names.
-        authority: Issues; only on the event loop, like all that it does.
+        authority: Issues.
         enrolling: Folders of those who may enrol, which hold the roots to believe.
+
+    Raises:
+        IdentityError: The CA's folder cannot be written.
+        SettingsError: The address cannot be had.
     """
 
     def __init__(
@@ -83,12 +92,14 @@ class Server(uvicorn.Server):
         self._settings = settings
         self._authority = authority
         self._enrolling = enrolling
+        self._looking: asyncio.Task[None] | None = None
+        self._fault = ""
+        bounds = Bounds(body_bytes=_MOST_BODY)
+        self._doorway = Doorway(bind("authority", settings.host, settings.port), bounds)
         self._identity = _server_identity(settings, authority)
         config = uvicorn.Config(
             app,
-            host=settings.host,
-            port=settings.port,
-            http=guarded(Bounds(body_bytes=_MOST_BODY)),
+            http=guarded(bounds, greet=self._doorway.greet),
             ws="none",
             ssl_certfile=self._identity.directory / CHAIN_FILE,
             ssl_keyfile=self._identity.directory / KEY_FILE,
@@ -100,16 +111,49 @@ class Server(uvicorn.Server):
             server_header=False,
         )
         super().__init__(config)
-        app.state.follow = self._look
+        app.state.follow = self._follow
+
+    async def startup(self, sockets: list[socket] | None = None) -> None:
+        """Accept, through the doorway."""
+        await super().startup(sockets or [self._doorway])
 
     async def on_tick(self, counter: int) -> bool:
         """Look after certificate and roots once a second; uvicorn calls ten times as often."""
-        if counter % 10 == 0:
-            try:
-                self._look()
-            except (IdentityError, LockedError, OSError) as error:
-                log.warning("the CA cannot be looked after, trying again: %s", error)
+        if counter % 10 == 0 and (self._looking is None or self._looking.done()):
+            self._look_again().add_done_callback(self._tell)
         return await super().on_tick(counter)
+
+    async def _follow(self) -> None:
+        """Look, and come back once it is done; one look is enough for all who wait for it.
+
+        Raises:
+            LockedError: Somebody else has been changing the CA for too long.
+            IdentityError: The CA's folder cannot be read or written.
+        """
+        before = self._looking
+        if before is not None and not before.done():
+            # It may have looked before what the visitor is about to be told.
+            await asyncio.wait([before])
+        look = self._looking
+        await asyncio.shield(self._look_again() if look is None or look is before else look)
+
+    def _look_again(self) -> asyncio.Task[None]:
+        self._looking = asyncio.create_task(asyncio.to_thread(self._look))
+        return self._looking
+
+    def _tell(self, look: asyncio.Task[None]) -> None:
+        """Say why it failed, once as long as it stays the same: it is tried each second."""
+        if look.cancelled():
+            return
+        error = look.exception()
+        if error is not None and repr(error) != self._fault:
+            foreseen = isinstance(error, IdentityError | LockedError | OSError)
+            log.warning(
+                "the CA cannot be looked after, trying again: %s",
+                error,
+                exc_info=None if foreseen else error,
+            )
+        self._fault = "" if error is None else repr(error)
 
     def _look(self) -> None:
         issuer = self._authority.issuer(IdentityKind.SERVER, CA_SERVICE).certificate
@@ -138,7 +182,7 @@ def _hand_out(
     if expected.count:
         tokens.exclude(name for name in names if name in issued)
     given = expected.kind, expected.name, expected.hosts, lifetime
-    token = tokens.create(*given, count=expected.count)
+    token = tokens.create(*given, lines=authority.register.length(), count=expected.count)
     write_whole(expected.directory / f"{expected.name}.token", token.encode(), mode=0o600)
     log.info("token ready: kind=%s name=%s", expected.kind, expected.name)
 

@@ -3,7 +3,7 @@
 A token binds to the first public key that it is used for. Using it again for the same key is
 allowed until it expires, so that an answer lost on the way can be asked for again. A fleet's token
 is good for each of its names once, and binds each of them in the same way. Once a name was revoked,
-it is enrolled by no token that was made before.
+it is enrolled by no token that was made before; the ledger's lines, not a clock, tell what was.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
+    from eskin.identity.ledger import Revocation
+
 TOKENS_FILE: Final = "tokens.json"
 
 
@@ -42,6 +44,8 @@ class Enrolment:
         bound: SHA-256 of the public key that used it, or ``None``.
         count: Names of a fleet, NAME-0001 and so on; 0: one name.
         created: RFC 3339; empty where it was not noted yet.
+        lines: How many the CA's ledger had when it was made; ``None`` where only the time was
+            noted.
     """
 
     kind: IdentityKind
@@ -52,6 +56,7 @@ class Enrolment:
     bound: str | None = None
     count: int = 0
     created: str = ""
+    lines: int | None = None
 
 
 class Tokens:
@@ -77,18 +82,29 @@ class Tokens:
         hosts: Sequence[str],
         lifetime: timedelta,
         *,
+        lines: int,
         count: int = 0,
     ) -> str:
-        """Make the token of a name, or of so many of a fleet; an older one is void."""
+        """Make the token of a name, or of so many of a fleet; an older one is void.
+
+        Args:
+            kind: Kind of the identity.
+            name: Its common name; of a fleet, what all names begin with.
+            hosts: A server's names and addresses.
+            lifetime: How long it is good.
+            lines: How many the CA's ledger has: names that are revoked later are not enrolled.
+            count: Names of a fleet; 0: one name.
+        """
         token, now = secrets.token_urlsafe(32), self._clock()
         self._enrolments[name] = Enrolment(
             kind,
             name,
             tuple(hosts),
-            _digest(token),
+            _digest(token.encode()),
             (now + lifetime).isoformat(),
             count=count,
             created=now.isoformat(),
+            lines=lines,
         )
         self._write()
         return token
@@ -103,21 +119,21 @@ class Tokens:
         """All tokens, and how often each was used."""
         return [(each, self._used(each)) for each in self._enrolments.values()]
 
-    def redeem(
+    def judge(
         self,
         token: str,
         public_key: bytes,
         name: str = "",
         *,
-        revoked_at: Callable[[str], datetime | None] = lambda _: None,
+        revocation: Callable[[str], Revocation | None] = lambda _: None,
     ) -> Enrolment:
-        """Use a token for a public key (DER).
+        """Whether a token may be used for a public key (DER); nothing changes by it.
 
         Args:
             token: As its holder gives it.
             public_key: Whose request came with it.
             name: The common name that was asked for; only a fleet's token looks at it.
-            revoked_at: When a name was revoked last; ``None`` if it never was.
+            revocation: When a name was revoked last; ``None`` if it never was.
 
         Returns:
             What is to be issued.
@@ -126,28 +142,46 @@ class Tokens:
             IdentityError: It is unknown, expired, was used for another key, is not good for the
                 name, or was made before the name was revoked.
         """
-        enrolment, key = self._find(token), hashlib.sha256(public_key).hexdigest()
+        enrolment, key = self._find(token), _digest(public_key)
         if self._clock() > datetime.fromisoformat(enrolment.expires):
             raise IdentityError(f"token of {enrolment.name} expired on {enrolment.expires}")
         if enrolment.count:
-            _require_made_since(revoked_at(name), enrolment, name)
-            return self._redeem_of_fleet(enrolment, name, key)
-        _require_made_since(revoked_at(enrolment.name), enrolment, enrolment.name)
+            _require_made_since(revocation(name), enrolment, name)
+            return self._of_fleet(enrolment, name, key)
+        _require_made_since(revocation(enrolment.name), enrolment, enrolment.name)
         if enrolment.bound not in {None, key}:
             raise IdentityError(f"token of {enrolment.name} was used before, for another key")
-        bound = replace(enrolment, bound=key)
-        self._enrolments[enrolment.name] = bound
-        self._write()
-        return bound
+        return replace(enrolment, bound=key)
+
+    def redeem(
+        self,
+        token: str,
+        public_key: bytes,
+        name: str = "",
+        *,
+        revocation: Callable[[str], Revocation | None] = lambda _: None,
+    ) -> Enrolment:
+        """Use a token for a public key: what `judge` gives is bound to that key.
+
+        Raises:
+            IdentityError: It may not be used.
+        """
+        found = self.judge(token, public_key, name, revocation=revocation)
+        if self._find(token).count:
+            self._uses.bind(found.name, _digest(public_key))
+        else:
+            self._enrolments[found.name] = found
+            self._write()
+        return found
 
     def _find(self, token: str) -> Enrolment:
-        digest = _digest(token)
+        digest = _digest(token.encode())
         for enrolment in self._enrolments.values():
             if hmac.compare_digest(enrolment.digest, digest):
                 return enrolment
         raise IdentityError("this enrolment token is not known; ask the CA for another")
 
-    def _redeem_of_fleet(self, enrolment: Enrolment, name: str, key: str) -> Enrolment:
+    def _of_fleet(self, enrolment: Enrolment, name: str, key: str) -> Enrolment:
         stem, count = enrolment.name, enrolment.count
         if not is_numbered(name, stem, count):
             names = numbered(stem, count)
@@ -156,7 +190,6 @@ class Tokens:
             )
         if self._uses.key(name) not in {None, key}:
             raise IdentityError(f"token of {stem} was used before for {name}, for another key")
-        self._uses.bind(name, key)
         return replace(enrolment, name=name, bound=key, count=0)
 
     def _used(self, enrolment: Enrolment) -> int:
@@ -170,18 +203,25 @@ class Tokens:
         write_whole(self._path, json.dumps(entries, indent=1).encode(), mode=0o600)
 
 
-def _require_made_since(revoked: datetime | None, enrolment: Enrolment, name: str) -> None:
+def _require_made_since(revoked: Revocation | None, enrolment: Enrolment, name: str) -> None:
     """Require that a token is newer than the revocation of a name."""
+    if revoked is None or _is_newer(enrolment, revoked):
+        return
+    raise IdentityError(
+        f"{name[:100]} was revoked on {revoked.moment}, and this token of {enrolment.name} was "
+        "made before; ask the CA for another"
+    )
+
+
+def _is_newer(enrolment: Enrolment, revoked: Revocation) -> bool:
+    if enrolment.lines is not None:
+        return revoked.line <= enrolment.lines
     made = enrolment.created
-    if revoked is not None and (not made or datetime.fromisoformat(made) <= revoked):
-        raise IdentityError(
-            f"{name[:100]} was revoked on {revoked}, and this token of {enrolment.name} was made "
-            "before; ask the CA for another"
-        )
+    return bool(made) and datetime.fromisoformat(made) > revoked.moment
 
 
-def _digest(token: str) -> str:
-    return hashlib.sha256(token.encode()).hexdigest()
+def _digest(data: bytes) -> str:
+    return hashlib.sha256(data).hexdigest()
 
 
 def _read(path: Path) -> dict[str, Enrolment]:

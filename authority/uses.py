@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from typing import TYPE_CHECKING
 
 from eskin.errors import IdentityError
+from eskin.identity.lines import append_lines, whole_lines
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -28,7 +28,7 @@ class Uses:
         if not path.exists():
             return
         try:
-            for line in path.read_text().splitlines():
+            for line in whole_lines(path.read_bytes()):
                 use = json.loads(line)
                 self._keys[use["name"]] = use["key"]
         except (OSError, ValueError, KeyError, TypeError) as error:
@@ -46,8 +46,5 @@ class Uses:
         """
         if self._keys.get(name) == key:
             return
-        with self._path.open("a") as file:
-            file.write(json.dumps({"name": name, "key": key}) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
+        append_lines(self._path, json.dumps({"name": name, "key": key}) + "\n")
         self._keys[name] = key

@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
 from typing import TYPE_CHECKING, Final
 
 import uvicorn
 
 from eskin.doorway import Doorway
-from eskin.errors import SettingsError
 from eskin.listening import guarded
 
 if TYPE_CHECKING:
     import ssl
     from collections.abc import Iterator
+    from socket import socket
 
     from starlette.types import ASGIApp
 
@@ -40,7 +39,7 @@ class Listener(uvicorn.Server):
     def __init__(
         self,
         app: ASGIApp,
-        bound: socket.socket,
+        bound: socket,
         *,
         context: ssl.SSLContext | None,
         bounds: Bounds,
@@ -75,7 +74,7 @@ class Listener(uvicorn.Server):
         """Serve until ``should_exit``."""
         await self.serve(sockets=[self._bound])
 
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+    async def startup(self, sockets: list[socket] | None = None) -> None:
         """Accept, and say so."""
         await super().startup(sockets)
         self.ready.set()
@@ -84,23 +83,3 @@ class Listener(uvicorn.Server):
     def capture_signals(self) -> Iterator[None]:
         """Leave signals to the process."""
         yield
-
-
-def bind(section: str, host: str, port: int) -> socket.socket:
-    """Take an address.
-
-    Raises:
-        SettingsError: It cannot be had.
-    """
-    try:
-        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
-        bound = socket.create_server((host, port), family=family, backlog=2048)
-    except OSError as error:
-        name = f"{section}.host" if isinstance(error, socket.gaierror) else f"{section}.port"
-        raise SettingsError(
-            name, f"{host}:{port} cannot be listened on: {error.strerror}"
-        ) from error
-    # What is accepted inherits it. asyncio sets it for sockets alone that name their protocol, and
-    # without it the body of each answer waits 40 ms for the peer to acknowledge its head.
-    bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return bound

@@ -18,7 +18,7 @@ from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
-from cloud.listener import Listener, bind
+from cloud.listener import Listener
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
@@ -31,6 +31,7 @@ from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
 from cloud.watch import watch
+from eskin.doorway import bind
 from eskin.errors import LockedError, StoreError
 from eskin.identity import Trust
 from eskin.identity.identity import ROOT_FILE

@@ -19,7 +19,7 @@ class LockFile:
     """Holds a file for this process until it is closed or the process ends, however it ends.
 
     The lock lies beside the file, as ``NAME.lock``, and stays there: whoever removes it while it is
-    held lets a second process in.
+    held lets a second process in. Made by root, it is the folder's owner's, like the rest there.
 
     Args:
         path: The file to own; its folder is made if missing.
@@ -32,8 +32,7 @@ class LockFile:
 
     def __init__(self, path: Path, *, patience: float = 0.0) -> None:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        lock = path.with_name(f"{path.name}.lock")
-        self._descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._descriptor = _opened(path.with_name(f"{path.name}.lock"))
         try:
             self._wait(path, time.monotonic() + patience)
         except BaseException:
@@ -63,3 +62,20 @@ class LockFile:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _opened(lock: Path) -> int:
+    """Only a file that was made here is given away: another could be a link to anything."""
+    flags = os.O_RDWR | os.O_CLOEXEC
+    try:
+        descriptor = os.open(lock, flags | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        return os.open(lock, flags)
+    if os.geteuid() == 0:
+        folder = lock.parent.stat()
+        try:
+            os.fchown(descriptor, folder.st_uid, folder.st_gid)
+        except OSError:
+            os.close(descriptor)
+            raise
+    return descriptor

@@ -110,8 +110,11 @@ def tokens(directory: Directory) -> None:
 @pki.command()
 def revoke(directory: Directory, name: Name) -> None:
     """Revoke all certificates of a name, and sign its kind's revocation list anew."""
-    for entry in Authority(directory).revoke(name):
+    revoked = Authority(directory).revoke(name)
+    for entry in revoked:
         typer.echo(f"revoked {entry.name}, serial {entry.serial}")
+    if not revoked:
+        typer.echo(f"{name} was revoked before; its kind's revocation list is signed anew")
 
 
 pki.command()(rotate)

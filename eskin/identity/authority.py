@@ -10,23 +10,15 @@ kind and no other, which the root as anchor could not say. Whoever changes the f
 
 from __future__ import annotations
 
-import time
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
-
-from cryptography import x509
 
 from eskin.errors import IdentityError
 from eskin.identity.certificates import leaf_certificate, new_key, pem
 from eskin.identity.identity import ROOT_FILE, load_certificates, save_key, write_whole
-from eskin.identity.issuer import (
-    LIST_LIFETIME,
-    found_issuer,
-    known_issuer,
-    load_issuers,
-    retire_issuers,
-)
+from eskin.identity.issuer import found_issuer, known_issuer, load_issuers, retire_issuers
 from eskin.identity.kinds import IdentityKind
+from eskin.identity.publishing import RevocationLists
 from eskin.identity.register import LEDGER, Register
 from eskin.identity.roots import is_replaced, root_certificate, root_key
 from eskin.identity.turn import Turn
@@ -36,6 +28,7 @@ if TYPE_CHECKING:
     from contextlib import AbstractContextManager
     from pathlib import Path
 
+    from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 
     from eskin.identity.issuer import Issuer
@@ -67,6 +60,7 @@ class Authority:
         self.directory = directory
         self.register = Register(directory)
         self._turn = Turn(directory / LEDGER)
+        self._lists = RevocationLists(directory, self.register, self._turn)
         for kind in IdentityKind:
             load_issuers(directory, kind)
 
@@ -77,13 +71,7 @@ class Authority:
         Raises:
             IdentityError: It cannot be read or written.
         """
-        if not (directory / ROOT_FILE).exists():
-            try:
-                _create(directory)
-            except OSError as error:
-                raise IdentityError(
-                    f"{directory}: no CA can be made here: {error.strerror}; choose another folder"
-                ) from error
+        _found(directory)
         authority = cls(directory)
         for kind in IdentityKind:
             if not authority.revocations_file(kind).exists():
@@ -97,7 +85,7 @@ class Authority:
         Raises:
             IdentityError: There is one, or the folder cannot be written.
         """
-        if (directory / ROOT_FILE).exists():
+        if not _found(directory):
             raise IdentityError(
                 f"{directory}: there is a CA already, which stays as it is; "
                 "choose another folder for a new one"
@@ -167,7 +155,7 @@ class Authority:
         return any(issuer == each.certificate for each in load_issuers(self.directory, kind))
 
     def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
-        """The chain last issued to a name; ``None`` if there is none."""
+        """The chain last issued to a name; ``None`` if there is none, or it was revoked."""
         return self.register.latest(name)
 
     def issued(self) -> list[Issued]:
@@ -178,46 +166,40 @@ class Authority:
         """Revoke all certificates of a name, and write its kind's revocation list anew.
 
         Once it returned, no certificate that was issued to the name before, or renewed from one, is
-        trusted by who has the list.
+        trusted by who has the list. Of a name that was revoked before, the list is written again,
+        as the first time may have been cut off.
+
+        Returns:
+            What stood until now; nothing if all was revoked before.
 
         Raises:
             LockedError: Somebody else has been changing the CA for too long.
-            IdentityError: None was issued to that name, or the folder cannot be written.
+            IdentityError: None was ever issued to that name, or the folder cannot be written.
         """
         with self.changing():
             revoked = self.register.revoke(name)
-        kind = IdentityKind(revoked[0].kind)
         # Whatever list is written from here on holds them, so others may go on meanwhile.
-        self._await_next_second(kind)
-        self.write_revocations(kind)
+        for kind in sorted({entry.kind for entry in self.issued() if entry.name == name}):
+            self._lists.publish(IdentityKind(kind))
         return revoked
-
-    def _await_next_second(self, kind: IdentityKind) -> None:
-        """OpenSSL takes the newer of two lists, and their times are whole seconds."""
-        signed = x509.load_pem_x509_crl(self.revocations_file(kind).read_bytes()).last_update_utc
-        wait = (signed + timedelta(seconds=1) - datetime.now(UTC)).total_seconds()
-        time.sleep(min(max(wait, 0.0), 1.0))
 
     def write_revocations(self, kind: IdentityKind) -> Path:
         """Sign the kind's revocation list and give its path.
 
         The file holds the certificate of each issuing CA, then the list that this one signed.
         """
-        path = self.revocations_file(kind)
-        with self.changing():
-            revoked = [e for e in self.issued() if e.kind == kind and e.revoked is not None]
-            issuers = load_issuers(self.directory, kind)
-            lists = [issuer.revocation_list(revoked) for issuer in issuers]
-            write_whole(path, pem([issuer.certificate for issuer in issuers]) + b"".join(lists))
-        return path
+        self._lists.write(kind)
+        return self.revocations_file(kind)
+
+    def must_refresh(self, kind: IdentityKind) -> bool:
+        """Whether the kind's list is a day old, or lacks somebody who was revoked."""
+        return self._lists.is_due(kind)
 
     def refresh_revocations(self, kind: IdentityKind) -> Path:
-        """Sign the kind's list anew if a day has passed since, and give its path."""
-        path = self.revocations_file(kind)
-        signed = x509.load_pem_x509_crl(path.read_bytes()).next_update_utc
-        if signed is None or signed - datetime.now(UTC) < LIST_LIFETIME - timedelta(days=1):
-            self.write_revocations(kind)
-        return path
+        """Sign the kind's list anew if it must be, and give its path."""
+        if self.must_refresh(kind):
+            self._lists.publish(kind)
+        return self.revocations_file(kind)
 
     def rotate(self, kind: IdentityKind) -> None:
         """Make a new issuing CA, which issues from now on; what the old one issued still passes.
@@ -268,7 +250,7 @@ class Authority:
 
     def revocations_file(self, kind: IdentityKind) -> Path:
         """The file with the kind's revocation list."""
-        return self.directory / f"{kind}.crl.pem"
+        return self._lists.file(kind)
 
     @property
     def root_file(self) -> Path:
@@ -281,6 +263,22 @@ class Authority:
         return load_certificates(self.root_file)
 
 
+def _found(directory: Path) -> bool:
+    """Make a CA where there is none; gives whether there was none. One process at a time does."""
+    if (directory / ROOT_FILE).exists():
+        return False
+    try:
+        with Turn(directory / LEDGER).take():
+            if (directory / ROOT_FILE).exists():
+                return False
+            _create(directory)
+    except OSError as error:
+        raise IdentityError(
+            f"{directory}: no CA can be made here: {error.strerror}; choose another folder"
+        ) from error
+    return True
+
+
 def _create(directory: Path) -> None:
     """Make keys and certificates; the root's last, so that its presence means all is there."""
     if (directory / LEDGER).exists():
@@ -288,7 +286,6 @@ def _create(directory: Path) -> None:
             f"{directory}: there is a {LEDGER} but no root.pem; bring it back from a backup, as a "
             "new CA would disown all that was issued"
         )
-    directory.mkdir(parents=True, exist_ok=True, mode=0o700)
     key = new_key()
     for kind in IdentityKind:
         # What an interrupted attempt left is not kept beside it.

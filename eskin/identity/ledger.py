@@ -9,6 +9,9 @@ from datetime import datetime
 from threading import Lock
 from typing import TYPE_CHECKING
 
+from eskin.errors import IdentityError
+from eskin.identity.lines import append_lines, whole_lines
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -46,8 +49,24 @@ class Issued:
         return replace(self, revoked=moment)
 
 
+@dataclass(frozen=True, slots=True)
+class Revocation:
+    """When a name was revoked last.
+
+    Attributes:
+        line: The revoking line's number in the ledger, from 1: what was noted when the ledger had
+            fewer lines was before, whatever the clock says.
+        moment: What the clock said.
+    """
+
+    line: int
+    moment: datetime
+
+
 class Ledger:
     """A file that only grows; what others add to it is read when it is asked for.
+
+    Whoever reads it gets an `IdentityError` where a line in it is damaged.
 
     Args:
         path: The file, which need not be there yet.
@@ -59,12 +78,12 @@ class Ledger:
         self._start_over()
 
     def add(self, *entries: Issued) -> None:
-        """Write lines, durably."""
-        lines = "".join(json.dumps(asdict(entry)) + "\n" for entry in entries)
-        with self._path.open("a") as file:
-            file.write(lines)
-            file.flush()
-            os.fsync(file.fileno())
+        """Write lines, durably; whoever does has the CA's turn.
+
+        Raises:
+            OSError: They cannot be written.
+        """
+        append_lines(self._path, "".join(json.dumps(asdict(entry)) + "\n" for entry in entries))
 
     def entries(self) -> list[Issued]:
         """The latest word on each certificate, in order of issue."""
@@ -72,12 +91,17 @@ class Ledger:
             self._follow()
             return list(self._latest.values())
 
-    def is_revoked(self, serial: str) -> bool:
-        """Whether a certificate was revoked."""
+    def entry(self, serial: str) -> Issued | None:
+        """The latest word on a certificate; ``None`` if it is not known."""
         with self._lock:
             self._follow()
-            entry = self._latest.get(serial)
-            return entry is not None and entry.revoked is not None
+            return self._latest.get(serial)
+
+    def length(self) -> int:
+        """How many lines it has."""
+        with self._lock:
+            self._follow()
+            return self._lines
 
     def is_revoked_key(self, key: str) -> bool:
         """Whether a certificate of this key was revoked."""
@@ -85,18 +109,19 @@ class Ledger:
             self._follow()
             return key in self._revoked_keys
 
-    def revoked_at(self, name: str) -> datetime | None:
+    def revocation(self, name: str) -> Revocation | None:
         """When a certificate of a name was revoked last; ``None`` if none ever was."""
         with self._lock:
             self._follow()
-            return self._revoked_at.get(name)
+            return self._revocations.get(name)
 
     def _start_over(self) -> None:
         self._read = 0
+        self._lines = 0
         self._inode = 0
         self._latest: dict[str, Issued] = {}
         self._revoked_keys: set[str] = set()
-        self._revoked_at: dict[str, datetime] = {}
+        self._revocations: dict[str, Revocation] = {}
 
     def _follow(self) -> None:
         """Read what was added: of a fleet the file is long, and each request asks for it."""
@@ -111,16 +136,23 @@ class Ledger:
             file.seek(self._read)
             added = file.read()
         # Whoever writes may be in the middle of a line.
-        whole = added[: added.rfind(b"\n") + 1]
-        for line in whole.splitlines():
-            self._take(Issued(**json.loads(line)))
-        self._read += len(whole)
+        for line in whole_lines(added):
+            self._take(line)
 
-    def _take(self, entry: Issued) -> None:
+    def _take(self, line: bytes) -> None:
+        number = self._lines + 1
+        try:
+            entry = Issued(**json.loads(line))
+            revoked = entry.revoked and datetime.fromisoformat(entry.revoked)
+        except (ValueError, TypeError) as error:
+            raise IdentityError(
+                f"{self._path}: line {number} is damaged: {error}; bring the file back from a "
+                "backup, or put that line right by hand: nothing is issued or revoked until then"
+            ) from error
+        self._read, self._lines = self._read + len(line), number
         self._latest[entry.serial] = entry
-        if entry.revoked is None:
+        if not revoked:
             return
-        revoked = datetime.fromisoformat(entry.revoked)
-        self._revoked_at[entry.name] = max(revoked, self._revoked_at.get(entry.name, revoked))
+        self._revocations[entry.name] = Revocation(number, revoked)
         if entry.key:
             self._revoked_keys.add(entry.key)

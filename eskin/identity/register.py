@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
@@ -9,7 +10,7 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import IdentityError
 from eskin.identity.certificates import common_name, issuer_kind, key_digest, pem, public_key
 from eskin.identity.identity import load_certificates, write_whole
-from eskin.identity.ledger import Issued, Ledger
+from eskin.identity.ledger import Issued, Ledger, Revocation
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -32,10 +33,14 @@ class Register:
         self._ledger = Ledger(directory / LEDGER)
 
     def add(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
-        """Note a certificate that was issued, and keep its chain as its name's latest."""
+        """Note a certificate that is issued, and keep its chain as its name's latest.
+
+        The ledger's line is first: whoever gets a certificate can be revoked.
+
+        Raises:
+            OSError: It cannot be written; then nobody may be given the certificate.
+        """
         name = common_name(certificate)
-        self._issued.mkdir(exist_ok=True)
-        write_whole(self._issued / f"{name}.pem", pem((certificate, issuer)))
         entry = Issued(
             _serial(certificate),
             str(issuer_kind(certificate)),
@@ -45,24 +50,44 @@ class Register:
             key=key_digest(public_key(certificate)),
         )
         self._ledger.add(entry)
+        self._issued.mkdir(exist_ok=True)
+        write_whole(self._issued / f"{name}.pem", pem((certificate, issuer)))
 
     def entries(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""
         return self._ledger.entries()
 
+    def length(self) -> int:
+        """How many lines the ledger has: whatever is revoked from now on is beyond them."""
+        return self._ledger.length()
+
     def latest(self, name: str) -> tuple[x509.Certificate, ...] | None:
-        """The chain last issued to a name; ``None`` if there is none."""
+        """The chain last issued to a name.
+
+        ``None`` if there is none, or it was revoked, or is not at hand: then another can be issued.
+        """
         if all(entry.name != name for entry in self.entries()):
             return None
-        return load_certificates(self._issued / f"{name}.pem")
+        try:
+            chain = load_certificates(self._issued / f"{name}.pem")
+        except IdentityError:
+            return None
+        entry = self._ledger.entry(_serial(chain[0]))
+        return None if entry is None or entry.revoked is not None else chain
 
     def is_revoked(self, certificate: x509.Certificate) -> bool:
-        """Whether a certificate was revoked."""
-        return self._ledger.is_revoked(_serial(certificate))
+        """Whether a certificate was revoked.
 
-    def revoked_at(self, name: str) -> datetime | None:
+        Of one that the ledger does not know, as a part of it was lost: whether its name was.
+        """
+        entry = self._ledger.entry(_serial(certificate))
+        if entry is None:
+            return self.revocation(common_name(certificate)) is not None
+        return entry.revoked is not None
+
+    def revocation(self, name: str) -> Revocation | None:
         """When a certificate of a name was revoked last; ``None`` if none ever was."""
-        return self._ledger.revoked_at(name)
+        return self._ledger.revocation(name)
 
     def require_unrevoked(self, key: ec.EllipticCurvePublicKey) -> None:
         """Require that no certificate of a key was revoked.
@@ -74,25 +99,28 @@ class Register:
             raise IdentityError("this key was revoked; enrol with a fresh one, in a new folder")
 
     def revoke(self, name: str) -> list[Issued]:
-        """Revoke all certificates of a name.
+        """Revoke all certificates of a name, and give those that stood.
 
         Raises:
-            IdentityError: None of them stands.
+            IdentityError: None was ever issued to it.
         """
-        standing = [e for e in self.entries() if e.name == name and e.revoked is None]
-        if not standing:
-            raise IdentityError(f"no standing certificate of {name!r}; see `eskin pki list`")
+        issued = [entry for entry in self.entries() if entry.name == name]
+        if not issued:
+            raise IdentityError(f"no certificate was issued to {name!r}; see `eskin pki list`")
         now = datetime.now(UTC).isoformat()
-        revoked = [self._with_key(entry).revoke(now) for entry in standing]
-        self._ledger.add(*revoked)
+        revoked = [self._with_key(entry).revoke(now) for entry in issued if entry.revoked is None]
+        if revoked:
+            self._ledger.add(*revoked)
         return revoked
 
     def _with_key(self, entry: Issued) -> Issued:
         """An older line tells no key, but the certificate issued last may be at hand."""
         latest = None if entry.key else self.latest(entry.name)
-        if latest is None or _serial(latest[0]) != entry.serial:
-            return entry
-        return replace(entry, key=key_digest(public_key(latest[0])))
+        if latest is not None and _serial(latest[0]) == entry.serial:
+            # A revocation does without the key rather than not be.
+            with suppress(IdentityError):
+                return replace(entry, key=key_digest(public_key(latest[0])))
+        return entry
 
 
 def _serial(certificate: x509.Certificate) -> str:

@@ -23,7 +23,7 @@ from authority.tokens import TOKENS_FILE, Tokens
 from eskin.envelope import sign
 from eskin.errors import IdentityError, LockedError, UntrustedCertificateError
 from eskin.identity import Authority, Identity, IdentityKind, Trust, der, new_key, turn
-from eskin.identity.ledger import Issued, Ledger
+from eskin.identity.ledger import Issued, Ledger, Revocation
 from eskin.lockfile import LockFile
 from eskin.topics import RENEWAL
 
@@ -60,7 +60,8 @@ class Rig:
             return await client.post("/enrol", json=body)
 
     def token(self, name: str, count: int = 0) -> str:
-        return self.tokens.create(NODE, name, (), HOUR, count=count)
+        lines = self.authority.register.length()
+        return self.tokens.create(NODE, name, (), HOUR, lines=lines, count=count)
 
 
 @pytest.fixture
@@ -145,8 +146,8 @@ def test_revocation_wins_against_a_thief_who_keeps_renewing(tmp_path: Path) -> N
 
 def test_list_that_is_signed_meanwhile_forgets_nobody(tmp_path: Path) -> None:
     authority = Authority.open(tmp_path / "ca")
-    for name in ("palm", "fingertip"):
-        authority.issue(NODE, name, new_key().public_key())
+    names = ("palm", "fingertip")
+    chains = [authority.issue(NODE, name, new_key().public_key()) for name in names]
     stopping = Event()
 
     def keep_signing() -> None:
@@ -163,9 +164,7 @@ def test_list_that_is_signed_meanwhile_forgets_nobody(tmp_path: Path) -> None:
     written = authority.revocations_file(NODE).read_bytes()
     trust = Trust(*authority.roots)
     trust.revocations(NODE, written)
-    for name in ("palm", "fingertip"):
-        chain = authority.latest(name)
-        assert chain is not None
+    for chain in chains:
         with pytest.raises(UntrustedCertificateError, match="was revoked"):
             trust.verify([der(certificate) for certificate in chain], NODE)
 
@@ -234,12 +233,51 @@ def test_ledger_is_read_on_as_it_grows_and_anew_where_it_was_replaced(tmp_path: 
     with path.open("a") as file:
         file.write(line[30:])
     assert reader.entries() == [gone]
-    assert reader.is_revoked("a1")
+    assert reader.entry("a1") == gone
     assert reader.is_revoked_key("k1")
-    assert reader.revoked_at("palm") == datetime(2029, 1, 1, tzinfo=UTC)
+    assert reader.revocation("palm") == Revocation(2, datetime(2029, 1, 1, tzinfo=UTC))
     backup = tmp_path / "backup"
     backup.write_text(json.dumps(asdict(palm)) + "\n")
     backup.replace(path)
     assert reader.entries() == [palm]
     assert not reader.is_revoked_key("k1")
-    assert reader.revoked_at("palm") is None
+    assert reader.revocation("palm") is None
+
+
+@pytest.mark.parametrize("off", [-1, 1])
+def test_tokens_go_by_the_order_of_things_not_by_a_clock_that_is_wrong(
+    tmp_path: Path, off: int
+) -> None:
+    clock = [datetime.now(UTC)]
+    authority = Authority.open(tmp_path / "ca")
+    tokens = Tokens(tmp_path / TOKENS_FILE, clock=lambda: clock[0])
+    register = authority.register
+
+    def made(name: str) -> str:
+        return tokens.create(NODE, name, (), 9 * HOUR, lines=register.length())
+
+    for name in ("palm", "sole"):
+        authority.issue(NODE, name, new_key().public_key())
+    clock[0] += off * HOUR
+    before = made("palm")
+    authority.revoke("palm")
+    authority.revoke("sole")
+    after = made("sole")
+    clock[0] -= off * HOUR
+    reopened = Tokens(tmp_path / TOKENS_FILE)
+    with pytest.raises(IdentityError, match=r"palm was revoked on .* was made before"):
+        reopened.redeem(before, b"key", revocation=register.revocation)
+    assert reopened.redeem(after, b"key", revocation=register.revocation).name == "sole"
+
+
+def test_token_from_before_lines_were_noted_goes_by_its_time(tmp_path: Path) -> None:
+    path, now = tmp_path / TOKENS_FILE, datetime.now(UTC)
+    token = Tokens(path, clock=lambda: now).create(NODE, "palm", (), HOUR, lines=7)
+    (entry,) = json.loads(path.read_bytes())
+    del entry["lines"]
+    path.write_text(json.dumps([entry]))
+    tokens = Tokens(path)
+    with pytest.raises(IdentityError, match="was made before"):
+        tokens.redeem(token, b"key", revocation=lambda _: Revocation(3, now))
+    earlier = Revocation(9, now - timedelta(seconds=1))
+    assert tokens.redeem(token, b"key", revocation=lambda _: earlier).name == "palm"

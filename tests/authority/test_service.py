@@ -194,7 +194,7 @@ def test_fleet_waits_for_a_service_that_is_away(tmp_path: Path, service: Service
 def test_token_of_a_fleet_is_good_for_its_names_alone_and_expires(tmp_path: Path) -> None:
     now = [datetime.now(UTC)]
     tokens = Tokens(tmp_path / "tokens.json", clock=lambda: now[0])
-    first = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), count=3)
+    first = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), lines=0, count=3)
     tokens.exclude(["skin-0003"])
     assert tokens.redeem(first, b"key", "skin-0001").name == "skin-0001"
     for name in ("skin-0004", "skin-0000", "skin-1", "skin-0001x", "skin", "", "other-0001"):
@@ -202,7 +202,7 @@ def test_token_of_a_fleet_is_good_for_its_names_alone_and_expires(tmp_path: Path
             tokens.redeem(first, b"key", name)
     with pytest.raises(IdentityError, match="used before for skin-0003"):
         tokens.redeem(first, b"key", "skin-0003")
-    second = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), count=3)
+    second = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), lines=0, count=3)
     reopened = Tokens(tmp_path / "tokens.json", clock=lambda: now[0])
     with pytest.raises(IdentityError, match="not known"):
         reopened.redeem(first, b"key", "skin-0002")
@@ -233,8 +233,8 @@ def test_ca_keys_are_private(service: Service) -> None:
 
 def test_new_token_voids_the_older_one(tmp_path: Path) -> None:
     tokens = Tokens(tmp_path / "tokens.json")
-    first = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1))
-    second = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1))
+    first = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1), lines=0)
+    second = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1), lines=0)
     reopened = Tokens(tmp_path / "tokens.json")
     with pytest.raises(IdentityError, match="not known"):
         reopened.redeem(first, b"key")
@@ -244,7 +244,7 @@ def test_new_token_voids_the_older_one(tmp_path: Path) -> None:
 
 def test_expired_token_is_refused(tmp_path: Path) -> None:
     tokens = Tokens(tmp_path / "tokens.json")
-    token = tokens.create(IdentityKind.NODE, "palm", (), timedelta(seconds=-1))
+    token = tokens.create(IdentityKind.NODE, "palm", (), timedelta(seconds=-1), lines=0)
     with pytest.raises(IdentityError, match="expired"):
         tokens.redeem(token, b"key")
 

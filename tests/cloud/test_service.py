@@ -15,9 +15,9 @@ import httpx
 import pytest
 
 from cloud.access import create_login_code
-from cloud.listener import bind
 from cloud.settings import CloudSettings
 from cloud.store import Store
+from eskin.doorway import bind
 from eskin.errors import SettingsError
 from eskin.identity import Identity, IdentityKind, client_context
 from eskin.settings import table

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cloud.listener import Listener, bind
+from cloud.listener import Listener
+from eskin.doorway import bind
 from eskin.listening import PROMPT, Bounds
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -45,3 +46,40 @@ def test_killed_owner_leaves_nothing_locked(tmp_path: Path) -> None:
         owner.kill()
         owner.wait()
     LockFile(path).close()
+
+
+def test_lock_that_root_makes_is_the_folders_owners_and_no_other_file_is_given_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[tuple[int, int, int]] = []
+
+    def give(descriptor: int, user: int, group: int) -> None:
+        given.append((os.fstat(descriptor).st_ino, user, group))
+
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    monkeypatch.setattr(os, "fchown", give)
+    (tmp_path / "precious").touch()
+    (tmp_path / "linked.lock").symlink_to(tmp_path / "precious")
+    for _ in range(2):
+        LockFile(tmp_path / "spool").close()
+        LockFile(tmp_path / "linked").close()
+    folder, lock = tmp_path.stat(), (tmp_path / "spool.lock").stat()
+    assert given == [(lock.st_ino, folder.st_uid, folder.st_gid)]
+
+
+def test_lock_that_an_ordinary_user_makes_is_his(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(os, "fchown", None)
+    LockFile(tmp_path / "spool").close()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can be two users")
+def test_user_goes_on_where_root_was_first(tmp_path: Path) -> None:
+    folder = tmp_path / "of-a-user"
+    folder.mkdir()
+    os.chown(folder, 65534, 65534)
+    LockFile(folder / "spool").close()
+    found = (folder / "spool.lock").stat()
+    assert (found.st_uid, found.st_gid, found.st_mode & 0o777) == (65534, 65534, 0o600)

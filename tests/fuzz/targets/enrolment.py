@@ -31,7 +31,7 @@ def make(folder: Path) -> Target:
     logging.getLogger("authority").setLevel(logging.CRITICAL)
     identities = Identities(folder / "identities")
     tokens = Tokens(folder / "tokens.json")
-    token = tokens.create(IdentityKind.NODE, "palm", [], timedelta(days=3))
+    token = tokens.create(IdentityKind.NODE, "palm", [], timedelta(days=3), lines=0)
     days = timedelta(days=30)
     asker = Asker(create_application(identities.authority, tokens, lifetime=days, grace=days))
     stack = ExitStack()

@@ -1,0 +1,182 @@
+"""Whatever the CA was doing when it was cut off, whoever got a certificate can be revoked."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import pytest
+from cryptography.hazmat.primitives import serialization
+from typer.testing import CliRunner
+
+from authority.renewals import Renewals
+from authority.requests import make_request
+from eskin.command.pki import pki
+from eskin.envelope import sign
+from eskin.errors import IdentityError, UntrustedCertificateError
+from eskin.identity import Authority, IdentityKind, Trust, der, new_key, next_key, publishing
+from eskin.identity import register as register_module
+from eskin.identity.ledger import Ledger
+from eskin.topics import RENEWAL
+from tests.identities import Identities
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from cryptography import x509
+
+NODE = IdentityKind.NODE
+HOUR = timedelta(hours=1)
+OPEN = """
+import sys, time
+from pathlib import Path
+from eskin.identity import Authority
+while time.time() < float(sys.argv[2]):
+    pass
+Authority.open(Path(sys.argv[1]))
+"""
+
+
+class Cut(BaseException):
+    """The process ends here."""
+
+
+def cut(*_: object, **__: object) -> None:
+    """End the process."""
+    raise Cut
+
+
+class Rig:
+    """A CA, and a node that asks it to be renewed, always with the same request."""
+
+    def __init__(self, folder: Path) -> None:
+        self.own = Identities(folder)
+        self.authority = self.own.authority
+        self.renewals = Renewals(self.authority, lifetime=HOUR, grace=HOUR)
+        node = self.own.make(NODE, "palm")
+        request = make_request(next_key(node.directory), "palm")
+        self.asked = sign(request.public_bytes(serialization.Encoding.DER), own=node, topic=RENEWAL)
+
+    def renew(self) -> tuple[x509.Certificate, ...]:
+        return self.renewals.renew(self.asked)
+
+    def require_refused(self, chain: tuple[x509.Certificate, ...]) -> None:
+        trust = Trust(*self.authority.roots)
+        trust.revocations(NODE, self.authority.revocations_file(NODE).read_bytes())
+        with pytest.raises(UntrustedCertificateError, match="was revoked"):
+            trust.verify([der(certificate) for certificate in chain], NODE)
+
+
+@pytest.fixture
+def rig(tmp_path: Path) -> Rig:
+    return Rig(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("of", "step"), [(Ledger, "add"), (register_module, "write_whole")], ids=["ledger", "chain"]
+)
+@pytest.mark.parametrize("fault", [OSError(28, "No space left on device"), Cut()], ids=repr)
+def test_certificate_whose_issue_was_cut_off_can_be_revoked(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, of: object, step: str, fault: BaseException
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise fault
+
+    with monkeypatch.context() as patched:
+        patched.setattr(of, step, fail)
+        with pytest.raises(type(fault)):
+            rig.renew()
+    chain = rig.renew()
+    assert f"{chain[0].serial_number:x}" in {entry.serial for entry in rig.authority.issued()}
+    rig.authority.revoke("palm")
+    rig.require_refused(chain)
+
+
+def test_chain_that_the_ledger_does_not_know_is_given_to_nobody(rig: Rig) -> None:
+    ledger = rig.authority.directory / "ledger.jsonl"
+    noted = ledger.read_bytes()
+    lost = rig.renew()
+    ledger.write_bytes(noted)
+    assert rig.authority.latest("palm") is None
+    assert rig.renew() != lost
+    rig.authority.revoke("palm")
+    assert rig.authority.latest("palm") is None
+    assert rig.authority.register.is_revoked(lost[0]), "as its name was"
+
+
+def test_revocation_that_was_cut_off_is_published_by_the_next_look(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain = rig.authority.latest("palm")
+    assert chain is not None
+    with monkeypatch.context() as patched:
+        patched.setattr(publishing, "write_whole", cut)
+        with pytest.raises(Cut):
+            rig.authority.revoke("palm")
+    assert rig.authority.must_refresh(NODE)
+    Authority(rig.authority.directory).refresh_revocations(NODE)
+    assert not rig.authority.must_refresh(NODE)
+    rig.require_refused(chain)
+
+
+def test_revocation_that_was_cut_off_is_published_by_another(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chain = rig.authority.latest("palm")
+    assert chain is not None
+    with monkeypatch.context() as patched:
+        patched.setattr(publishing, "write_whole", cut)
+        with pytest.raises(Cut):
+            rig.authority.revoke("palm")
+    command = ["revoke", "--dir", str(rig.authority.directory), "--name", "palm"]
+    done = CliRunner().invoke(pki, command)
+    assert done.exit_code == 0
+    assert "palm was revoked before; its kind's revocation list is signed anew" in done.stdout
+    rig.require_refused(chain)
+    with pytest.raises(IdentityError, match="no certificate was issued to 'sole'"):
+        rig.authority.revoke("sole")
+
+
+@pytest.mark.parametrize("damage", [None, b"", b"no list"])
+def test_list_that_is_lost_or_damaged_stops_no_revocation(rig: Rig, damage: bytes | None) -> None:
+    chain, file = rig.authority.latest("palm"), rig.authority.revocations_file(NODE)
+    assert chain is not None
+    file.unlink()
+    if damage is not None:
+        file.write_bytes(damage)
+    assert rig.authority.must_refresh(NODE)
+    rig.authority.revoke("palm")
+    rig.require_refused(chain)
+
+
+@pytest.mark.parametrize("damage", [None, b"", b"no certificate"])
+def test_older_ledger_revokes_without_the_chain_at_hand(rig: Rig, damage: bytes | None) -> None:
+    chain, ledger = rig.authority.latest("palm"), rig.authority.directory / "ledger.jsonl"
+    assert chain is not None
+    entries = [json.loads(line) for line in ledger.read_text().splitlines()]
+    for entry in entries:
+        del entry["key"]
+    ledger.write_text("".join(json.dumps(entry) + "\n" for entry in entries))
+    kept = rig.authority.directory / "issued" / "palm.pem"
+    kept.unlink()
+    if damage is not None:
+        kept.write_bytes(damage)
+    (revoked,) = Authority(rig.authority.directory).revoke("palm")
+    assert revoked.key == ""
+    rig.require_refused(chain)
+
+
+def test_two_processes_that_open_a_fresh_folder_make_one_ca(tmp_path: Path) -> None:
+    for attempt in range(4):
+        folder = tmp_path / str(attempt) / "ca"
+        argv = [sys.executable, "-c", OPEN, str(folder), str(time.time() + 1.5)]
+        for process in [subprocess.Popen(argv) for _ in range(2)]:
+            assert process.wait(60) == 0
+        authority = Authority(folder)
+        for kind, name in ((NODE, "palm"), (IdentityKind.GATEWAY, "gateway.a")):
+            chain = authority.issue(kind, name, new_key().public_key())
+            Trust(*authority.roots).verify([der(one) for one in chain], kind)
