@@ -96,7 +96,7 @@ class Server(uvicorn.Server):
         self._fault = ""
         bounds = Bounds(body_bytes=_MOST_BODY)
         self._doorway = Doorway(bind("authority", settings.host, settings.port), bounds)
-        self._identity = _server_identity(settings, authority)
+        self._identity = self._shown = _server_identity(settings, authority)
         config = uvicorn.Config(
             app,
             http=guarded(bounds, greet=self._doorway.greet),
@@ -138,8 +138,15 @@ class Server(uvicorn.Server):
         await asyncio.shield(self._look_again() if look is None or look is before else look)
 
     def _look_again(self) -> asyncio.Task[None]:
-        self._looking = asyncio.create_task(asyncio.to_thread(self._look))
+        self._looking = asyncio.create_task(self._look_and_show())
         return self._looking
+
+    async def _look_and_show(self) -> None:
+        """Wait in a thread, but touch the TLS context here: connections are made from it."""
+        try:
+            await asyncio.to_thread(self._look)
+        finally:
+            self._show()
 
     def _tell(self, look: asyncio.Task[None]) -> None:
         """Say why it failed, once as long as it stays the same: it is tried each second."""
@@ -159,14 +166,18 @@ class Server(uvicorn.Server):
         issuer = self._authority.issuer(IdentityKind.SERVER, CA_SERVICE).certificate
         due = is_due(self._identity.certificate, datetime.now(UTC))
         if due or self._identity.chain[1] != issuer:
-            self._renew()
+            self._identity = _server_identity(self._settings, self._authority)
         for folder in self._enrolling:
             _spread_roots(self._authority, folder)
 
-    def _renew(self) -> None:
-        self._identity = own = _server_identity(self._settings, self._authority)
+    def _show(self) -> None:
+        """Have new connections shown the newest certificate."""
+        own = self._identity
+        if own is self._shown:
+            return
         if self.config.ssl is not None:
             self.config.ssl.load_cert_chain(own.directory / CHAIN_FILE, own.directory / KEY_FILE)
+        self._shown = own
         log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
 
 
@@ -176,13 +187,15 @@ def _hand_out(
     """Put token and root into the folder of who was never issued a certificate, or not whole."""
     _spread_roots(authority, expected.directory)
     names = numbered(expected.name, expected.count) if expected.count else [expected.name]
+    # First: whoever is revoked from here on is not enrolled by it.
+    lines = authority.register.length()
     issued = {entry.name for entry in authority.issued()}
     if issued.issuperset(names):
         return
     if expected.count:
         tokens.exclude(name for name in names if name in issued)
     given = expected.kind, expected.name, expected.hosts, lifetime
-    token = tokens.create(*given, lines=authority.register.length(), count=expected.count)
+    token = tokens.create(*given, lines=lines, count=expected.count)
     write_whole(expected.directory / f"{expected.name}.token", token.encode(), mode=0o600)
     log.info("token ready: kind=%s name=%s", expected.kind, expected.name)
 
