@@ -15,6 +15,8 @@ from tests.dashboard.pixels import CERTAIN, PREDICTED, read_plot
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
 
@@ -90,6 +92,24 @@ def test_anomalies_are_marked_and_summed_up(demo: RunningDemo, visit: Visit, rec
     columns = [read_plot(visit).column(middle) for middle in middles]
     wait_until(lambda: all(lane()[column] for column in columns), "all certain ones are marked")
     assert sum(lane()) / len(lane()) == pytest.approx(time["lo"] / 3, abs=0.1)
+
+
+def test_answer_that_comes_before_the_models_stays(visit: Visit, recorded: int) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    visit.page.route("**/api/v1/models*", hold)
+    window = history(CHANNEL, recorded - SECOND, recorded)
+    visit.open(f"{window}&model=touch.energy&origin=2026-01-01T00:00:00Z")
+    said = visit.page.get_by_test_id("model-answer").get_by_text("minimum_area is missing")
+    said.wait_for()
+    visit.troubles.clear()  # the browser itself complains of the refusal
+    (models,) = held
+    models.continue_()
+    visit.page.get_by_test_id("model-ask").wait_for()
+    assert said.is_visible()
 
 
 def test_what_cannot_be_compared_is_said(visit: Visit, recorded: int) -> None:

@@ -35,6 +35,7 @@ const WORDING: Wording = {
   because: (window) => `all that is known in this window of ${window} is as predicted`,
   name: "anomalous",
 };
+const LOADING = "Loading models…";
 const INTRODUCTION = "Certain: no value of the interval is predicted. Possible: some value is not.";
 
 function keyOf(question: ModelQuestion | null): string {
@@ -111,7 +112,7 @@ export class ModelForm {
 
   private async load(): Promise<void> {
     if (this.models !== null) return;
-    this.answer.textContent = "Loading models…";
+    this.answer.textContent = LOADING;
     try {
       const all = await this.options.context.client.models(this.loading.signal);
       if (this.models !== null) return;
@@ -128,7 +129,8 @@ export class ModelForm {
     }
     this.model.replaceChildren(...this.models.map(({ id }) => element("option", { value: id }, id.replace(".", ": ").replaceAll("_", " "))));
     this.form.hidden = false;
-    this.answer.textContent = this.applied === null ? INTRODUCTION : "Asking…";
+    // A question of the address may have its answer by now.
+    if (this.answer.textContent === LOADING) this.answer.textContent = this.applied === null ? INTRODUCTION : "Asking…";
     this.fill();
   }
 
