@@ -108,15 +108,20 @@ def test_chain_that_the_ledger_does_not_know_is_given_to_nobody(rig: Rig) -> Non
     assert rig.authority.register.is_revoked(lost[0]), "as its name was"
 
 
+def revoke_cut_off(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Revoke, and be ended before the list is written."""
+    with monkeypatch.context() as patched:
+        patched.setattr(publishing, "write_whole", cut)
+        with pytest.raises(Cut):
+            rig.authority.revoke("palm")
+
+
 def test_revocation_that_was_cut_off_is_published_by_the_next_look(
     rig: Rig, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     chain = rig.authority.latest("palm")
     assert chain is not None
-    with monkeypatch.context() as patched:
-        patched.setattr(publishing, "write_whole", cut)
-        with pytest.raises(Cut):
-            rig.authority.revoke("palm")
+    revoke_cut_off(rig, monkeypatch)
     assert rig.authority.must_refresh(NODE)
     Authority(rig.authority.directory).refresh_revocations(NODE)
     assert not rig.authority.must_refresh(NODE)
@@ -128,10 +133,7 @@ def test_revocation_that_was_cut_off_is_published_by_another(
 ) -> None:
     chain = rig.authority.latest("palm")
     assert chain is not None
-    with monkeypatch.context() as patched:
-        patched.setattr(publishing, "write_whole", cut)
-        with pytest.raises(Cut):
-            rig.authority.revoke("palm")
+    revoke_cut_off(rig, monkeypatch)
     command = ["revoke", "--dir", str(rig.authority.directory), "--name", "palm"]
     done = CliRunner().invoke(pki, command)
     assert done.exit_code == 0

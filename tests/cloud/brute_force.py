@@ -6,6 +6,7 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
+from sqlalchemy import func, select
 
 from cloud.query.occupancy import measure_occupancy
 from cloud.query.places import find_channel
@@ -14,6 +15,7 @@ from cloud.query.series import Series, read_series, union_coverage
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window
 from cloud.store.removal import Reason, Sweep, remove
+from cloud.store.tiles import stale
 from tests.cloud.messages import CHANNEL, NODE, START
 
 if TYPE_CHECKING:
@@ -123,3 +125,15 @@ def check_states(store: Store, truth: Truth, window: Window, question: Question)
 def remove_before(store: Store, before: int) -> None:
     sweep = Sweep(NODE, CHANNEL, Reason.AGE, before)
     store.write(lambda c: remove(c, store.ledger, sweep, most=500, now=START)).result(20)
+
+
+def lowest_level(store: Store) -> int:
+    """Of the channel's pyramid."""
+    with store.read() as connection:
+        return int(find_channel(connection, NODE, CHANNEL)["grain"])
+
+
+def count_marked(store: Store) -> int:
+    """Chunks that are to be made anew."""
+    with store.read() as connection:
+        return int(connection.execute(select(func.count()).select_from(stale)).scalar_one())

@@ -82,6 +82,16 @@ def sealing(
         yield stand
 
 
+@contextmanager
+def keyed(folder: Path, identities: Identities, site: Site) -> Iterator[Stand]:
+    """A cloud that was given the key of a site's person."""
+    with sealing(folder, identities) as stand:
+        vault = stand.cloud.keyholder.vault
+        assert vault is not None
+        vault.keep(site.ada.pseudonym, site.ada.key)
+        yield stand
+
+
 def physician(stand: Stand) -> str:
     """A token that may read what tells of a person."""
     scopes = [Scope.READ, Scope.BIOMETRIC]

@@ -6,13 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from sqlalchemy import func, select
 
 from cloud.pyramid.building import build
-from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.grid import MOST_CHUNKS
-from cloud.store.tiles import stale
 from tests.cloud.brute_force import (
     BOUNDS,
     QUESTIONS,
@@ -20,10 +17,12 @@ from tests.cloud.brute_force import (
     ask,
     check_states,
     compare,
+    count_marked,
+    lowest_level,
     remove_before,
 )
 from tests.cloud.clouds import put
-from tests.cloud.messages import CHANNEL, NODE, START, block
+from tests.cloud.messages import START, block
 
 if TYPE_CHECKING:
     from cloud.store import Store
@@ -36,7 +35,7 @@ def test_rates_far_apart_are_built_in_few_chunks_and_answer_as_brute_force(
     random = np.random.default_rng(seed)
     said = [block(0, [0.1], [0.3], time=(START, START), dt=1)]
     put(store, *said)
-    grains = [_grain(store)]
+    grains = [lowest_level(store)]
     for number in range(1, 8):
         dt = int(random.choice([1, 900, 10**6, 10**9, 10**12]))
         n = int(random.choice([1, 5, 300, 1000]))
@@ -50,8 +49,8 @@ def test_rates_far_apart_are_built_in_few_chunks_and_answer_as_brute_force(
             before = START + int(random.integers(0, 10**12))
             said = [b for b in said if b.tube.moments[-1] + b.tube.time_error >= before]
             remove_before(store, before)
-        grains.append(_grain(store))
-        assert _marked(store) <= MOST_CHUNKS * number
+        grains.append(lowest_level(store))
+        assert count_marked(store) <= MOST_CHUNKS * number
         if not said:
             continue
         truth = Truth(said)
@@ -62,26 +61,16 @@ def test_rates_far_apart_are_built_in_few_chunks_and_answer_as_brute_force(
         if series.resolution == "hull":
             compare(series, truth, window, 100)
     build(store)
-    assert _marked(store) == 0
+    assert count_marked(store) == 0
     assert grains == sorted(grains)
 
 
 def test_rate_a_thousand_times_lower_keeps_the_tiles(store: Store) -> None:
     values = np.zeros(250), np.ones(250)
     put(store, block(0, *values, time=(START, START), dt=1_000_000))
-    grain = _grain(store)
+    grain = lowest_level(store)
     put(store, block(1, *values, time=(START + 10**9,) * 2, dt=1_000_000_000))
     build(store)
     put(store, block(2, *values, time=(START + 2 * 10**9,) * 2, dt=1_000_000_000))
-    assert _marked(store) > 0, "the second one is late"
-    assert _grain(store) == grain
-
-
-def _grain(store: Store) -> int:
-    with store.read() as connection:
-        return int(find_channel(connection, NODE, CHANNEL)["grain"])
-
-
-def _marked(store: Store) -> int:
-    with store.read() as connection:
-        return int(connection.execute(select(func.count()).select_from(stale)).scalar_one())
+    assert count_marked(store) > 0, "the second one is late"
+    assert lowest_level(store) == grain

@@ -6,15 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from sqlalchemy import func, select
+from sqlalchemy import select
 
 from cloud.pyramid.building import build
-from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.grid import MOST_CHUNKS, MOST_SPAN, TOP, Comb, grain_for, grain_of
 from cloud.store.packing import pack_some
 from cloud.store.schema import blocks
-from cloud.store.tiles import stale
 from eskin.messages.encoding import Encoding
 from tests.cloud.brute_force import (
     BOUNDS,
@@ -23,6 +21,8 @@ from tests.cloud.brute_force import (
     ask,
     check_states,
     compare,
+    count_marked,
+    lowest_level,
     remove_before,
 )
 from tests.cloud.clouds import put
@@ -59,14 +59,14 @@ def test_slow_blocks_among_fast_ones_answer_as_brute_force_and_coarsen_nothing(
         put(store, *fresh[:2])
         build(store)
         put(store, *fresh[2:])
-        assert _marked(store) <= MOST_CHUNKS * len(fresh)
+        assert count_marked(store) <= MOST_CHUNKS * len(fresh)
         if random.random() < 0.7:
             build(store)
         if random.random() < 0.4:
             before = START + int(random.integers(0, 10**13))
             said = [b for b in said if b.tube.moments[-1] + b.tube.time_error >= before]
             remove_before(store, before)
-        assert _grain(store) == grain_of(MS)
+        assert lowest_level(store) == grain_of(MS)
         if not said:
             continue
         truth = Truth(said)
@@ -95,8 +95,8 @@ def test_pack_of_slow_blocks_coarsens_nothing_when_built_anew_or_removed(store: 
     truth, window = Truth(said), Window(START, START + 130 * SLOWEST)
     compare(ask(store, window, 100), truth, window, 100)
     remove_before(store, START + 200 * SLOWEST)
-    assert _grain(store) == grain_of(MS)
-    assert _marked(store) > MOST_CHUNKS
+    assert lowest_level(store) == grain_of(MS)
+    assert count_marked(store) > MOST_CHUNKS
 
 
 def test_slow_block_is_decoded_where_its_samples_are_alone(
@@ -123,13 +123,3 @@ def test_a_level_is_as_low_as_its_bounds_allow(first: int, n: int, dt: int) -> N
         span = max(chunks) - min(chunks) + 1
         # The first one keeps what it has, if it can.
         assert (level == grain) == (len(chunks) <= MOST_CHUNKS and span <= MOST_SPAN)
-
-
-def _grain(store: Store) -> int:
-    with store.read() as connection:
-        return int(find_channel(connection, NODE, CHANNEL)["grain"])
-
-
-def _marked(store: Store) -> int:
-    with store.read() as connection:
-        return int(connection.execute(select(func.count()).select_from(stale)).scalar_one())

@@ -27,6 +27,7 @@ from tests.cloud.sealing import (
     ask,
     beat,
     declared,
+    keyed,
     physician,
     pulse,
     remains,
@@ -53,10 +54,7 @@ def site(tmp_path: Path) -> Site:
 
 @pytest.fixture
 def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]:
-    with sealing(tmp_path, identities) as made:
-        vault = made.cloud.keyholder.vault
-        assert vault is not None
-        vault.keep(site.ada.pseudonym, site.ada.key)
+    with keyed(tmp_path, identities, site) as made:
         yield made
 
 

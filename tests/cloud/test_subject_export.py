@@ -14,9 +14,9 @@ from cloud.routes.subjects import stream_lines
 from tests.cloud.sealing import (
     Site,
     declared,
+    keyed,
     physician,
     pulse,
-    sealing,
 )
 
 if TYPE_CHECKING:
@@ -36,10 +36,7 @@ def site(tmp_path: Path) -> Site:
 
 @pytest.fixture
 def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]:
-    with sealing(tmp_path, identities) as made:
-        vault = made.cloud.keyholder.vault
-        assert vault is not None
-        vault.keep(site.ada.pseudonym, site.ada.key)
+    with keyed(tmp_path, identities, site) as made:
         yield made
 
 

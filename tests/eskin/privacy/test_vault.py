@@ -203,14 +203,20 @@ def cut_off(path: Path, target: Path) -> None:
     raise SystemExit(f"{path}, {target}")
 
 
-def test_power_cut_while_a_key_is_kept_leaves_no_copy_behind_an_erasure(
-    vault: Vault, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def keep_cut_off(vault: Vault, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Keep a key in a power cut; gives the file that is left."""
     with monkeypatch.context() as patch:
         patch.setattr("pathlib.Path.replace", cut_off)
         with pytest.raises(SystemExit):
             vault.keep(LATE, bytes(32))
     (left,) = (vault.directory / "subjects").iterdir()
+    return left
+
+
+def test_power_cut_while_a_key_is_kept_leaves_no_copy_behind_an_erasure(
+    vault: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = keep_cut_off(vault, monkeypatch)
     assert vault._master.unwrap(left.read_bytes(), LATE.encode())
     vault.keep(LATE, bytes(32))
     vault.bury(LATE)
@@ -220,11 +226,7 @@ def test_power_cut_while_a_key_is_kept_leaves_no_copy_behind_an_erasure(
 def test_what_a_power_cut_left_is_destroyed_at_the_next_opening(
     vault: Vault, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr("pathlib.Path.replace", cut_off)
-        with pytest.raises(SystemExit):
-            vault.keep(LATE, bytes(32))
-    (left,) = (vault.directory / "subjects").iterdir()
+    left = keep_cut_off(vault, monkeypatch)
     wrapped = left.read_bytes()
     with left.open("rb") as held:
         Vault(vault.directory, vault._master)
