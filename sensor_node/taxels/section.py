@@ -59,7 +59,10 @@ class TaxelSection(Section):
     disturbances: ClassVar[int] = 1
     """How many independent noises disturb one interval, at most."""
 
-    id: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$", description="such as t01")
+    id: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$",
+        description="such as t01; one that begins with bio- tells of a person by all it measures",
+    )
     noise: Noise = Field(description="disturbance of the measurement")
     position: tuple[Place, Place] | None = unit(
         "position_m",

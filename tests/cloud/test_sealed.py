@@ -171,10 +171,14 @@ async def test_sealed_message_is_stored_once(stand: Stand, site: Site) -> None:
     ]
 
 
+@pytest.mark.parametrize("channel", [CHANNEL, "bio-sole.pressure"])
 async def test_biometric_block_in_the_clear_is_refused_and_none_of_it_is_kept(
-    stand: Stand, tmp_path: Path
+    stand: Stand, tmp_path: Path, channel: str
 ) -> None:
-    told: list[Block | Peak] = [pulse(1, [1.2345678], [2.3456789]), beat(2)]
+    told: list[Block | Peak] = [
+        pulse(1, [1.2345678], [2.3456789], channel=channel),
+        beat(2, channel=channel),
+    ]
     stored = await stand.ingest(cbor2.dumps([[NODE, message.encode()] for message in told]))
     assert {item["result"] for item in stored.json()["items"]} == {"rejected"}
     with stand.cloud.store.read() as connection:

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from tests.gateway.wire_node import Seal
 
 BIOMETRIC = "t05.bioelectric"
+MARKED = "bio-t01.pressure"
 
 
 def remains(folder: Path) -> bytes:
@@ -38,11 +39,12 @@ def traces(message: Block | Peak) -> list[bytes]:
     return [data[at : at + 24] for at in range(len(data) // 2, len(data) - 24, 24)]
 
 
+@pytest.mark.parametrize("channel", [BIOMETRIC, MARKED])
 def test_biometric_block_and_peak_never_lie_in_the_clear(
-    inside: Inside, seal: Seal, tmp_path: Path
+    inside: Inside, seal: Seal, tmp_path: Path, channel: str
 ) -> None:
     introduce(inside, seal)
-    told: list[Block | Peak] = [block(1, channel=BIOMETRIC), peak(2, channel=BIOMETRIC)]
+    told: list[Block | Peak] = [block(1, channel=channel), peak(2, channel=channel)]
     inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, told[0].encode()))
     inside.arrive(Stream.EVENTS, seal("fingertip", Stream.EVENTS, told[1].encode()))
     reader = Unveiler(inside.vault)

@@ -68,8 +68,10 @@ def test_duplicate_is_acknowledged_again_and_neither_stored_nor_published_again(
 
 
 @pytest.mark.usefixtures("gateway")
-def test_what_tells_of_a_person_is_not_public(node: WireNode, listener: Listener) -> None:
-    biometric = "t01.bioelectric"
+@pytest.mark.parametrize("biometric", ["t01.bioelectric", "bio-sole.pressure"])
+def test_what_tells_of_a_person_is_not_public(
+    node: WireNode, listener: Listener, biometric: str
+) -> None:
     node.say(Stream.STATUS, status(0))
     node.say(Stream.BLOCKS, block(1, channel=biometric))
     node.say(Stream.EVENTS, peak(2, channel=biometric))
