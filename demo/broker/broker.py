@@ -17,13 +17,15 @@ import logging
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
+from amqtt.adapters import StreamReaderAdapter
 from amqtt.broker import Broker
 from amqtt.contexts import Action, BrokerConfig, ListenerConfig
 from amqtt.errors import MQTTError, NoDataError
-from amqtt.mqtt.protocol.broker_handler import BrokerProtocolHandler
 from amqtt.utils import gen_client_id
 
 from demo.broker.access import Party, may_publish, may_subscribe
+from demo.broker.handler import Handler
+from demo.broker.writer import GatheringWriter
 from eskin.errors import IdentityError
 from eskin.identity import server_context
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
@@ -74,9 +76,16 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         del listener
         return server_context(self._identity, client_certificates=True)
 
+    async def stream_connected(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, listener_name: str
+    ) -> None:
+        """As amqtt does, with a writer that writes seldom."""
+        gathering = GatheringWriter(writer)
+        await self._client_connected(listener_name, StreamReaderAdapter(reader), gathering)
+
     async def _initialize_client_session(
         self, reader: ReaderAdapter, writer: WriterAdapter, remote_address: str, remote_port: int
-    ) -> tuple[BrokerProtocolHandler, Session]:
+    ) -> tuple[Handler, Session]:
         """As amqtt does, but bound to the certificate; raises `MQTTError` for a refusal."""
         del remote_address, remote_port
         tls = writer.get_ssl_info()
@@ -117,12 +126,13 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
 
     async def _connect(
         self, reader: ReaderAdapter, writer: WriterAdapter
-    ) -> tuple[BrokerProtocolHandler, Session]:
+    ) -> tuple[Handler, Session]:
         try:
             async with asyncio.timeout(CONNECT_TIMEOUT_S):
-                handler, session = await BrokerProtocolHandler.init_from_connect(
+                handler, session = await Handler.init_from_connect(
                     reader, writer, self.plugins_manager
                 )
+                handler.is_heard = self._is_heard
                 return handler, session
         except TimeoutError as error:
             await _close(writer)
@@ -130,6 +140,10 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
         except (MQTTError, NoDataError):
             await _close(writer)
             raise
+
+    def _is_heard(self, topic: str) -> bool:
+        filters = self._subscriptions.items()
+        return any(given and self._matches(topic, pattern) for pattern, given in filters)
 
     async def _publish_retained_messages_for_subscription(
         self, subscription: tuple[str, int], session: Session

@@ -63,8 +63,10 @@ class Peer:
         wait_until(lambda: len(self.granted) > before, f"answer to subscribing {pattern}")
         return self.granted[-1]
 
-    def publish(self, topic: str, payload: bytes = b"x", *, retain: bool = False) -> None:
-        self.client.publish(topic, payload, qos=1, retain=retain).wait_for_publish(10)
+    def publish(
+        self, topic: str, payload: bytes = b"x", *, qos: int = 1, retain: bool = False
+    ) -> None:
+        self.client.publish(topic, payload, qos=qos, retain=retain).wait_for_publish(10)
 
     def close(self) -> None:
         self.client.disconnect()
@@ -135,6 +137,20 @@ def test_what_a_node_writes_elsewhere_reaches_nobody(peers: dict[str, Peer]) -> 
     wait_until(lambda: bool(peers["gateway"].messages), "genuine block arrives")
     assert peers["gateway"].messages == [(BLOCKS, b"genuine")]
     assert peers["client"].messages == []
+
+
+def test_what_is_said_once_to_nobody_is_gone_and_to_somebody_arrives(
+    peers: dict[str, Peer],
+) -> None:
+    topic = "eskin/v1/live/fingertip/t01.area"
+    peers["gateway"].publish(topic, b"early", qos=0)
+    peers["gateway"].publish("eskin/v1/live/fingertip/status", b"kept", qos=0, retain=True)
+    assert peers["client"].subscribe("eskin/v1/live/#")
+    peers["gateway"].publish(topic, b"heard", qos=0)
+    wait_until(lambda: len(peers["client"].messages) > 1, "both messages arrive")
+    said = {data for _, data in peers["client"].messages}
+    assert said == {b"kept", b"heard"}
+    peers["gateway"].publish("eskin/v1/live/fingertip/status", b"", retain=True)
 
 
 def test_what_a_client_publishes_reaches_nobody(peers: dict[str, Peer]) -> None:
