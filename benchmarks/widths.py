@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from eskin.messages import Block, decode_message
+from sensor_node.assembly import build_node, build_outbox, chip_key
 from sensor_node.flash import Flash
 from sensor_node.profile import Profile
-from sensor_node.service import build_node, build_outbox, chip_key
 from sensor_node.settings import NodeSettings
 from sensor_node.truth import Truth
 

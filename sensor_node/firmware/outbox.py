@@ -66,6 +66,7 @@ class Outbox:
         window: Messages under way without acknowledgement.
         resend_after: Time from leaving the radio until a message is sent again.
         status_every: Time between two status messages.
+        scribe: What writes messages.
         lock: Where several threads use it; they must be able to take it twice.
 
     Attributes:
@@ -83,9 +84,11 @@ class Outbox:
         window: int,
         resend_after: int,
         status_every: int,
+        scribe: "type[Scribe]" = Scribe,
         lock: "Lock | None" = None,
     ) -> None:
         self._chip = chip
+        self._hand = scribe
         self.capacity = capacity
         self._lock = lock or NoLock()
         self._window = Window(window, resend_after)
@@ -96,7 +99,7 @@ class Outbox:
 
     def _start(self) -> None:
         self.boot = self._chip.boot
-        self.scribe = Scribe(self.boot, self)
+        self.scribe = self._hand(self.boot, self)
         messages, used = self._chip.level()
         self._level = Level(messages, used, self._chip.gaps())
         self._sequence = self._settled = 0

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from sensor_node.firmware.outbox import Outbox
 from sensor_node.firmware.room import Level
-from sensor_node.fleet.scribe import FleetScribe
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,10 +39,6 @@ class MemberOutbox(Outbox):
     @_sequence.setter
     def _sequence(self, value: int) -> None:
         self._nodes.sequences[self._row] = value
-
-    def _start(self) -> None:
-        super()._start()
-        self.scribe = FleetScribe(self.boot, self)
 
     def settle(self, records: Sequence[Record]) -> None:
         """What was written is durable, or will be with the storage's transaction for many."""

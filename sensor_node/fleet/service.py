@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import numbered
+from sensor_node.assembly import REBOOT, chip_key
 from sensor_node.fleet.cohort import Cohort
 from sensor_node.fleet.connector import Connector
 from sensor_node.fleet.crew import Crew, Recruit
@@ -23,7 +24,6 @@ from sensor_node.fleet.storage import Storage
 from sensor_node.keys import NodeKeys
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.schedule import build_schedule
-from sensor_node.service import REBOOT, chip_key
 from sensor_node.settings import RadioSection
 from sensor_node.truth import Truth
 

@@ -22,6 +22,7 @@ from sensor_node.fleet.soloist import Soloist, require_alone
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.machine.events import NEVER
+from sensor_node.machine.scribe import CompiledScribe
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
@@ -99,6 +100,7 @@ class Squad:
                 window=broker.window,
                 resend_after=round(broker.resend_s * BILLION),
                 status_every=round(broker.status_s * BILLION),
+                scribe=CompiledScribe,
             )
             for row, chip in enumerate(chips)
         ]

@@ -14,7 +14,6 @@ from sensor_node.firmware.taxel import CHAINS
 from sensor_node.fleet.choir import Choir
 from sensor_node.fleet.columns import fresh
 from sensor_node.fleet.resting import MODES
-from sensor_node.fleet.scribe import BLOCK_BYTES, described
 from sensor_node.fleet.sensing import SensingRows
 from sensor_node.fleet.setting import designed, longest_region
 from sensor_node.fleet.telling import GONE, RECORD, Design, Group, Output, skip, tell
@@ -22,6 +21,7 @@ from sensor_node.fleet.timing import Timing
 from sensor_node.fleet.watch import bounded
 from sensor_node.machine.compilation import compiled_inversion
 from sensor_node.machine.crystal import BILLION
+from sensor_node.machine.scribe import BLOCK_BYTES, described
 from sensor_node.machine.sheet import data_sheet
 
 if TYPE_CHECKING:

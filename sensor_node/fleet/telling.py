@@ -10,17 +10,17 @@ import numpy as np
 from eskin.kernels.compiled import kernel, part
 from eskin.peaks.search import search
 from sensor_node.firmware.record import BLOCK, PEAK
-from sensor_node.fleet.cbor import Scratch, scratch
 from sensor_node.fleet.resting import forget, smooth, speaks
 from sensor_node.fleet.timing import Timing, error_at, ticks_of
-from sensor_node.fleet.writing import Channel, Span, block, peak
+from sensor_node.machine.cbor import Scratch, scratch
+from sensor_node.machine.writing import Channel, Span, block, peak
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from sensor_node.fleet.cbor import Bytes
     from sensor_node.fleet.columns import Columns
+    from sensor_node.machine.cbor import Bytes
 
     Integers = NDArray[np.int64]
 

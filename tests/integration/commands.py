@@ -22,12 +22,12 @@ from gateway.settings import (
     SpoolSection,
 )
 from gateway.settings import IdentitySection as GatewayIdentity
+from sensor_node.assembly import build_outbox
 from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
 from sensor_node.firmware.record import Channel
 from sensor_node.machine.radio import Radio
 from sensor_node.publisher import Publisher
-from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection as NodeBroker
 from sensor_node.settings import IdentitySection as NodeIdentity
 from sensor_node.settings import RadioSection

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from sensor_node.assembly import build_outbox
 from sensor_node.firmware import inversion
+from sensor_node.firmware.record import Scribe
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import Crystal
 from sensor_node.machine.radio import Radio
 from sensor_node.node import Node
 from sensor_node.profile import Profile
-from sensor_node.service import build_outbox
 from sensor_node.settings import NodeSettings
 from sensor_node.taxels import Taxel
 from sensor_node.truth import Truth
@@ -101,6 +102,7 @@ class Bench:
         *,
         drift: int = 0,
         functions: ModuleType = inversion,
+        scribe: type[Scribe] = Scribe,
         **sections: Any,
     ) -> None:
         self.settings = settings(folder, profile, **sections)
@@ -110,6 +112,7 @@ class Bench:
             self.flash,
             capacity=self.settings.flash.capacity_bytes,
             broker=self.settings.broker,
+            scribe=scribe,
         )
         self.traffic = Traffic()
         self.ticks = 0

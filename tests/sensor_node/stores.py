@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from eskin.messages import Gap, decode_message
+from sensor_node.assembly import build_outbox
 from sensor_node.firmware.encoding import F64
 from sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
 from sensor_node.firmware.record import Channel
-from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.sensor_node.designs import waiting
 from tests.sensor_node.flashes import KEY, open_flash

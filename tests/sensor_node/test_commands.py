@@ -14,10 +14,10 @@ from eskin.errors import FlashError
 from eskin.identity import IdentityKind
 from eskin.messages import Command, CommandName, Kind, Outcome, Result
 from eskin.topics import Stream, node_topic
+from sensor_node.assembly import build_outbox
 from sensor_node.commands import Commander
 from sensor_node.firmware.reasons import OVERRUN
 from sensor_node.flash import Flash
-from sensor_node.service import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.sensor_node.controls import SimpleControls
 from tests.sensor_node.designs import waiting

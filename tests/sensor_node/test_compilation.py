@@ -12,10 +12,12 @@ from hypothesis import strategies as st
 from sensor_node.firmware import inversion
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.machine.compilation import compiled_inversion
+from sensor_node.machine.scribe import CompiledScribe
 from sensor_node.machine.sheet import data_sheet
-from tests.sensor_node.designs import taxel
+from tests.sensor_node.designs import Bench, taxel
 
 if TYPE_CHECKING:
+    from pathlib import Path
     from types import ModuleType
 
 CODES = st.lists(st.integers(0, 4095), min_size=1, max_size=50)
@@ -38,3 +40,20 @@ def test_compiled_gives_the_same_bits(kind: str) -> None:
         assert measured(kind, [0, *codes, 4095], compiled_inversion(), inl) == plain
 
     check()
+
+
+@pytest.mark.parametrize("profile", ["fingertip", "palm", "forearm", "hand", "sole", "sock"])
+def test_compiled_node_says_every_byte_that_the_interpreted_one_says(
+    profile: str, tmp_path: Path
+) -> None:
+    plain = Bench(tmp_path / "plain", profile)
+    fast = Bench(tmp_path / "fast", profile, functions=compiled_inversion(), scribe=CompiledScribe)
+    for bench in (plain, fast):
+        bench.run_to(0.6)
+        bench.node.attend(10.0)
+        bench.run_to(1.5)
+    said = list(plain.bodies())
+    assert len(said) > 10
+    assert list(fast.bodies()) == said
+    plain.close()
+    fast.close()

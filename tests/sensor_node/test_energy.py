@@ -17,9 +17,9 @@ from eskin.messages import (
     decode_message,
 )
 from eskin.messages.head import Position
+from sensor_node.assembly import build_node, build_outbox
 from sensor_node.budget.traffic import sent_for
 from sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
-from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, START, Bench, settings, waiting
 from tests.sensor_node.flashes import open_flash

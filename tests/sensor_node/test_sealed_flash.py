@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from eskin.errors import FlashError
+from sensor_node.assembly import open_flash as open_as_set
 from sensor_node.firmware.record import PEAK, Record
 from sensor_node.sealing import UNREADABLE
-from sensor_node.service import open_flash as open_as_set
 from tests.sensor_node import designs
 from tests.sensor_node.flashes import change, on_disk, open_flash
 from tests.sensor_node.old_flash import ANSWER, CHARGE, SECRETS, TIME, write_old_flash

@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING
 from eskin.messages import Block, Gap, Position, decode_message
 from eskin.privacy import open_key
 from eskin.settings import KeysSection
+from sensor_node.assembly import REBOOT
 from sensor_node.cipher import Cipher
 from sensor_node.firmware.reasons import OVERRUN, TEXTS
 from sensor_node.sealing import Row, Sealing
-from sensor_node.service import REBOOT
 from sensor_node.truth import Truth
 from tests.processes import ESKIN, Running, free_port, wait_until
 from tests.sensor_node.peer import Peer

@@ -6,7 +6,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from eskin.errors import FlashError
-from sensor_node.service import build_outbox
+from sensor_node.assembly import build_outbox
 from sensor_node.settings import BrokerSection
 from tests.fuzz.mutations.octets import mutate_image
 from tests.fuzz.target import Target

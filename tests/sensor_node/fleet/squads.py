@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from sensor_node.assembly import build_node, build_outbox
 from sensor_node.controls import NodeControls
 from sensor_node.fleet.controls import MemberControls
 from sensor_node.fleet.squad import Squad, member_seed
 from sensor_node.fleet.storage import Storage
-from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, START, settings, table, waiting
 from tests.sensor_node.flashes import KEY, open_flash

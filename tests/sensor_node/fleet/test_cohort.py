@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
 
+from sensor_node.assembly import build_node, build_outbox
 from sensor_node.firmware.record import BLOCK, PEAK
 from sensor_node.fleet.cohort import Cohort
 from sensor_node.fleet.crew import Crew, Recruit
-from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
 from tests.sensor_node.flashes import open_flash

@@ -12,8 +12,8 @@ import pytest
 
 import sensor_node
 from eskin.errors import SettingsError
+from sensor_node.assembly import build_node, build_outbox
 from sensor_node.machine.budget import PROGRAM, ram_budget, require_fit, taxel_objects
-from sensor_node.service import build_node, build_outbox
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import Bench, settings
 from tests.sensor_node.firmware.jobs import Recorder

@@ -8,7 +8,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from eskin.messages import Gap, ResetCause, Result, Status
-from sensor_node.service import _serve, build_outbox
+from sensor_node.assembly import build_outbox
+from sensor_node.service import _serve
 from sensor_node.truth import Truth
 from tests.processes import wait_until
 from tests.sensor_node.designs import settings

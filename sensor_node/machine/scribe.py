@@ -1,4 +1,4 @@
-"""The firmware's scribe with a compiled hand: blocks of members that sample alone."""
+"""The firmware's scribe with a compiled hand: blocks of nodes that sample alone."""
 
 from __future__ import annotations
 
@@ -9,21 +9,21 @@ import numpy as np
 from eskin.kernels.compiled import kernel
 from sensor_node.firmware.cbor import Writer
 from sensor_node.firmware.record import BLOCK, Record, Scribe
-from sensor_node.fleet.cbor import scratch
-from sensor_node.fleet.writing import Channel, Span, block
+from sensor_node.machine.cbor import scratch
+from sensor_node.machine.writing import Channel, Span, block
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin.interval import Floats
     from sensor_node.firmware.record import Channel as Described
-    from sensor_node.fleet.cbor import Bytes
+    from sensor_node.machine.cbor import Bytes
 
 BLOCK_BYTES: Final = 400
 """More than a block takes beside its samples."""
 
 
-class FleetScribe(Scribe):
+class CompiledScribe(Scribe):
     """Writes the same bytes."""
 
     def block(

@@ -1,7 +1,7 @@
 """Blocks and peaks, compiled: byte for byte what the firmware writes.
 
-The twin of `sensor_node.firmware.encoding` and `record`, for thousands of nodes at once. A
-test holds it against the firmware on every profile and encoding.
+The twin of `sensor_node.firmware.encoding` and `record`: the emulator writes with it, for one node
+and for thousands at once. A test holds it against the firmware on every profile and encoding.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from eskin.kernels.compiled import part
 from sensor_node.firmware.encoding import F32, F64, TAGS
 from sensor_node.firmware.record import BLOCK, PEAK
-from sensor_node.fleet.cbor import (
+from sensor_node.machine.cbor import (
     BYTES,
     TAG,
     Scratch,
@@ -28,7 +28,7 @@ from sensor_node.machine.compilation import compiled_inversion
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
-    from sensor_node.fleet.cbor import Bytes
+    from sensor_node.machine.cbor import Bytes
 
 _up: Final = compiled_inversion().up
 _down: Final = compiled_inversion().down

@@ -1,0 +1,98 @@
+"""A node without radio and identity, on a chip that is thrown away; its time is the caller's."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.privacy.subject import KEY_BYTES
+from sensor_node.assembly import build_outbox
+from sensor_node.flash import Flash
+from sensor_node.machine.clock import Clock
+from sensor_node.machine.compilation import compiled_inversion
+from sensor_node.machine.crystal import BILLION, Crystal
+from sensor_node.machine.scribe import CompiledScribe
+from sensor_node.node import Node
+from sensor_node.truth import Truth
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from sensor_node.firmware.outbox import Outbox
+    from sensor_node.settings import NodeSettings
+
+_START: Final = 1_790_000_000 * BILLION
+"""Any moment: nothing depends on it."""
+
+
+class OfflineNode:
+    """A node that is asked to live for a while.
+
+    Attributes:
+        node: What samples.
+        flash: Takes what it says.
+        outbox: The same, as the firmware sees it.
+    """
+
+    def __init__(self, settings: NodeSettings, flash: Flash, truth: Truth) -> None:
+        self._now = 0
+        self.flash = flash
+        self.outbox: Outbox = build_outbox(
+            flash, capacity=2**30, broker=settings.broker, scribe=CompiledScribe
+        )
+        seed = truth.seed(settings.node.seed)
+        random = np.random.default_rng(seed)
+        clock = Clock(
+            start=_START,
+            monotonic=lambda: self._now,
+            speed=1.0,
+            rtc_error=0,
+            drift=0,
+            crystal=Crystal(0, random),
+            random=random,
+        )
+        self.node = Node(
+            settings,
+            clock=clock,
+            outbox=self.outbox,
+            truth=truth,
+            seed=seed,
+            functions=compiled_inversion(),
+        )
+
+    def run_until(self, time: int) -> None:
+        """Live up to a machine time in ns, as fast as it can."""
+        self._now = time
+        self.node.run_until(time)
+
+
+@contextmanager
+def offline_node(settings: NodeSettings) -> Iterator[OfflineNode]:
+    """A node that never tires, in a folder of its own.
+
+    Args:
+        settings: The node's; its supply never ends.
+    """
+    unlimited = settings.model_copy(
+        update={"energy": settings.energy.model_copy(update={"on": False})}
+    )
+    with tempfile.TemporaryDirectory() as folder:
+        truth = Truth(Path(folder) / "truth.sqlite", limit=2**24)
+        name, key = settings.node.name, os.urandom(KEY_BYTES)
+        flash = Flash(Path(folder) / "flash.sqlite", node=name, key=key)
+        try:
+            yield OfflineNode(unlimited, flash, truth)
+        finally:
+            flash.close()
+            truth.close()
+
+
+def rehearse(settings: NodeSettings) -> None:
+    """Measure and tell the first frame of each taxel: all is compiled before time begins."""
+    with offline_node(settings) as rehearsed:
+        rehearsed.run_until(max(taxel.next.end for taxel in rehearsed.node.taxels))
