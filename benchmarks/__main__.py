@@ -21,6 +21,7 @@ from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.pixels import measure_pixels
 from benchmarks.report import Row, as_table, write_json
+from benchmarks.storage import measure_storage
 from benchmarks.viewers import measure_viewers
 
 
@@ -60,6 +61,8 @@ def main() -> None:
             rows += measure_latency(data / "demo", seconds=options.seconds)
         with console.status("from the sample to the pixel in a browser …"):
             rows += measure_pixels(data / "pixels", seconds=options.seconds)
+        with console.status("what the demo's samples take of the disk …"):
+            rows += measure_storage(data / "disk", seconds=2 * options.seconds)
         with console.status("the live stream to 200 viewers …"):
             rows += measure_viewers(data / "viewers", seconds=options.seconds)
         with console.status("the dashboard's frames, and its pictures of months …"):

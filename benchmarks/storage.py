@@ -1,0 +1,56 @@
+"""Bytes on disk for each sample of the demo's channels, once packed, with pyramid and events.
+
+``python -m benchmarks.storage`` measures it alone.
+"""
+
+from __future__ import annotations
+
+import argparse
+import tempfile
+import time
+from pathlib import Path
+from typing import Final
+
+from benchmarks.report import Row
+from cloud.pyramid.building import build
+from cloud.store import Store
+from cloud.store.disk import measure_disk
+from cloud.store.packing import find_packable, pack_some
+from tests.demos import RunningDemo
+
+_MOST_BYTES: Final = 3.0
+_SPEED: Final = 4.0
+
+
+def measure_storage(data: Path, *, seconds: float) -> list[Row]:
+    """What a demo leaves in its store that ran for so many seconds, at four times the pace."""
+    with RunningDemo(data, "--speed", str(_SPEED)):
+        time.sleep(seconds)
+    with Store(data / "cloud" / "store.sqlite") as store:
+        build(store)
+        came = measure_disk(store)
+        for place in find_packable(store, 0):
+            while pack_some(store, place, 0):
+                pass
+        packed = measure_disk(store)
+    assert came.each is not None
+    assert packed.each is not None
+    name = f"bytes on disk a sample, {packed.samples / 1e6:.1f} M samples of the demo, packed"
+    ratio = came.each / packed.each
+    met = packed.each <= _MOST_BYTES
+    return [Row(name, packed.each, "bytes", "as it came", came.each, ratio, None, met)]
+
+
+def main() -> None:
+    """Measure, and say so."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.storage", description=__doc__)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory(prefix="eskin-disk-") as folder:
+        for row in measure_storage(Path(folder) / "demo", seconds=options.seconds):
+            met = "met" if row.met else "NOT met"
+            print(f"{row.name}: {row.value:.3g} ({row.peer}: {row.peer_value:.3g}; {met})")
+
+
+if __name__ == "__main__":
+    main()
