@@ -137,7 +137,9 @@ class Feed:
         if self._last > cursor or self.closed:
             return True
         try:
-            await asyncio.wait_for(news.wait(), seconds)
+            # Not `asyncio.wait_for`, which makes a task each time: many wait here.
+            async with asyncio.timeout(seconds):
+                await news.wait()
         except TimeoutError:
             return False
         return True

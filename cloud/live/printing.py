@@ -16,9 +16,11 @@ from eskin.messages import Block, BlockSummary, decode_summary
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
+    from cloud.live.selection import Selection
     from cloud.store.entry import Entry
 
 _KEPT: Final = 512
+_PAGES: Final = 16
 
 
 class Press:
@@ -29,6 +31,23 @@ class Press:
 
     def __init__(self) -> None:
         self._kept = lru_cache(_KEPT)(_of_block)
+        self._pages: dict[tuple[int, int, Selection], bytes] = {}
+
+    def page(self, found: Sequence[Entry], selection: Selection) -> bytes:
+        """What is asked for of neighbours in the feed, of which nothing is sealed.
+
+        Many look on in the same way, and are told of the same neighbours: printed once for all.
+        """
+        if not found:
+            return b""
+        key = found[0].cursor, found[-1].cursor, selection
+        page = self._pages.get(key)
+        if page is None:
+            said = [(entry, True) for entry in found if selection.takes(entry)]
+            page = self._pages[key] = self.print(said, selection.points)
+            while len(self._pages) > _PAGES:
+                del self._pages[next(iter(self._pages))]
+        return page
 
     def print(self, said: Sequence[tuple[Entry, bool]], points: int) -> bytes:
         """Entries as events of the stream.

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from cloud.live.pace import Pace
@@ -17,42 +16,13 @@ if TYPE_CHECKING:
 
     from cloud.live.feed import Feed
     from cloud.live.onlookers import Onlookers
+    from cloud.live.selection import Selection
     from cloud.store.entry import Entry
 
 log = logging.getLogger(__name__)
 
 _AT_ONCE: Final = 64
 _JOINED: Final = 2000
-
-
-@dataclass(frozen=True, slots=True)
-class Selection:
-    """What a stream is asked for.
-
-    Attributes:
-        nodes: These only; all if empty.
-        channels: These ``(node, channel)`` only, as far as blocks and peaks go; all if empty.
-        points: Entries that a block is reduced to at most.
-    """
-
-    nodes: frozenset[str]
-    channels: frozenset[tuple[str, str]]
-    points: int
-
-    @property
-    def looked_at(self) -> frozenset[str]:
-        """The nodes that it is of; all if empty."""
-        return self.nodes | {node for node, _ in self.channels}
-
-    def takes(self, entry: Entry) -> bool:
-        """Whether an entry is asked for; what a node says of itself comes with its channels."""
-        if self.nodes and entry.node not in self.nodes:
-            return False
-        if not self.channels:
-            return True
-        if entry.channel is None:
-            return any(node == entry.node for node, _ in self.channels)
-        return (entry.node, entry.channel) in self.channels
 
 
 async def stream(
@@ -89,9 +59,9 @@ async def stream(
                     yield event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
                 begun = cursor
                 found, cursor = await feed.after(cursor, _JOINED if pace.slow else _AT_ONCE)
-                said = _choose(found, selection, reveal)
+                said = _print(feed, found, selection, reveal, begun if pace.slow else None)
                 if said:
-                    yield _print(feed, said, selection.points, begun if pace.slow else None)
+                    yield said
                     asked = time.monotonic()
                     yield b""  # goes on once there is room for more
                     if begun >= present:
@@ -108,15 +78,22 @@ async def stream(
 
 
 def _print(
-    feed: Feed, said: Sequence[tuple[Entry, bool]], points: int, slow_since: int | None
+    feed: Feed,
+    found: Sequence[Entry],
+    selection: Selection,
+    reveal: Callable[[Entry], Entry | None],
+    slow_since: int | None,
 ) -> bytes:
-    """All of it; or its hulls, for whoever reads more slowly than there is to tell.
+    """All that is asked for; or its hulls, for whoever reads more slowly than there is to tell.
 
     What was missed before a stream began is told in full.
     """
+    if slow_since is None and all(entry.veiled is None for entry in found):
+        return feed.press.page(found, selection)
+    said = _choose(found, selection, reveal)
     if slow_since is None:
-        return feed.press.print(said, points)
-    return print_joined([entry for entry, _ in said], slow_since)
+        return feed.press.print(said, selection.points)
+    return print_joined([entry for entry, _ in said], slow_since) if said else b""
 
 
 def _choose(

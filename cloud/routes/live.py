@@ -10,7 +10,8 @@ from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
 from cloud.dependencies import CloudState, Reader
-from cloud.live.stream import Selection, stream
+from cloud.live.selection import Selection
+from cloud.live.stream import stream
 from cloud.problems import ProblemError
 from cloud.query.places import find_node, read_place
 from cloud.routes.documents import REFUSALS_OF_PLACE

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from cloud.live.printing import reduce_block
-from cloud.live.stream import Selection, stream
+from cloud.live.selection import Selection
+from cloud.live.stream import stream
 from cloud.settings import LiveSection
 from cloud.store.intake import Outcome
 from eskin.messages import Block
@@ -220,6 +221,21 @@ async def test_many_subscribers_cost_one_reduction_each_block(
     assert all(heard == first for heard in others)
     assert [len(event["data"]["t"]) for event in await take(stand, 3, selection=few)] == [2, 2, 2]
     assert sorted(reduced) == [(CHANNEL, 2)] * 3 + [(CHANNEL, 50)] * 3
+
+
+async def test_those_who_look_on_alike_are_told_the_same_bytes(stand: Stand) -> None:
+    await stand.ingest(batch(block(0), peak(1), block(2)))
+    feed = stand.cloud.feed
+    found, _ = await feed.after(0, 64)
+    first = feed.press.page(found, _ALL)
+    assert feed.press.page(list(found), Selection(frozenset(), frozenset(), 50)) is first
+    assert [event["event"] for event in events_of(first)] == ["block", "peak", "block"]
+    elsewhere = Selection(frozenset({"palm"}), frozenset(), 50)
+    assert feed.press.page(found, elsewhere) == b""
+    assert [event["id"] for event in events_of(feed.press.page(found[1:], _ALL))] == ["2", "3"]
+    for points in range(1, 100):
+        feed.press.page(found, Selection(frozenset(), frozenset(), points))
+    assert len(feed.press._pages) <= 16
 
 
 async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from cloud.live import Onlookers
-from cloud.live.stream import Selection, stream
+from cloud.live.selection import Selection
+from cloud.live.stream import stream
 from tests.cloud.clouds import batch
 from tests.cloud.messages import CHANNEL, NODE, block, status
 
