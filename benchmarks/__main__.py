@@ -20,6 +20,7 @@ from benchmarks.packing import measure_packing
 from benchmarks.peaks import measure_peaks
 from benchmarks.pipeline import measure_pipeline
 from benchmarks.pixels import measure_pixels
+from benchmarks.pyramid import measure_pyramid
 from benchmarks.report import Row, as_table, write_json
 from benchmarks.storage import measure_storage
 from benchmarks.viewers import measure_viewers
@@ -61,6 +62,12 @@ def main() -> None:
             rows += measure_latency(data / "demo", seconds=options.seconds)
         with console.status("from the sample to the pixel in a browser …"):
             rows += measure_pixels(data / "pixels", seconds=options.seconds)
+        # It shows its own progress.
+        rows += measure_pyramid(
+            {size: data / f"{size}.sqlite" for size in (10**6, 10**8)},
+            data / "asked",
+            questions=300,
+        )
         with console.status("what the demo's samples take of the disk …"):
             rows += measure_storage(data / "disk", seconds=2 * options.seconds)
         with console.status("the live stream to 200 viewers …"):
