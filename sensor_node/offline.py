@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import tempfile
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.errors import FlashError
 from eskin.privacy.subject import KEY_BYTES
 from sensor_node.assembly import build_outbox
 from sensor_node.flash import Flash
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
 
     from sensor_node.firmware.outbox import Outbox
     from sensor_node.settings import NodeSettings
+
+log = logging.getLogger(__name__)
 
 _START: Final = 1_790_000_000 * BILLION
 """Any moment: nothing depends on it."""
@@ -93,6 +97,12 @@ def offline_node(settings: NodeSettings) -> Iterator[OfflineNode]:
 
 
 def rehearse(settings: NodeSettings) -> None:
-    """Measure and tell the first frame of each taxel: all is compiled before time begins."""
-    with offline_node(settings) as rehearsed:
-        rehearsed.run_until(max(taxel.next.end for taxel in rehearsed.node.taxels))
+    """Measure and tell the first frame of each taxel: all is compiled before time begins.
+
+    Where there is no room for it, the node begins without, and may be late with its first frames.
+    """
+    try:
+        with offline_node(settings) as rehearsed:
+            rehearsed.run_until(max(taxel.next.end for taxel in rehearsed.node.taxels))
+    except (FlashError, OSError) as error:
+        log.warning("begins without a rehearsal: error=%s", error)
