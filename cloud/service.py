@@ -37,6 +37,7 @@ from eskin.identity import Trust
 from eskin.identity.identity import ROOT_FILE
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
+from eskin.memory import settle
 from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
@@ -169,6 +170,7 @@ async def _serve(cloud: Cloud) -> None:
         group.create_task(keep_packed(cloud, stopping), name="packing")
         for listener in listeners:
             await listener.ready.wait()
+        settle()
         log.info(
             "ready: people=%s gateways=%s store=%s",
             listeners[0].url,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 from eskin.identity import Trust, client_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.memory import settle
 from eskin.moment import SECOND
 from eskin.privacy import open_vault
 from gateway.acknowledger import Acknowledger
@@ -72,6 +73,7 @@ def run(settings: GatewaySettings) -> None:
         signal.signal(number, end)
     gateway = Gateway(settings)
     gateway.start()
+    settle()
     log.info(
         "ready: gateway=%s broker=%s:%d cloud=%s health=http://%s:%d/healthz",
         gateway.name,

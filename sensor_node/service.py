@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.identity import Identity
+from eskin.memory import settle
 from sensor_node.assembly import build_node, build_outbox, open_flash
 from sensor_node.callbacks import Callbacks
 from sensor_node.commands import Commander
@@ -101,6 +102,7 @@ def _serve(settings: NodeSettings, outbox: Outbox, truth: Truth, stop: threading
         identity=settings.identity,
     )
     publisher.start()
+    settle()
     log.info("running: node=%s boot=%d speed=%g", own.name, outbox.boot, own.speed)
     shortest = _SHORTEST_TICK_S if own.speed <= 1.0 else _SHORTEST_FAST_TICK_S
     while not stop.is_set():

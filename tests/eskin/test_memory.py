@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import gc
 from typing import TYPE_CHECKING
 
 import psutil
 
 import eskin.memory
-from eskin.memory import MUCH, Thrift, give_back
+from eskin.memory import MUCH, Thrift, give_back, settle
 
 if TYPE_CHECKING:
     import pytest
@@ -41,3 +42,14 @@ def test_what_lies_scattered_is_given_back() -> None:
     give_back()
     assert own.memory_info().rss < before - 50_000_000
     assert len(kept) == 2000
+
+
+def test_what_is_there_once_settled_is_looked_at_no_more() -> None:
+    there = [[number] for number in range(1000)]
+    before = gc.get_freeze_count()
+    try:
+        settle()
+        assert gc.get_freeze_count() > before + len(there)
+        assert not any(each is there[0] for each in gc.get_objects())
+    finally:
+        gc.unfreeze()
