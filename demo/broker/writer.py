@@ -23,9 +23,9 @@ class GatheringWriter(StreamWriterAdapter):  # type: ignore[misc]  # amqtt ships
     def __init__(self, writer: StreamWriter) -> None:
         super().__init__(writer)
         self._loop = asyncio.get_running_loop()
-        self._held: list[bytes] = []
+        self._held: list[bytes | bytearray] = []
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes | bytearray) -> None:
         """Write some bytes, with all others that come up in this turn."""
         if self.is_closed:
             return
