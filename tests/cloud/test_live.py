@@ -3,26 +3,24 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from contextlib import aclosing
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cloud.live.printing import reduce_block
 from cloud.live.selection import Selection
-from cloud.live.stream import stream
 from cloud.settings import LiveSection
 from cloud.store.intake import Outcome
 from eskin.messages import Block
 from eskin.moment import format_moment
 from tests.cloud.clouds import batch, problem, put, standing
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.cloud.streams import events_of, listen, take
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
     from pathlib import Path
 
     from cloud.query.series import Series
@@ -30,47 +28,6 @@ if TYPE_CHECKING:
     from tests.identities import Identities
 
 pytestmark = pytest.mark.anyio
-
-_ALL = Selection(frozenset(), frozenset(), 50)
-
-
-def parse(piece: bytes) -> dict[str, Any]:
-    """One event of a stream; a comment becomes ``comment``."""
-    found: dict[str, Any] = {}
-    for line in piece.decode().strip().split("\n"):
-        name, _, value = line.partition(": ")
-        found[name or "comment"] = value
-    if "data" in found:
-        found["data"] = json.loads(found["data"])
-    return found
-
-
-def events_of(piece: bytes) -> list[dict[str, Any]]:
-    """The events of a piece of a stream, without comments."""
-    parsed = [parse(one) for one in piece.split(b"\n\n") if one]
-    return [event for event in parsed if "event" in event]
-
-
-def listen(
-    stand: Stand, cursor: int = 0, selection: Selection = _ALL, **options: Any
-) -> AsyncIterator[bytes]:
-    """A stream on a cloud's feed."""
-    chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0, "allowed": lambda: True}
-    chosen["reveal"] = lambda entry: entry
-    chosen["onlookers"] = stand.cloud.onlookers
-    chosen |= options
-    return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
-
-
-async def take(stand: Stand, count: int, **options: Any) -> list[dict[str, Any]]:
-    """The first events of a stream, after its greeting."""
-    found: list[dict[str, Any]] = []
-    async with asyncio.timeout(20):
-        async for piece in listen(stand, **options):
-            found += events_of(piece)
-            if len(found) >= count:
-                return found[:count]
-    return found
 
 
 async def test_subscriber_hears_what_is_ingested_in_order(stand: Stand) -> None:
@@ -221,21 +178,6 @@ async def test_many_subscribers_cost_one_reduction_each_block(
     assert all(heard == first for heard in others)
     assert [len(event["data"]["t"]) for event in await take(stand, 3, selection=few)] == [2, 2, 2]
     assert sorted(reduced) == [(CHANNEL, 2)] * 3 + [(CHANNEL, 50)] * 3
-
-
-async def test_those_who_look_on_alike_are_told_the_same_bytes(stand: Stand) -> None:
-    await stand.ingest(batch(block(0), peak(1), block(2)))
-    feed = stand.cloud.feed
-    found, _ = await feed.after(0, 64)
-    first = feed.press.page(found, _ALL)
-    assert feed.press.page(list(found), Selection(frozenset(), frozenset(), 50)) is first
-    assert [event["event"] for event in events_of(first)] == ["block", "peak", "block"]
-    elsewhere = Selection(frozenset({"palm"}), frozenset(), 50)
-    assert feed.press.page(found, elsewhere) == b""
-    assert [event["id"] for event in events_of(feed.press.page(found[1:], _ALL))] == ["2", "3"]
-    for points in range(1, 100):
-        feed.press.page(found, Selection(frozenset(), frozenset(), points))
-    assert len(feed.press._pages) <= 16
 
 
 async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:
