@@ -99,6 +99,7 @@ class Server(uvicorn.Server):
         self._identity = self._shown = _server_identity(settings, authority)
         config = uvicorn.Config(
             app,
+            loop="asyncio",  # uvloop, which it takes where it is, accepts past the doorway
             http=guarded(bounds, greet=self._doorway.greet),
             ws="none",
             ssl_certfile=self._identity.directory / CHAIN_FILE,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import ssl
 import time
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack, ExitStack, suppress
 from datetime import timedelta
+from threading import Thread
 from typing import TYPE_CHECKING, Self
 
 import httpx
@@ -188,3 +190,31 @@ async def test_silent_connections_to_the_ca_leave_room_for_others(tmp_path: Path
             gone += reader.exception() is not None
         assert gone >= 10
         assert await serving.health("127.0.0.2") == 200
+
+
+def is_ended(guest: socket.socket) -> bool:
+    try:
+        return guest.recv(1, socket.MSG_DONTWAIT | socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        return True
+
+
+def test_silent_connections_are_counted_on_the_loop_that_the_service_chooses(
+    tmp_path: Path,
+) -> None:
+    serving = Serving(tmp_path)
+    thread = Thread(target=serving.server.run)
+    thread.start()
+    try:
+        wait_until(lambda: serving.server.started, "it listens", seconds=20)
+        with ExitStack() as stack:
+            guests = [
+                stack.enter_context(socket.create_connection(("127.0.0.1", serving.port)))
+                for _ in range(300)
+            ]
+            wait_until(lambda: sum(map(is_ended, guests)) >= 10, "some are refused", seconds=8)
+    finally:
+        serving.server.should_exit = True
+        thread.join()
