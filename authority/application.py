@@ -22,7 +22,7 @@ from authority.enrolments import Enrolments
 from authority.renewals import Renewals
 from authority.requests import der_of_pem
 from authority.tokens import Tokens
-from eskin.errors import IdentityError, LockedError
+from eskin.errors import AuthorityError, IdentityError, LockedError
 from eskin.identity import Authority, IdentityKind, common_name
 from eskin.identity.certificates import pem
 from eskin.identity.roots import offered_roots
@@ -111,17 +111,12 @@ def _add_refusals(app: FastAPI) -> None:
     @app.exception_handler(LockedError)
     async def wait(_: Request, error: LockedError) -> JSONResponse:
         log.warning("not now: %s", error)
-        return JSONResponse(
-            {
-                "type": "about:blank",
-                "title": "Service Unavailable",
-                "status": 503,
-                "detail": "the CA is being changed; come again",
-            },
-            status_code=503,
-            headers={"Retry-After": str(_PAUSE_S)},
-            media_type="application/problem+json",
-        )
+        return _not_now("the CA is being changed; come again")
+
+    @app.exception_handler(AuthorityError)
+    async def fail(_: Request, error: AuthorityError) -> JSONResponse:
+        log.error("the CA cannot be used: %s", error)
+        return _not_now("the CA cannot be used until its operator has looked at it; come again")
 
     @app.exception_handler(RequestValidationError)
     async def refuse_body(_: Request, error: RequestValidationError) -> JSONResponse:
@@ -137,6 +132,16 @@ def _add_refusals(app: FastAPI) -> None:
             status_code=422,
             media_type="application/problem+json",
         )
+
+
+def _not_now(detail: str) -> JSONResponse:
+    """Nobody's request is at fault, so that all may come again."""
+    return JSONResponse(
+        {"type": "about:blank", "title": "Service Unavailable", "status": 503, "detail": detail},
+        status_code=503,
+        headers={"Retry-After": str(_PAUSE_S)},
+        media_type="application/problem+json",
+    )
 
 
 def _add_public(app: FastAPI, authority: Authority, desk: Desk) -> None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 
-from eskin.errors import IdentityError
+from eskin.errors import AuthorityError, IdentityError
 from eskin.identity.certificates import ca_certificate, new_key, pem
 from eskin.identity.identity import load_certificates, load_key, save_key, write_whole
 from eskin.identity.roots import ROOT_NAME, is_issued_by, is_replaced, newer_root
@@ -66,14 +66,18 @@ def load_issuers(directory: Path, kind: IdentityKind) -> tuple[Issuer, ...]:
     """The issuing CAs of a kind, the one that issues now first.
 
     Raises:
-        IdentityError: A certificate or its key is missing or cannot be read.
+        AuthorityError: A certificate or its key is missing or cannot be read.
     """
-    keys = [load_key(path) for path in sorted(directory.glob(f"{kind}.*key"))]
+    try:
+        keys = [load_key(path) for path in sorted(directory.glob(f"{kind}.*key"))]
+        certificates = load_certificates(directory / f"{kind}.pem")
+    except IdentityError as error:
+        raise AuthorityError(str(error)) from error
     issuers = []
-    for certificate in load_certificates(directory / f"{kind}.pem"):
+    for certificate in certificates:
         held = [key for key in keys if key.public_key() == certificate.public_key()]
         if not held:
-            raise IdentityError(
+            raise AuthorityError(
                 f"{directory}: the key of a {kind} CA is missing; bring it back from a backup"
             )
         issuers.append(Issuer(certificate, held[0]))

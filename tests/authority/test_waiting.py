@@ -27,8 +27,10 @@ from eskin.lockfile import LockFile
 from tests.processes import free_port, wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Callable
     from pathlib import Path
+
+    from cryptography.hazmat.primitives.asymmetric import ec
 
 pytestmark = pytest.mark.anyio
 HOUR = timedelta(hours=1)
@@ -54,8 +56,11 @@ class Rig:
     def token(self, name: str) -> str:
         return self.tokens.create(NODE, name, (), HOUR, lines=0)
 
-    async def enrol(self, token: str, name: str) -> httpx.Response:
-        made = make_request(new_key(), name).public_bytes(serialization.Encoding.PEM).decode()
+    async def enrol(
+        self, token: str, name: str, key: ec.EllipticCurvePrivateKey | None = None
+    ) -> httpx.Response:
+        request = make_request(key or new_key(), name)
+        made = request.public_bytes(serialization.Encoding.PEM).decode()
         return await self.client.post("/enrol", json={"token": token, "request": made})
 
     def others_turn(self) -> LockFile:
@@ -111,6 +116,32 @@ async def test_only_so_many_wait_and_not_for_ever(
     assert [answer.status_code for answer in answers] == [503] * 5
     assert all(answer.headers["retry-after"] for answer in answers)
     assert (await rig.enrol(tokens[0], "skin0")).status_code == 200
+
+
+def damage_ledger(folder: Path) -> None:
+    with (folder / "ledger.jsonl").open("ab") as ledger:
+        ledger.write(b"no line\n")
+
+
+def lose_key(folder: Path) -> None:
+    (folder / "node.key").unlink()
+
+
+@pytest.mark.parametrize("harm", [damage_ledger, lose_key])
+async def test_party_comes_again_where_the_ca_itself_is_at_fault(
+    rig: Rig, harm: Callable[[Path], None]
+) -> None:
+    token, key, folder = rig.token("palm"), new_key(), rig.authority.directory
+    good = {path: path.read_bytes() for path in (folder / "ledger.jsonl", folder / "node.key")}
+    harm(folder)
+    answer = await rig.enrol(token, "palm", key)
+    assert answer.status_code == 503
+    assert answer.headers["retry-after"]
+    assert str(folder) not in answer.text, "strangers need not know"
+    for path, content in good.items():
+        path.write_bytes(content)
+        path.chmod(0o600)
+    assert (await rig.enrol(token, "palm", key)).status_code == 200
 
 
 def served(folder: Path) -> tuple[Server, str]:
