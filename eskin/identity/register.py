@@ -11,6 +11,7 @@ from eskin.errors import IdentityError
 from eskin.identity.certificates import common_name, issuer_kind, key_digest, pem, public_key
 from eskin.identity.identity import load_certificates, write_whole
 from eskin.identity.ledger import Issued, Ledger, Revocation
+from eskin.ownership import make_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +51,7 @@ class Register:
             key=key_digest(public_key(certificate)),
         )
         self._ledger.add(entry)
-        self._issued.mkdir(exist_ok=True)
+        make_folder(self._issued, mode=0o755)
         write_whole(self._issued / f"{name}.pem", pem((certificate, issuer)))
 
     def entries(self) -> list[Issued]:

@@ -23,6 +23,7 @@ from eskin.identity.identity import (
     write_whole,
 )
 from eskin.identity.roots import is_issued_by
+from eskin.ownership import make_folder
 
 if TYPE_CHECKING:
     from datetime import datetime, timedelta
@@ -55,7 +56,7 @@ def next_key(directory: Path) -> ec.EllipticCurvePrivateKey:
     path = directory / NEXT / KEY_FILE
     try:
         if not path.exists():
-            path.parent.mkdir(exist_ok=True, mode=0o700)
+            make_folder(path.parent)
             save_key(path, new_key())
     except OSError as error:
         raise IdentityError(f"{path}: a new key cannot be written: {error.strerror}") from error
