@@ -140,6 +140,12 @@ def retire_issuers(directory: Path, kind: IdentityKind, standing: Sequence[Issue
             path.unlink()
 
 
+def has_leftovers(directory: Path, kind: IdentityKind) -> bool:
+    """Whether there are keys or anchors of issuing CAs beside the one that issues now."""
+    keys = list(directory.glob(f"{kind}.*key"))
+    return len(keys) > 1 or len(load_certificates(directory / f"{kind}.anchor.pem")) > 1
+
+
 def _certificate(
     kind: IdentityKind,
     key: ec.EllipticCurvePrivateKey,

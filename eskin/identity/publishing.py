@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from cryptography import x509
 
+from eskin.errors import IdentityError
 from eskin.identity.certificates import pem
-from eskin.identity.identity import write_whole
+from eskin.identity.identity import load_certificates, write_whole
 from eskin.identity.issuer import LIST_LIFETIME, load_issuers
 from eskin.identity.revocations import revoked_serials
 
@@ -64,14 +65,22 @@ class RevocationLists:
         self.write(kind)
 
     def is_due(self, kind: IdentityKind) -> bool:
-        """Whether a day has passed since the list was signed, or it lacks who was revoked."""
+        """Whether a day has passed since the list was signed, or it lacks whom it should hold."""
         standing = self._standing(kind)
-        if standing is None or standing.next_update_utc is None:
+        if standing is None or standing.next_update_utc is None or not self.is_complete(kind):
             return True
         if standing.next_update_utc - datetime.now(UTC) < LIST_LIFETIME - timedelta(days=1):
             return True
         listed = revoked_serials(self.file(kind).read_bytes())
         return not listed.issuperset(entry.serial for entry in self._revoked(kind))
+
+    def is_complete(self, kind: IdentityKind) -> bool:
+        """Whether the issuing CAs that stand, and no others, have signed the list."""
+        issuers = load_certificates(self._directory / f"{kind}.pem")
+        try:
+            return set(load_certificates(self.file(kind))) == set(issuers)
+        except IdentityError:
+            return False
 
     def _revoked(self, kind: IdentityKind) -> list[Issued]:
         entries = self._register.entries()
