@@ -98,7 +98,7 @@ class Renewals:
             old, issuer = (read_certificate(one) for one in signer_chain(signed))
         except (EnvelopeError, ValueError) as error:
             raise IdentityError(f"no request to renew: {error}") from error
-        if self._authority.register.is_revoked(old):
+        if self._authority.is_revoked(old):
             raise IdentityError(f"{common_name(old)} was revoked; enrol it again")
         if self._clock() > old.not_valid_after_utc + self._grace:
             raise IdentityError(

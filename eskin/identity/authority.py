@@ -14,7 +14,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import leaf_certificate
+from eskin.identity.certificates import issuer_kind, leaf_certificate
 from eskin.identity.founding import found
 from eskin.identity.identity import ROOT_FILE, load_certificates
 from eskin.identity.issuer import (
@@ -167,6 +167,16 @@ class Authority:
     def issued(self) -> list[Issued]:
         """All certificates ever issued, the latest word on each, in order of issue."""
         return self.register.entries()
+
+    def is_revoked(self, certificate: x509.Certificate) -> bool:
+        """Whether a certificate was revoked, as the ledger or the list that stands says.
+
+        Raises:
+            IdentityError: It is of no kind.
+        """
+        if self.register.is_revoked(certificate):
+            return True
+        return self._lists.holds(issuer_kind(certificate), certificate)
 
     def revoke(self, name: str) -> list[Issued]:
         """Revoke all certificates of a name, and write its kind's revocation list anew.

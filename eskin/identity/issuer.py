@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric import ec
 
     from eskin.identity.kinds import IdentityKind
-    from eskin.identity.ledger import Issued
 
 ISSUER_LIFETIME: Final = timedelta(days=1825)
 LIST_LIFETIME: Final = timedelta(days=7)
@@ -49,16 +48,24 @@ class Issuer:
         """Serial number of its certificate, hexadecimal."""
         return f"{self.certificate.serial_number:x}"
 
-    def revocation_list(self, revoked: Iterable[Issued]) -> bytes:
-        """A revocation list (PEM; RFC 5280, section 5)."""
-        now = datetime.now(UTC)
+    def revocation_list(
+        self, revoked: Iterable[x509.RevokedCertificate], *, number: int, now: datetime
+    ) -> bytes:
+        """A revocation list (PEM; RFC 5280, section 5).
+
+        Args:
+            revoked: What it holds.
+            number: Its place among its issuer's lists.
+            now: When it is signed.
+        """
         builder = x509.CertificateRevocationListBuilder(
             issuer_name=self.certificate.subject, last_update=now, next_update=now + LIST_LIFETIME
         )
         key = x509.AuthorityKeyIdentifier.from_issuer_public_key(self.key.public_key())
         builder = builder.add_extension(key, critical=False)
+        builder = builder.add_extension(x509.CRLNumber(number), critical=False)
         for entry in revoked:
-            builder = builder.add_revoked_certificate(_revocation(entry))
+            builder = builder.add_revoked_certificate(entry)
         return builder.sign(self.key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 
@@ -160,14 +167,4 @@ def _certificate(
         path_length=0,
         not_before=datetime.now(UTC),
         lifetime=ISSUER_LIFETIME,
-    )
-
-
-def _revocation(entry: Issued) -> x509.RevokedCertificate:
-    revoked = datetime.fromisoformat(entry.revoked or "")
-    return (
-        x509.RevokedCertificateBuilder()
-        .serial_number(int(entry.serial, 16))
-        .revocation_date(revoked)
-        .build()
     )

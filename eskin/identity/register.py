@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -14,10 +15,13 @@ from eskin.identity.ledger import Issued, Ledger, Revocation
 from eskin.ownership import make_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
+
+log = logging.getLogger(__name__)
 
 LEDGER: Final = "ledger.jsonl"
 
@@ -113,6 +117,22 @@ class Register:
         if revoked:
             self._ledger.add(*revoked)
         return revoked
+
+    def recall(self, listed: Mapping[str, datetime]) -> None:
+        """Note again who was revoked, where the ledger has forgotten it.
+
+        Args:
+            listed: What a revocation list says: serial numbers, hexadecimal, and when.
+        """
+        forgotten = [
+            self._with_key(entry).revoke(listed[entry.serial].isoformat())
+            for entry in self.entries()
+            if entry.revoked is None and entry.serial in listed
+        ]
+        if forgotten:
+            self._ledger.add(*forgotten)
+            names = ", ".join(entry.name for entry in forgotten)
+            log.warning("revocations that the ledger had forgotten are noted again: %s", names)
 
     def _with_key(self, entry: Issued) -> Issued:
         """An older line tells no key, but the certificate issued last may be at hand."""
