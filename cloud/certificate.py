@@ -5,10 +5,15 @@ from __future__ import annotations
 import ssl
 from typing import TYPE_CHECKING
 
-from eskin.errors import SettingsError
+from eskin.errors import IdentityError, SettingsError
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE
+from eskin.identity.tls import show
+from eskin.identity.version import version
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from eskin.identity.version import Version
 
 
 class Certificate:
@@ -26,13 +31,12 @@ class Certificate:
     """
 
     def __init__(self, setting: str, folder: Path) -> None:
-        self._chain, self._key = folder / "chain.pem", folder / "key.pem"
-        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        self.context.minimum_version = ssl.TLSVersion.TLSv1_2
+        self._folder = folder
+        self.context = _context()
         try:
-            self._version = self._stat()
-            self.context.load_cert_chain(self._chain, self._key)
-        except (OSError, ssl.SSLError) as error:
+            self._shown = self._versions()
+            show(self.context, folder)
+        except (IdentityError, OSError) as error:
             raise SettingsError(
                 setting, f"{folder}: chain.pem and key.pem cannot be used: {error}"
             ) from error
@@ -41,15 +45,23 @@ class Certificate:
         """Take a renewed certificate; gives whether there was one.
 
         Raises:
-            OSError: It cannot be used (ssl.SSLError is one, too).
+            IdentityError: It cannot be used, and is tried again.
+            OSError: It cannot be looked at.
         """
-        version = self._stat()
-        if version == self._version:
+        versions = self._versions()
+        if versions == self._shown:
             return False
-        self._version = version
-        self.context.load_cert_chain(self._chain, self._key)
+        # A context that fails is left with a certificate whose key it does not have.
+        show(_context(), self._folder)
+        show(self.context, self._folder)
+        self._shown = versions
         return True
 
-    def _stat(self) -> tuple[int, int]:
-        found = self._chain.stat()
-        return found.st_mtime_ns, found.st_ino
+    def _versions(self) -> tuple[Version, Version]:
+        return version(self._folder / CHAIN_FILE), version(self._folder / KEY_FILE)
+
+
+def _context() -> ssl.SSLContext:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    return context

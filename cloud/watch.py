@@ -12,7 +12,7 @@ from cloud.chore import repeat
 from cloud.store.intake import Outcome
 from cloud.store.news import WATCHED, tell
 from cloud.store.presence import give_up
-from eskin.errors import StoreError
+from eskin.errors import IdentityError, StoreError
 from eskin.moment import SECOND
 
 if TYPE_CHECKING:
@@ -77,5 +77,5 @@ def _refresh(certificate: Certificate) -> None:
     try:
         if certificate.refresh():
             log.info("certificate renewed")
-    except OSError as error:
+    except (IdentityError, OSError) as error:
         log.warning("renewed certificate not taken: reason=%s", error)
