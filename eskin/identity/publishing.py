@@ -90,7 +90,7 @@ class RevocationLists:
         now = datetime.now(UTC)
         if standing.next_update_utc - now < LIST_LIFETIME - timedelta(days=1):
             return True
-        if _second(standing.last_update_utc) < number_of(standing) <= _second(now):
+        if _second(standing.last_update_utc) < number_of(standing) < _second(now):
             return True
         listed = self._listed(kind)
         own = [one for one in self._register.entries() if one.kind == kind]

@@ -83,6 +83,20 @@ def test_older_list_is_refused_though_the_clock_says_that_it_is_newer(
         trust.revocations(NODE, older)
 
 
+def test_lists_of_one_second_do_not_have_others_signed_for_ever(
+    own: Identities, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(publishing, "datetime", Clock)
+    for _ in range(5):
+        own.authority.write_revocations(NODE)
+    signed = 0
+    for seconds in range(1, 30):
+        monkeypatch.setattr(Clock, "ahead", timedelta(seconds=seconds))
+        signed += own.authority.must_refresh(NODE)
+        own.authority.refresh_revocations(NODE)
+    assert signed <= 1
+
+
 def test_ledger_from_a_backup_forgets_no_revocation(own: Identities) -> None:
     ledger = own.ca / "ledger.jsonl"
     backup = ledger.read_bytes()
