@@ -69,5 +69,6 @@ def create(path: Path, *, mode: int) -> int:
         give_to_owner(made, path.parent)
     except OSError:
         os.close(made)
+        path.unlink(missing_ok=True)
         raise
     return made
