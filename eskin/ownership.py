@@ -1,6 +1,4 @@
-"""What root makes in a folder is that folder's owner's, so that a command run by root shuts no
-service out of its own files.
-"""
+"""What root makes in a folder is that folder's owner's: no command shuts a service out."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Log lines about refused messages, so few that a node whose every message is refused fills no disk."""
+"""Log lines about refused messages, so few that a node of which all is refused fills no disk."""
 
 from __future__ import annotations
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
 
 from cloud.store.grid import CHUNK, grain_for
-from cloud.store.numbers import StoredNumbers
 from cloud.store.news import FEED, tell
+from cloud.store.numbers import StoredNumbers
 from cloud.store.schema import channels, feed, nodes, sequences
 from cloud.store.tiles import stale
 from eskin.errors import StoreError

@@ -1,4 +1,4 @@
-"""The memory behind *once*: which numbers of a boot are stored, and what of it is not written yet."""
+"""The memory behind *once*: which numbers of a boot are stored, and what is not written yet."""
 
 from __future__ import annotations
 

@@ -37,9 +37,7 @@ class Rig:
         self.own = Identities(folder)
         self.authority = self.own.authority
         self.tokens = Tokens(self.own.ca / TOKENS_FILE)
-        self.app: FastAPI = create_application(
-            self.authority, self.tokens, lifetime=DAY, grace=DAY
-        )
+        self.app: FastAPI = create_application(self.authority, self.tokens, lifetime=DAY, grace=DAY)
 
     def post(self, path: str, *bodies: dict[str, str]) -> list[httpx.Response]:
         async def ask() -> list[httpx.Response]:

@@ -69,13 +69,13 @@ def test_ca_that_root_rotates_stays_its_users(tmp_path: Path) -> None:
 def test_file_that_several_replace_at_once_is_always_whole(tmp_path: Path) -> None:
     path = tmp_path / "list"
     write_whole(path, b"0" * SIZE)
-    faults: list[BaseException] = []
+    faults: list[OSError] = []
 
     def replace(letter: bytes) -> None:
         try:
             for _ in range(40):
                 write_whole(path, letter * SIZE)
-        except BaseException as error:
+        except OSError as error:
             faults.append(error)
 
     writers = [Thread(target=replace, args=(letter,)) for letter in (b"1", b"2", b"3")]

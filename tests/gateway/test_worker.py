@@ -143,10 +143,7 @@ def test_message_that_breaks_the_gateway_hinders_no_other(
     monkeypatch.setattr(inside.veiling, "guard", breaks)
     bodies = [block(number).encode() for number in (1, 2, 3)]
     inside.worker.attempt(
-        [
-            inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body))
-            for body in bodies
-        ]
+        [inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body)) for body in bodies]
     )
     assert inside.stored() == [status(0).encode(), *bodies[1:]]
     assert inside.rejected() == {"fault": 1}
