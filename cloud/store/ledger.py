@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
 
@@ -15,16 +15,19 @@ from cloud.store.tiles import stale
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sqlalchemy import ColumnElement, Connection, Table
 
     from cloud.store.grid import Comb
 
 Row: TypeAlias = dict[str, Any]
+T = TypeVar("T")
 
 MOVING: Final = "moving"
 """Who writes while a store is moved to another place."""
+_MOST_ASKED: Final = 4000
+"""Keys in one statement: some builds of SQLite take 32,766 values, PostgreSQL takes 65,535."""
 _MOST_BOOTS: Final = 10_000
 _MOST_ROWS: Final = 100_000
 """Of nodes and channels: a node may name as many channels as it likes."""
@@ -107,9 +110,11 @@ class Ledger:
             return
         found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
         s = sequences.c
-        query = select(s.node, s.boot, s.first, s.last).where(tuple_(s.node, s.boot).in_(unknown))
-        for node, boot, first, last in connection.execute(query):
-            found[node, boot].append((first, last))
+        query = select(s.node, s.boot, s.first, s.last)
+        for part in _parts(unknown):
+            here = tuple_(s.node, s.boot).in_(part)
+            for node, boot, first, last in connection.execute(query.where(here)):
+                found[node, boot].append((first, last))
         for key, written in found.items():
             self._ranges[key] = StoredNumbers(sorted(written))
 
@@ -122,10 +127,10 @@ class Ledger:
             return
         columns = table.primary_key.columns
         rows.update(dict.fromkeys(unknown))
-        for row in connection.execute(
-            select(table).where(tuple_(*columns).in_(unknown))
-        ).mappings():
-            rows[tuple(row[column.name] for column in columns)] = dict(row)
+        for part in _parts(unknown):
+            query = select(table).where(tuple_(*columns).in_(part))
+            for row in connection.execute(query).mappings():
+                rows[tuple(row[column.name] for column in columns)] = dict(row)
 
     def ranges(self, connection: Connection, node: str, boot: int) -> StoredNumbers:
         """What was stored of one boot of a node."""
@@ -255,6 +260,12 @@ class Ledger:
         if sum(map(len, self._rows.values())) > _MOST_ROWS:
             for rows in self._rows.values():
                 rows.clear()
+
+
+def _parts(keys: Sequence[T]) -> Iterator[Sequence[T]]:
+    """So many at a time as any database can be asked for at once."""
+    for begin in range(0, len(keys), _MOST_ASKED):
+        yield keys[begin : begin + _MOST_ASKED]
 
 
 def _stale_row(node: str, channel: str, chunk: int) -> Row:

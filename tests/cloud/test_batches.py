@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import sqlite3
 from typing import TYPE_CHECKING, Any
 
 import cbor2
@@ -19,10 +20,12 @@ from cloud.store.schema import dead_letters
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
-from tests.cloud.messages import NODE, START, block, gap, peak
+from tests.cloud.messages import NODE, START, block, gap, peak, status
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from sqlalchemy import Connection
 
     from eskin.messages import Peak
     from tests.cloud.clouds import Stand
@@ -114,6 +117,21 @@ async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
     with stand.cloud.store.read() as connection:
         letters = connection.execute(select(dead_letters.c.data)).scalars().all()
     assert letters == [peak(1).encode()]
+
+
+def take_few_values(connection: Connection) -> None:
+    """Be as strict as any build of SQLite; PostgreSQL is so by itself."""
+    own = connection.connection.driver_connection
+    if isinstance(own, sqlite3.Connection):
+        own.setlimit(sqlite3.SQLITE_LIMIT_VARIABLE_NUMBER, 32_766)
+
+
+async def test_batch_that_names_more_than_a_statement_takes_is_stored(stand: Stand) -> None:
+    stand.cloud.store.write(take_few_values).result()
+    names = [tuple(f"t{n}.c{k}" for k in range(1000)) for n in range(34)]
+    said = [status(n, boot=n, channels=each) for n, each in enumerate(names, start=1)]
+    answer = await stand.ingest(batch(*said))
+    assert [item["result"] for item in answer.json()["items"]] == ["stored"] * 34
 
 
 @pytest.mark.parametrize("first", [-(2**63) + 1, -(2**62), 0])
