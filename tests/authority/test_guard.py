@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 from authority import guard as guard_module
 from authority.asking import NotReadyError
 from authority.guard import KINDS, Guard
-from eskin.identity import IdentityKind
 from tests.identities import Identities
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     import pytest
+
+    from eskin.identity import IdentityKind
 
 
 def test_kind_that_cannot_be_fetched_hinders_no_other_and_is_said_once(
