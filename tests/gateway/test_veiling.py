@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.messages import Block, Peak
+    from eskin.privacy import Subject
     from tests.gateway.twins import Inside
     from tests.identities import Identities
 
@@ -148,6 +149,22 @@ def test_data_are_of_whoever_wore_the_node_when_they_were_measured(site: Vault) 
         assert whose == [nobody, ada, ada, bo, bo]
     assert again.wearers() == {"hand": bo.pseudonym}
     assert kept.subject("palm", 0) != nobody
+
+
+def test_assignment_counts_that_comes_while_a_node_is_heard_for_the_first_time(
+    site: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gateway, command = Assignments(site), Assignments(site)
+    ada, create = site.create("Ada"), site.create
+
+    def meanwhile(name: str = "") -> Subject:
+        monkeypatch.setattr(site, "create", create)
+        command.assign("palm", ada, since=EPOCH)
+        return create(name)
+
+    monkeypatch.setattr(site, "create", meanwhile)
+    assert gateway.subject("palm", EPOCH).pseudonym == ada.pseudonym
+    assert command.wearers() == {"palm": ada.pseudonym}
 
 
 def test_assignment_elsewhere_counts_at_once(site: Vault) -> None:

@@ -150,7 +150,7 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     house.forward()
     waiting = heart(4)
     house.say(*waiting)
-    ada = house.inside.vault.named(NAME)
+    (ada,) = house.inside.vault.named(NAME)
     assert ada is not None
     shown = house.ask(SERIES)
     assert shown.json()["resolution"] == "sample"
