@@ -19,6 +19,7 @@ from cloud.store.presence import MOST_LAG
 from cloud.store.schema import dead_letters
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
+from eskin.messages import decode_summary
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
 from tests.cloud.messages import NODE, START, block, gap, peak, status
 
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin.messages import Peak
+    from eskin.messages import Peak, Summary
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -117,6 +118,23 @@ async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
     with stand.cloud.store.read() as connection:
         letters = connection.execute(select(dead_letters.c.data)).scalars().all()
     assert letters == [peak(1).encode()]
+
+
+async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad = block(1).encode()
+
+    def breaks(data: bytes) -> Summary:
+        if data == bad:
+            raise OverflowError("a number that nobody thought of")
+        return decode_summary(data)
+
+    monkeypatch.setattr("cloud.store.item.decode_summary", breaks)
+    items = (await stand.ingest(batch(block(0), block(1), block(2)))).json()["items"]
+    assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
+    assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
+    assert count_blocks(stand) == 2
 
 
 def take_few_values(connection: Connection) -> None:
