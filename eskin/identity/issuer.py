@@ -77,11 +77,10 @@ def load_issuers(directory: Path, kind: IdentityKind) -> tuple[Issuer, ...]:
     """
     try:
         keys = [load_key(path) for path in sorted(directory.glob(f"{kind}.*key"))]
-        certificates = load_certificates(directory / f"{kind}.pem")
     except IdentityError as error:
         raise AuthorityError(str(error)) from error
     issuers = []
-    for certificate in certificates:
+    for certificate in issuing_certificates(directory, kind):
         held = [key for key in keys if key.public_key() == certificate.public_key()]
         if not held:
             raise AuthorityError(
@@ -89,6 +88,18 @@ def load_issuers(directory: Path, kind: IdentityKind) -> tuple[Issuer, ...]:
             )
         issuers.append(Issuer(certificate, held[0]))
     return tuple(issuers)
+
+
+def issuing_certificates(directory: Path, kind: IdentityKind) -> tuple[x509.Certificate, ...]:
+    """Certificates of the issuing CAs of a kind, of the one that issues now first.
+
+    Raises:
+        AuthorityError: They cannot be read.
+    """
+    try:
+        return load_certificates(directory / f"{kind}.pem")
+    except IdentityError as error:
+        raise AuthorityError(str(error)) from error
 
 
 def known_issuer(directory: Path, standing: Sequence[Issuer]) -> Issuer:

@@ -19,7 +19,7 @@ from cryptography import x509
 from eskin.errors import IdentityError
 from eskin.identity.certificates import pem
 from eskin.identity.identity import load_certificates, write_whole
-from eskin.identity.issuer import LIST_LIFETIME, load_issuers
+from eskin.identity.issuer import LIST_LIFETIME, issuing_certificates, load_issuers
 from eskin.identity.revocations import number_of, revoked_certificates
 
 if TYPE_CHECKING:
@@ -98,9 +98,9 @@ class RevocationLists:
 
     def is_complete(self, kind: IdentityKind) -> bool:
         """Whether the issuing CAs that stand, and no others, have signed the list."""
-        issuers = load_certificates(self._directory / f"{kind}.pem")
+        issuers = set(issuing_certificates(self._directory, kind))
         try:
-            return set(load_certificates(self.file(kind))) == set(issuers)
+            return set(load_certificates(self.file(kind))) == issuers
         except IdentityError:
             return False
 
