@@ -13,7 +13,7 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
-from eskin.errors import IdentityError
+from eskin.errors import AuthorityError, IdentityError
 from eskin.identity.certificates import issuer_kind, leaf_certificate
 from eskin.identity.founding import found
 from eskin.identity.identity import ROOT_FILE, load_certificates
@@ -285,5 +285,12 @@ class Authority:
 
     @property
     def roots(self) -> tuple[x509.Certificate, ...]:
-        """The standing roots, the one that issues first; read each time."""
-        return load_certificates(self.root_file)
+        """The standing roots, the one that issues first; read each time.
+
+        Raises:
+            AuthorityError: They cannot be read.
+        """
+        try:
+            return load_certificates(self.root_file)
+        except IdentityError as error:
+            raise AuthorityError(str(error)) from error

@@ -127,12 +127,17 @@ def lose_key(folder: Path) -> None:
     (folder / "node.key").unlink()
 
 
-@pytest.mark.parametrize("harm", [damage_ledger, lose_key])
+def spoil_root(folder: Path) -> None:
+    (folder / "root.pem").write_bytes(b"no certificate")
+
+
+@pytest.mark.parametrize("harm", [damage_ledger, lose_key, spoil_root])
 async def test_party_comes_again_where_the_ca_itself_is_at_fault(
     rig: Rig, harm: Callable[[Path], None]
 ) -> None:
     token, key, folder = rig.token("palm"), new_key(), rig.authority.directory
-    good = {path: path.read_bytes() for path in (folder / "ledger.jsonl", folder / "node.key")}
+    names = "ledger.jsonl", "node.key", "root.pem"
+    good = {path: path.read_bytes() for path in (folder / name for name in names)}
     harm(folder)
     answer = await rig.enrol(token, "palm", key)
     assert answer.status_code == 503
