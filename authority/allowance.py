@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections import deque
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from eskin.errors import IdentityError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 
 class TooOftenError(IdentityError):
@@ -33,8 +34,9 @@ class Allowance:
         self._clock = clock
         self._taken: dict[str, deque[float]] = {}
 
-    def take(self, name: str) -> None:
-        """Count one.
+    @contextmanager
+    def take(self, name: str) -> Iterator[None]:
+        """Count one that is issued in the block; not if that fails.
 
         Raises:
             TooOftenError: There were too many.
@@ -47,4 +49,5 @@ class Allowance:
             raise TooOftenError(
                 f"{name} got {self._most} certificates in {self._seconds:g} s; come again later"
             )
+        yield
         taken.append(now)

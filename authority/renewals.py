@@ -88,10 +88,10 @@ class Renewals:
             latest = self._authority.latest(name)
             if latest is not None and latest[0].public_key() == key:
                 return latest
-            self._allowance.take(name)
-            return self._authority.issue(
-                kind, name, key, hosts=hosts_of(old), lifetime=self._lifetime
-            )
+            with self._allowance.take(name):
+                return self._authority.issue(
+                    kind, name, key, hosts=hosts_of(old), lifetime=self._lifetime
+                )
 
     def _judged(self, signed: bytes) -> tuple[x509.Certificate, ec.EllipticCurvePublicKey]:
         """The certificate that is to be renewed, and for which key."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import ssl
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
     from eskin.identity.version import Version
 
+log = logging.getLogger(__name__)
+
 
 class Certificate:
     """A server's certificate and key; a renewed one is taken without a restart.
@@ -25,6 +28,7 @@ class Certificate:
 
     Attributes:
         context: For TLS 1.2 and later.
+        fault: Why a renewed certificate was not taken at the last look; ``None`` if it was.
 
     Raises:
         SettingsError: They cannot be used.
@@ -32,6 +36,7 @@ class Certificate:
 
     def __init__(self, setting: str, folder: Path) -> None:
         self._folder = folder
+        self.fault: str | None = None
         self.context = _context()
         try:
             self._shown = self._versions()
@@ -42,12 +47,21 @@ class Certificate:
             ) from error
 
     def refresh(self) -> bool:
-        """Take a renewed certificate; gives whether there was one.
+        """Take a renewed certificate; gives whether there was one that can be used.
 
-        Raises:
-            IdentityError: It cannot be used, and is tried again.
-            OSError: It cannot be looked at.
+        What cannot be is said once, and tried again at the next look.
         """
+        try:
+            renewed = self._take()
+        except (IdentityError, OSError) as error:
+            if str(error) != self.fault:
+                log.warning("renewed certificate not taken, trying again: %s", error)
+            self.fault = str(error)
+            return False
+        self.fault = None
+        return renewed
+
+    def _take(self) -> bool:
         versions = self._versions()
         if versions == self._shown:
             return False

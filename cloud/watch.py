@@ -12,7 +12,7 @@ from cloud.chore import repeat
 from cloud.store.intake import Outcome
 from cloud.store.news import WATCHED, tell
 from cloud.store.presence import give_up
-from eskin.errors import IdentityError, StoreError
+from eskin.errors import StoreError
 from eskin.moment import SECOND
 
 if TYPE_CHECKING:
@@ -35,7 +35,8 @@ async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asy
     async def look() -> None:
         nonlocal due
         for certificate in certificates:
-            _refresh(certificate)
+            if certificate.refresh():
+                log.info("certificate renewed")
         silence = int(cloud.settings.nodes.silence_s * SECOND)
         # After a start, every node is first given the time to be heard.
         if cloud.clock() - begun >= silence:
@@ -71,11 +72,3 @@ async def _judge(cloud: Cloud, silence: int) -> None:
         await asyncio.wrap_future(written)
     except StoreError as error:
         log.warning("silent nodes not judged: reason=%s", error)
-
-
-def _refresh(certificate: Certificate) -> None:
-    try:
-        if certificate.refresh():
-            log.info("certificate renewed")
-    except (IdentityError, OSError) as error:
-        log.warning("renewed certificate not taken: reason=%s", error)

@@ -133,9 +133,10 @@ class Vault:
         Raises:
             PrivacyError: It cannot be read or written.
         """
+        known = self.named(name)  # reads all keys, which takes long in hardware, for what follows
         secret = wrapped_key(self.directory / _SECRET, self._master)
         with turn(self.directory):
-            known = self.named(name)
+            known = known or self.named(name)
             if known:
                 return known[0]
             made = Subject.make(name, secret=secret)

@@ -89,16 +89,24 @@ def test_server_whose_names_change_is_enrolled_anew(rig: Rig) -> None:
     assert chains[0] == chains[1] != chains[2]
 
 
-def test_allowance_comes_back_with_time() -> None:
+def test_allowance_comes_back_with_time_and_is_not_spent_on_what_fails() -> None:
     now = [0.0]
     allowance = Allowance(2, 10.0, clock=lambda: now[0])
+
+    def take(name: str) -> None:
+        with allowance.take(name):
+            pass
+
+    for _ in range(5):
+        with pytest.raises(OSError, match="full"), allowance.take("palm"):
+            raise OSError("the disk is full")
     for moment in (0.0, 4.0):
         now[0] = moment
-        allowance.take("palm")
+        take("palm")
     with pytest.raises(TooOftenError, match="palm got 2 certificates in 10 s"):
-        allowance.take("palm")
-    allowance.take("sole")
+        take("palm")
+    take("sole")
     now[0] = 10.0
-    allowance.take("palm")
+    take("palm")
     with pytest.raises(TooOftenError):
-        allowance.take("palm")
+        take("palm")
