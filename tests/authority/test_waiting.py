@@ -136,6 +136,7 @@ async def test_party_comes_again_where_the_ca_itself_is_at_fault(
     rig: Rig, harm: Callable[[Path], None]
 ) -> None:
     token, key, folder = rig.token("palm"), new_key(), rig.authority.directory
+    rig.authority.issue(NODE, "sole", new_key().public_key())
     names = "ledger.jsonl", "node.key", "root.pem"
     good = {path: path.read_bytes() for path in (folder / name for name in names)}
     harm(folder)

@@ -134,8 +134,7 @@ def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
 ) -> None:
     url, asked = cloud
     site.run("assign", "--node", "hand", "--name", NAME)
-    grace = site.vault.named(NAME)
-    assert grace is not None
+    (grace,) = site.vault.named(NAME)
     token, out = site.folder / "token", site.folder / "out.jsonl"
     token.write_text("eskin_abc\n")
     words = ["--url", url, "--token", str(token), "--name", NAME, "--out"]
