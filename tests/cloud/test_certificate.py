@@ -10,6 +10,7 @@ from cloud.certificate import Certificate
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, IdentityKind, install, next_key, settle
 from eskin.identity import renewal as renewal_module
+from eskin.identity.identity import write_whole
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -35,12 +36,11 @@ def renew(identities: Identities, own: Identity) -> None:
 
 def cut_off(identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPatch) -> None:
     """Renew, and end between the new key and its chain."""
-    write = renewal_module.write_whole
 
     def cut(path: Path, data: bytes) -> None:
         if path == own.directory / "chain.pem":
             raise Cut
-        write(path, data)
+        write_whole(path, data)
 
     with monkeypatch.context() as patched:
         patched.setattr(renewal_module, "write_whole", cut)
