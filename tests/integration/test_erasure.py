@@ -184,8 +184,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
     house.command("erase", "--pseudonym", ada.pseudonym)
     house.steward.tend()
     house.command("assign", "--node", NODE, "--name", NAME)
-    again = house.inside.vault.named(NAME)
-    assert again is not None
+    (again,) = house.inside.vault.named(NAME)
     assert again.pseudonym != ada.pseudonym
     assert not {again.key, again.salt} & {ada.key, ada.salt}
 
