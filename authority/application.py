@@ -17,12 +17,13 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ConfigDict, Field
 
+from authority.allowance import TooOftenError
 from authority.desk import Desk
 from authority.enrolments import Enrolments
 from authority.renewals import Renewals
 from authority.requests import der_of_pem
 from authority.tokens import Tokens
-from eskin.errors import IdentityError, LockedError
+from eskin.errors import AuthorityError, IdentityError, LockedError
 from eskin.identity import Authority, IdentityKind, common_name
 from eskin.identity.certificates import pem
 from eskin.identity.roots import offered_roots
@@ -108,20 +109,21 @@ def _add_refusals(app: FastAPI) -> None:
             media_type="application/problem+json",
         )
 
+    @app.exception_handler(TooOftenError)
+    async def slow_down(_: Request, error: TooOftenError) -> JSONResponse:
+        log.warning("refused: %s", error)
+        return _later(429, "Too Many Requests", str(error))
+
     @app.exception_handler(LockedError)
     async def wait(_: Request, error: LockedError) -> JSONResponse:
         log.warning("not now: %s", error)
-        return JSONResponse(
-            {
-                "type": "about:blank",
-                "title": "Service Unavailable",
-                "status": 503,
-                "detail": "the CA is being changed; come again",
-            },
-            status_code=503,
-            headers={"Retry-After": str(_PAUSE_S)},
-            media_type="application/problem+json",
-        )
+        return _later(503, "Service Unavailable", "the CA is being changed; come again")
+
+    @app.exception_handler(AuthorityError)
+    async def fail(_: Request, error: AuthorityError) -> JSONResponse:
+        log.error("the CA cannot be used: %s", error)
+        said = "the CA cannot be used until its operator has looked at it; come again"
+        return _later(503, "Service Unavailable", said)
 
     @app.exception_handler(RequestValidationError)
     async def refuse_body(_: Request, error: RequestValidationError) -> JSONResponse:
@@ -137,6 +139,16 @@ def _add_refusals(app: FastAPI) -> None:
             status_code=422,
             media_type="application/problem+json",
         )
+
+
+def _later(status: int, title: str, detail: str) -> JSONResponse:
+    """The request is good, and may come again."""
+    return JSONResponse(
+        {"type": "about:blank", "title": title, "status": status, "detail": detail},
+        status_code=status,
+        headers={"Retry-After": str(_PAUSE_S)},
+        media_type="application/problem+json",
+    )
 
 
 def _add_public(app: FastAPI, authority: Authority, desk: Desk) -> None:

@@ -30,6 +30,7 @@ from eskin.identity import (
 from eskin.identity.certificates import pem
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, load_key, save_key, write_whole
 from eskin.identity.roots import accept_roots
+from eskin.ownership import make_folder
 from eskin.topics import RENEWAL
 
 if TYPE_CHECKING:
@@ -237,6 +238,6 @@ def _key(out: Path) -> ec.EllipticCurvePrivateKey:
     if path.exists():
         return load_key(path)
     key = new_key()
-    out.mkdir(parents=True, exist_ok=True, mode=0o700)
+    make_folder(out)
     save_key(path, key)
     return key

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import logging
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from cryptography.hazmat.primitives import serialization
 
+from authority.renewals import hosts_of
 from authority.requests import requested_key, requested_name
+from eskin.identity import is_due
 
 if TYPE_CHECKING:
     from datetime import timedelta
@@ -15,7 +18,7 @@ if TYPE_CHECKING:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
 
-    from authority.tokens import Tokens
+    from authority.tokens import Enrolment, Tokens
     from eskin.identity import Authority
 
 log = logging.getLogger(__name__)
@@ -58,7 +61,8 @@ class Enrolments:
             request: Certificate request (PKCS #10, DER).
 
         Returns:
-            The certificate, then the issuing CA's.
+            The certificate, then the issuing CA's; the same for the same key again, as an answer
+            may be lost.
 
         Raises:
             LockedError: Somebody else has been changing the CA for too long.
@@ -70,11 +74,25 @@ class Enrolments:
         with self._authority.changing():
             register.require_unrevoked(key)
             found = self._tokens.redeem(token, _der(key), name, revocation=register.revocation)
+            standing = self._standing(found, key)
+            if standing is not None:
+                return standing
             chain = self._authority.issue(
                 found.kind, found.name, key, hosts=found.hosts, lifetime=self._lifetime
             )
         log.info("enrolled: kind=%s name=%s", found.kind, found.name)
         return chain
+
+    def _standing(
+        self, found: Enrolment, key: ec.EllipticCurvePublicKey
+    ) -> tuple[x509.Certificate, ...] | None:
+        """What the key got before, where its answer was lost: another would be one more to keep."""
+        latest = self._authority.latest(found.name)
+        if latest is None or latest[0].public_key() != key:
+            return None
+        issuer = self._authority.issuer(found.kind, found.name).certificate
+        fits = latest[1] == issuer and set(hosts_of(latest[0])) == set(found.hosts)
+        return latest if fits and not is_due(latest[0], datetime.now(UTC)) else None
 
 
 def _der(key: ec.EllipticCurvePublicKey) -> bytes:

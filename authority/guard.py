@@ -76,7 +76,7 @@ class Guard:
         self._folder = folder
         self._trust = Trust.following(identity / ROOT_FILE)
         self._revoked: set[tuple[str, str]] = set()
-        self._fault: str | None = None
+        self._faults: dict[str, str] = {}
         self._stopping = Event()
 
     def run(self, *, patience: float = 60.0) -> int:
@@ -98,12 +98,12 @@ class Guard:
             signal.signal(number, end)
         seen = self._state()
         while broker.poll() is None and not self._stopping.wait(_LOOK_S):
-            self._attempt(self._fetch)
+            self._attempt("fetching lists", self._fetch)
             state = self._state()
             if state != seen:
                 broker.send_signal(signal.SIGHUP)
                 seen = state
-            self._attempt(self._end_revoked)
+            self._attempt("ending connections", self._end_revoked)
         broker.terminate()
         return broker.wait()
 
@@ -119,21 +119,32 @@ class Guard:
                 self._revoked = self._listed()
                 return
 
-    def _attempt(self, do: Callable[[], None]) -> None:
+    def _attempt(self, what: str, do: Callable[[], None]) -> None:
+        """Try what is tried again soon; what fails is said once as long as it stays the same."""
+        before = self._faults.pop(what, None)
         try:
             do()
-            self._fault = None
         except (IdentityError, OSError) as error:
-            if str(error) != self._fault:
-                log.warning("the broker cannot be looked after, trying again: %s", error)
-            self._fault = str(error)
+            if str(error) != before:
+                log.warning("%s failed, trying again: %s", what, error)
+            self._faults[what] = str(error)
 
     def _fetch(self) -> None:
+        """Fetch what the CA says of each kind; what fails of one hinders no other."""
+        faults: list[IdentityError | OSError] = []
         for kind in KINDS:
-            fetch_anchor(self._url, self._identity, kind, self._folder / f"{kind}.pem")
-            file = self._folder / f"{kind}.crl.pem"
-            fetch_revocations(self._url, self._identity, kind, file)
-            self._trust.revocations(kind, file.read_bytes())
+            try:
+                self._fetch_of(kind)
+            except (IdentityError, OSError) as error:
+                faults.append(error)
+        if faults:
+            raise faults[0]
+
+    def _fetch_of(self, kind: IdentityKind) -> None:
+        fetch_anchor(self._url, self._identity, kind, self._folder / f"{kind}.pem")
+        file = self._folder / f"{kind}.crl.pem"
+        fetch_revocations(self._url, self._identity, kind, file)
+        self._trust.revocations(kind, file.read_bytes())
 
     def _listed(self) -> set[tuple[str, str]]:
         """Whom the broker refuses by the lists that it has: others could come back at once."""

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from cryptography import x509
 
+from authority.allowance import Allowance
 from authority.requests import requested_key
 from eskin.envelope import Verifier, signer_chain
 from eskin.errors import EnvelopeError, IdentityError
@@ -22,6 +23,10 @@ if TYPE_CHECKING:
     from eskin.identity import Authority
 
 
+MOST: Final = 30
+_HOUR: Final = timedelta(hours=1)
+
+
 class Renewals:
     """Judges requests to renew.
 
@@ -30,6 +35,7 @@ class Renewals:
         lifetime: Of the certificates.
         grace: How long after its end a certificate may still be renewed, as a node may sleep.
         clock: The present.
+        most: How many a name gets in an hour, or in a certificate's life where that is shorter.
     """
 
     def __init__(
@@ -39,11 +45,13 @@ class Renewals:
         lifetime: timedelta,
         grace: timedelta,
         clock: Callable[[], datetime] = lambda: datetime.now(UTC),
+        most: int = MOST,
     ) -> None:
         self._authority = authority
         self._lifetime = lifetime
         self._grace = grace
         self._clock = clock
+        self._allowance = Allowance(most, min(_HOUR, lifetime).total_seconds())
 
     def judge(self, signed: bytes) -> None:
         """Refuse who would not be renewed, without waiting for the turn to change the CA.
@@ -69,6 +77,7 @@ class Renewals:
 
         Raises:
             LockedError: Somebody else has been changing the CA for too long.
+            TooOftenError: The name got many lately.
             IdentityError: The old certificate is revoked, too old or not ours, or its CA retired,
                 or it does not speak for this request.
         """
@@ -79,9 +88,10 @@ class Renewals:
             latest = self._authority.latest(name)
             if latest is not None and latest[0].public_key() == key:
                 return latest
-            return self._authority.issue(
-                kind, name, key, hosts=_hosts(old), lifetime=self._lifetime
-            )
+            with self._allowance.take(name):
+                return self._authority.issue(
+                    kind, name, key, hosts=hosts_of(old), lifetime=self._lifetime
+                )
 
     def _judged(self, signed: bytes) -> tuple[x509.Certificate, ec.EllipticCurvePublicKey]:
         """The certificate that is to be renewed, and for which key."""
@@ -98,7 +108,7 @@ class Renewals:
             old, issuer = (read_certificate(one) for one in signer_chain(signed))
         except (EnvelopeError, ValueError) as error:
             raise IdentityError(f"no request to renew: {error}") from error
-        if self._authority.register.is_revoked(old):
+        if self._authority.is_revoked(old):
             raise IdentityError(f"{common_name(old)} was revoked; enrol it again")
         if self._clock() > old.not_valid_after_utc + self._grace:
             raise IdentityError(
@@ -118,9 +128,9 @@ class Renewals:
             raise IdentityError(f"no request to renew of {name}: {error}") from error
 
 
-def _hosts(old: x509.Certificate) -> list[str]:
+def hosts_of(leaf: x509.Certificate) -> list[str]:
     """A server's names and addresses, which it keeps."""
-    names = old.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    names = leaf.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
     return [
         *names.get_values_for_type(x509.DNSName),
         *(str(address) for address in names.get_values_for_type(x509.IPAddress)),

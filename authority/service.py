@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import ssl
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
@@ -19,9 +20,10 @@ from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, n
 from eskin.identity.authority import CA_SERVICE
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
 from eskin.listening import Bounds, guarded
+from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
     from socket import socket
 
@@ -44,9 +46,14 @@ def run(settings: AuthoritySettings) -> None:
     """Serve until SIGTERM or SIGINT.
 
     Raises:
-        IdentityError: The CA's folder cannot be read or written.
+        IdentityError: The CA's folder cannot be read or written, or another service has it.
         SettingsError: Its address cannot be had.
     """
+    with _only_one(settings.authority.directory):
+        _serve(settings)
+
+
+def _serve(settings: AuthoritySettings) -> None:
     own = settings.authority
     authority = Authority.open(own.directory)
     tokens = Tokens(own.directory / TOKENS_FILE)
@@ -65,6 +72,21 @@ def run(settings: AuthoritySettings) -> None:
     server = Server(app, own, authority, enrolling=enrolling)
     log.info("ready: https://%s:%d", own.host, own.port)
     server.run()
+
+
+@contextmanager
+def _only_one(directory: Path) -> Iterator[None]:
+    """Hold the tokens for this process: another one would not know which of them are used."""
+    try:
+        owner = LockFile(directory / TOKENS_FILE)
+    except LockedError as error:
+        raise IdentityError(
+            f"{directory}: another CA service runs on this folder; stop it first"
+        ) from error
+    except OSError as error:
+        raise IdentityError(f"{directory}: cannot be written: {error.strerror}") from error
+    with owner:
+        yield
 
 
 class Server(uvicorn.Server):
@@ -99,6 +121,7 @@ class Server(uvicorn.Server):
         self._identity = self._shown = _server_identity(settings, authority)
         config = uvicorn.Config(
             app,
+            loop="asyncio",  # uvloop, which it takes where it is, accepts past the doorway
             http=guarded(bounds, greet=self._doorway.greet),
             ws="none",
             ssl_certfile=self._identity.directory / CHAIN_FILE,

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 import ssl
 from typing import TYPE_CHECKING
 
-from eskin.errors import SettingsError
+from eskin.errors import IdentityError, SettingsError
+from eskin.identity.identity import CHAIN_FILE, KEY_FILE
+from eskin.identity.tls import show
+from eskin.identity.version import version
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from eskin.identity.version import Version
+
+log = logging.getLogger(__name__)
 
 
 class Certificate:
@@ -20,36 +28,54 @@ class Certificate:
 
     Attributes:
         context: For TLS 1.2 and later.
+        fault: Why a renewed certificate was not taken at the last look; ``None`` if it was.
 
     Raises:
         SettingsError: They cannot be used.
     """
 
     def __init__(self, setting: str, folder: Path) -> None:
-        self._chain, self._key = folder / "chain.pem", folder / "key.pem"
-        self.context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        self.context.minimum_version = ssl.TLSVersion.TLSv1_2
+        self._folder = folder
+        self.fault: str | None = None
+        self.context = _context()
         try:
-            self._version = self._stat()
-            self.context.load_cert_chain(self._chain, self._key)
-        except (OSError, ssl.SSLError) as error:
+            self._shown = self._versions()
+            show(self.context, folder)
+        except (IdentityError, OSError) as error:
             raise SettingsError(
                 setting, f"{folder}: chain.pem and key.pem cannot be used: {error}"
             ) from error
 
     def refresh(self) -> bool:
-        """Take a renewed certificate; gives whether there was one.
+        """Take a renewed certificate; gives whether there was one that can be used.
 
-        Raises:
-            OSError: It cannot be used (ssl.SSLError is one, too).
+        What cannot be is said once, and tried again at the next look.
         """
-        version = self._stat()
-        if version == self._version:
+        try:
+            renewed = self._take()
+        except (IdentityError, OSError) as error:
+            if str(error) != self.fault:
+                log.warning("renewed certificate not taken, trying again: %s", error)
+            self.fault = str(error)
             return False
-        self._version = version
-        self.context.load_cert_chain(self._chain, self._key)
+        self.fault = None
+        return renewed
+
+    def _take(self) -> bool:
+        versions = self._versions()
+        if versions == self._shown:
+            return False
+        # A context that fails is left with a certificate whose key it does not have.
+        show(_context(), self._folder)
+        show(self.context, self._folder)
+        self._shown = versions
         return True
 
-    def _stat(self) -> tuple[int, int]:
-        found = self._chain.stat()
-        return found.st_mtime_ns, found.st_ino
+    def _versions(self) -> tuple[Version, Version]:
+        return version(self._folder / CHAIN_FILE), version(self._folder / KEY_FILE)
+
+
+def _context() -> ssl.SSLContext:
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.minimum_version = ssl.TLSVersion.TLSv1_2
+    return context

@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import select
 
 from cloud.chore import repeat
+from cloud.steady import Steady
 from cloud.store.removal import Reason, Sweep, remove, sweeps_of_erased
 from cloud.store.schema import channels
 from eskin.moment import SECOND
 from eskin.privacy import is_biometric
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cloud.settings import RetentionSection
     from cloud.state import Cloud
 
@@ -29,20 +32,25 @@ _PAUSE_S: Final = 0.01
 async def retain(cloud: Cloud, stopping: asyncio.Event) -> None:
     """Look for what is too old, or erased, until told to stop."""
     every_s = cloud.settings.retention.every_s
-    work = partial(sweep, cloud)
+    work = partial(sweep, cloud, clock=Steady(cloud.clock))
     await repeat("retention", work, cloud=cloud, stopping=stopping, every_s=every_s)
 
 
-async def sweep(cloud: Cloud) -> int:
+async def sweep(cloud: Cloud, *, clock: Callable[[], int] | None = None) -> int:
     """Remove all that is too old or erased now; gives how many messages.
 
     Each step is a write of its own among those of ingest, none longer than theirs.
+
+    Args:
+        cloud: The cloud.
+        clock: UTC ns, by which it is too old; the cloud's own by default.
 
     Raises:
         StoreError: The store cannot be read or written.
     """
     total = 0
-    for due in await asyncio.to_thread(_due, cloud):
+    now = (clock or cloud.clock)()
+    for due in await asyncio.to_thread(_due, cloud, now):
         removed = most = cloud.settings.retention.at_once
         while removed >= most:
             removed = await _step(cloud, due)
@@ -77,8 +85,8 @@ async def _step(cloud: Cloud, due: Sweep) -> int:
     return removed
 
 
-def _due(cloud: Cloud) -> list[Sweep]:
-    rules, now = cloud.settings.retention, cloud.clock()
+def _due(cloud: Cloud, now: int) -> list[Sweep]:
+    rules = cloud.settings.retention
     with cloud.store.read() as connection:
         found = sweeps_of_erased(connection)
         for node, channel in connection.execute(select(channels.c.node, channels.c.channel)):

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cloud.commands import Board
+    from cloud.ingest.refusals import Refusals
     from cloud.ingest.uploads import Uploads
     from cloud.ingest.warrant import Verifier
     from cloud.limiter import Limiter
@@ -32,6 +33,7 @@ class Cloud:
         board: Wakes gateways that wait for commands.
         verifier: Checks gateways' tokens.
         uploads: Room for what gateways bring.
+        refusals: Tells of what was refused of it.
         metrics: Counts.
         limiter: Counts what each address asks.
         keyholder: Opens what tells of a person, for those who may.
@@ -46,6 +48,7 @@ class Cloud:
     board: Board
     verifier: Verifier
     uploads: Uploads
+    refusals: Refusals
     metrics: Metrics
     limiter: Limiter
     keyholder: Keyholder

@@ -35,7 +35,8 @@ async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asy
     async def look() -> None:
         nonlocal due
         for certificate in certificates:
-            _refresh(certificate)
+            if certificate.refresh():
+                log.info("certificate renewed")
         silence = int(cloud.settings.nodes.silence_s * SECOND)
         # After a start, every node is first given the time to be heard.
         if cloud.clock() - begun >= silence:
@@ -71,11 +72,3 @@ async def _judge(cloud: Cloud, silence: int) -> None:
         await asyncio.wrap_future(written)
     except StoreError as error:
         log.warning("silent nodes not judged: reason=%s", error)
-
-
-def _refresh(certificate: Certificate) -> None:
-    try:
-        if certificate.refresh():
-            log.info("certificate renewed")
-    except OSError as error:
-        log.warning("renewed certificate not taken: reason=%s", error)

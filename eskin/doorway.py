@@ -26,6 +26,8 @@ _REFUSED_AT_ONCE: Final = 64
 class Doorway(socket.socket):
     """Accepts as many as there is room for, and closes the others without a word.
 
+    Only with asyncio's own event loop: uvloop accepts by itself, and asks nobody.
+
     Args:
         bound: Bound and listening; it is taken over.
         bounds: How many there may be, and how long a handshake may take (``head_s``).

@@ -11,7 +11,8 @@
     │   ├── UnknownRecipientError
     │   └── ForgedEnvelopeError
     ├── IdentityError            keys or certificates that cannot be used
-    │   └── UntrustedCertificateError
+    │   ├── UntrustedCertificateError
+    │   └── AuthorityError       a CA whose own files cannot be used
     ├── PrivacyError             what tells of a person and cannot be sealed or read
     │   └── NoKeyError
     ├── LockedError              a file that another process owns
@@ -136,6 +137,10 @@ class IdentityError(EskinError):
 
 class UntrustedCertificateError(IdentityError):
     """A certificate chain that does not lead to the CA that it must lead to."""
+
+
+class AuthorityError(IdentityError):
+    """A CA's own files cannot be read or written now; nobody's request is at fault."""
 
 
 class PrivacyError(EskinError):

@@ -8,6 +8,7 @@ import time
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import LockedError
+from eskin.ownership import create, make_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,7 +20,7 @@ class LockFile:
     """Holds a file for this process until it is closed or the process ends, however it ends.
 
     The lock lies beside the file, as ``NAME.lock``, and stays there: whoever removes it while it is
-    held lets a second process in. Made by root, it is the folder's owner's, like the rest there.
+    held lets a second process in.
 
     Args:
         path: The file to own; its folder is made if missing.
@@ -31,7 +32,7 @@ class LockFile:
     """
 
     def __init__(self, path: Path, *, patience: float = 0.0) -> None:
-        path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+        make_folder(path.parent)
         self._descriptor = _opened(path.with_name(f"{path.name}.lock"))
         try:
             self._wait(path, time.monotonic() + patience)
@@ -65,17 +66,7 @@ class LockFile:
 
 
 def _opened(lock: Path) -> int:
-    """Only a file that was made here is given away: another could be a link to anything."""
-    flags = os.O_RDWR | os.O_CLOEXEC
     try:
-        descriptor = os.open(lock, flags | os.O_CREAT | os.O_EXCL, 0o600)
+        return create(lock, mode=0o600)
     except FileExistsError:
-        return os.open(lock, flags)
-    if os.geteuid() == 0:
-        folder = lock.parent.stat()
-        try:
-            os.fchown(descriptor, folder.st_uid, folder.st_gid)
-        except OSError:
-            os.close(descriptor)
-            raise
-    return descriptor
+        return os.open(lock, os.O_RDWR | os.O_CLOEXEC)

@@ -34,6 +34,20 @@ class SequenceRanges:
         """How many ranges are kept."""
         return len(self._firsts)
 
+    def near(self, first: int, last: int) -> list[tuple[int, int]]:
+        """The ranges that all from ``first`` to ``last`` would melt with."""
+        if self._lasts and first == self._lasts[-1] + 1:  # as in `add`
+            return [(self._firsts[-1], self._lasts[-1])]
+        left = bisect_left(self._lasts, first - 1)
+        right = bisect_right(self._firsts, last + 1)
+        return list(zip(self._firsts[left:right], self._lasts[left:right], strict=True))
+
+    def last_of(self, first: int) -> int | None:
+        """The last number of the range that begins with ``first``; ``None`` if none does."""
+        at = bisect_left(self._firsts, first)
+        begins = at < len(self._firsts) and self._firsts[at] == first
+        return self._lasts[at] if begins else None
+
     def add(self, first: int, last: int | None = None) -> None:
         """Add one number, or all from ``first`` to ``last``; neighbours melt into one range.
 

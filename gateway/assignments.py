@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import NoKeyError, PrivacyError
 from eskin.identity import IdentityKind
 from eskin.privacy import Subject
-from eskin.privacy.files import make_folder, read_private, write_private
+from eskin.privacy.files import make_folder, make_once, read_private, write_private
 from eskin.privacy.subject import KEY_BYTES
+from eskin.privacy.turn import turn
 
 if TYPE_CHECKING:
     from eskin.privacy import Vault
@@ -48,8 +49,10 @@ class Assignments:
             IdentityError: The node's name is none.
         """
         IdentityKind.NODE.require_name(node)
-        history = [entry for entry in self._history(node) if entry[0] < since]
-        self._write(node, [*history, (since, subject.pseudonym)])
+        self._history(node)  # there is one from here on
+        with turn(self._folder):
+            history = [entry for entry in self._history(node) if entry[0] < since]
+            self._write(node, [*history, (since, subject.pseudonym)])
 
     def release(self, pseudonym: str, *, since: int) -> list[str]:
         """Have nobody wear the nodes that a subject wears; gives which they were."""
@@ -96,7 +99,9 @@ class Assignments:
         try:
             found = path.stat()
         except FileNotFoundError:
-            self._write(node, [(ALWAYS, self._vault.create().pseudonym)])
+            nobody = _encoded([(ALWAYS, self._vault.create().pseudonym)])
+            # Somebody may have said meanwhile who wears it.
+            make_once(path, lambda: nobody)
             found = path.stat()
         version = found.st_mtime_ns, found.st_ino
         known = self._read.get(node)
@@ -111,4 +116,8 @@ class Assignments:
         return known[1]
 
     def _write(self, node: str, history: list[tuple[int, str]]) -> None:
-        write_private(self._folder / node, json.dumps(history).encode())
+        write_private(self._folder / node, _encoded(history))
+
+
+def _encoded(history: list[tuple[int, str]]) -> bytes:
+    return json.dumps(history).encode()

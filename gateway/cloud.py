@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from email.utils import parsedate_to_datetime
 from functools import lru_cache
 from time import time
@@ -149,12 +150,19 @@ def _answers(body: bytes, expected: int) -> tuple[list[Answer], dict[str, float]
     try:
         said = orjson.loads(body)
         answers = [_answer(item) for item in said["items"]]
-        watched = {str(node): float(span) for node, span in said.get("watched", {}).items()}
+        watched = {str(node): _seconds(span) for node, span in said.get("watched", {}).items()}
     except (orjson.JSONDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
         raise CloudError(f"the cloud's answer is not as agreed: {body[:100]!r}") from error
     if len(answers) != expected:
         raise CloudError(f"the cloud answered for {len(answers)} of {expected} messages")
     return answers, watched
+
+
+def _seconds(span: Any) -> float:
+    seconds = float(span)
+    if not math.isfinite(seconds):
+        raise ValueError(f"no span of time: {seconds}")
+    return seconds
 
 
 def _answer(item: dict[str, Any]) -> Answer:

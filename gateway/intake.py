@@ -13,6 +13,8 @@ from eskin.errors import (
     ForgedEnvelopeError,
     MalformedEnvelopeError,
     MessageError,
+    PrivacyError,
+    SpoolError,
     UnknownRecipientError,
     UnknownSenderError,
     UntrustedCertificateError,
@@ -105,7 +107,10 @@ class Intake:
         self._now = now
 
     def sort(self, arrivals: Sequence[Arrival]) -> Outcome:
-        """Judge arrivals, in order. What was accepted counts as known only once committed."""
+        """Judge arrivals, in order. What was accepted counts as known only once committed.
+
+        What one node's key or record hinders is not acknowledged to it, and hinders no other.
+        """
         self._senders.refresh()
         outcome = Outcome()
         received = self._now()
@@ -120,7 +125,10 @@ class Intake:
                 claim = MessageError(f"sealed by {opened.sender!r}")
                 self._reject(outcome, arrival, Reason.MISADDRESSED, claim)
                 continue
-            self._accept(outcome, arrival, node, stream, opened, received)
+            try:
+                self._accept(outcome, arrival, node, stream, opened, received)
+            except (PrivacyError, SpoolError) as error:  # the others' keys and records are good
+                self._reject(outcome, arrival, Reason.FAULT, error)
         outcome.batch.senders = self._senders.fresh()
         return outcome
 
@@ -165,18 +173,18 @@ class Intake:
             self._bury(outcome, arrival, node, opened, str(error))
             return
         position = message.position
-        outcome.positions.setdefault(node, []).append(position)
         if record.seen(position):
             outcome.duplicates += 1
         else:
-            record.add(position)
             body = self._veiling.guard(node, personal, opened.plaintext)
+            record.add(position)
             outcome.batch.entries.append(Entry(node, received, body))
             # It may have been said long ago, and be forgotten here: the cloud knows.
             if position.boot >= record.held.boot:
                 outcome.messages.append((node, message, not arrival.retained))
                 if isinstance(message, Status):
                     record.status = opened.plaintext
+        outcome.positions.setdefault(node, []).append(position)
         record.release(opened.held)
 
     def _bury(
@@ -185,14 +193,15 @@ class Intake:
         """An authentic message that nobody can read: kept aside, and acknowledged."""
         record = self._records[node]
         position = poison_position(opened.plaintext)
-        if position is not None:
+        if position is not None and record.seen(position):
             outcome.positions.setdefault(node, []).append(position)
-            if record.seen(position):
-                outcome.duplicates += 1
-                return
-            record.add(position)
+            outcome.duplicates += 1
+            return
         letter = DeadLetter(self._now(), node, why, opened.plaintext)
         letter = self._veiling.guard_unread(letter, position)
+        if position is not None:
+            outcome.positions.setdefault(node, []).append(position)
+            record.add(position)
         outcome.batch.dead.append(letter)
         self._reject(outcome, arrival, Reason.POISON, MessageError(letter.reason))
 

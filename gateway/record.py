@@ -14,6 +14,7 @@ from eskin.sequences import SequenceRanges
 
 _MOST_BOOTS: Final = 16
 _MOST_RANGES: Final = 4096
+"""Of all boots: each commit writes them."""
 _MOST_OLD_RANGES: Final = 64
 """Of a boot below ``held``."""
 
@@ -105,12 +106,16 @@ class NodeRecord:
 
     def _cut(self) -> None:
         boot, sequence = self.held.boot, self.held.sequence
-        for known, kept in self.ranges.items():
-            most = _MOST_OLD_RANGES if known < boot else _MOST_RANGES
-            if len(kept) > most:
-                self.ranges[known] = SequenceRanges(list(kept)[-most:])
         for forgotten in list(self.ranges)[:-_MOST_BOOTS]:
             del self.ranges[forgotten]
+        room = _MOST_RANGES
+        for known in list(reversed(self.ranges)):
+            kept, most = self.ranges[known], min(room, _MOST_OLD_RANGES) if known < boot else room
+            if not most:
+                del self.ranges[known]
+            elif len(kept) > most:
+                self.ranges[known] = SequenceRanges(list(kept)[-most:])
+            room -= min(len(kept), most)
         ranges = self.ranges.get(boot)
         if ranges is not None and any(first < sequence for first, _ in ranges):
             self.ranges[boot] = SequenceRanges(

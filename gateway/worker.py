@@ -89,16 +89,32 @@ class Worker:
             )
             self._note_pace(len(arrivals))
             ended = not arrivals and self._stopping.is_set()
+            if arrivals:
+                self.attempt(arrivals)
             try:
-                if arrivals:
-                    self.process(arrivals)
                 self._look_around(idle=not arrivals)
-            except Exception:  # the thread's outermost loop: what broke is told and counted
-                log.exception("batch dropped without acknowledgement: messages=%d", len(arrivals))
-                self._counters.rejected(Reason.FAULT, len(arrivals))
-                self._intake.forget()
-                self._answers.release(arrivals)
-            self._dispatch()
+                self._dispatcher.dispatch()
+            except SpoolError as error:
+                log.warning("commands not published, trying again: %s", error)
+            except Exception:  # the thread's outermost loop, as in `attempt`
+                log.exception("what has no message for a reason broke; trying again")
+
+    def attempt(self, arrivals: list[Arrival]) -> None:
+        """Process a batch, and where it breaks, each message for itself: one shall not hinder all.
+
+        What breaks alone is told, counted, and not acknowledged to its node.
+        """
+        try:
+            self.process(arrivals)
+        except Exception:  # the thread's outermost loop: what nobody foresaw ends it not
+            log.exception("batch broke: messages=%d", len(arrivals))
+            self._intake.forget()
+            if len(arrivals) > 1:
+                for arrival in arrivals:
+                    self.attempt([arrival])
+                return
+            self._counters.rejected(Reason.FAULT, 1)
+            self._answers.release(arrivals)
 
     def _look_around(self, *, idle: bool) -> None:
         """Do what has no message for a reason, also where there is never a moment's rest."""
@@ -116,12 +132,6 @@ class Worker:
         now = self._clock()
         self._pace = taken / max(1e-6, now - self._taken)
         self._taken = now
-
-    def _dispatch(self) -> None:
-        try:
-            self._dispatcher.dispatch()
-        except SpoolError as error:
-            log.warning("commands not published, trying again: %s", error)
 
     def process(self, arrivals: list[Arrival]) -> None:
         """Judge a batch, make it durable, and answer."""

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Final
 
 import cbor2
 
 from cloud.ingest.errors import BatchError
-from cloud.store.item import Item
+from cloud.store.item import WITHHELD, Item
 from eskin.errors import MessageError
 from eskin.messages.fields import MOST_BYTES, load_any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+log = logging.getLogger(__name__)
 
 MOST_ITEMS: Final = 10_000
 
@@ -41,6 +44,16 @@ def _item(value: object) -> Item:
             if len(data) > MOST_BYTES:
                 reason = f"message of over {MOST_BYTES} bytes"
                 return Item.unread(node, data, reason)
-            return Item.read(node, data)
+            return _read(node, data)
     reason = "the item is no array of a node's name and bytes"
     return Item.unread("", cbor2.dumps(value), reason)
+
+
+def _read(node: str, data: bytes) -> Item:
+    """Read a message; else one that breaks what reads it would be brought for ever."""
+    try:
+        return Item.read(node, data)
+    except Exception as error:
+        log.exception("message broke what reads it: bytes=%d", len(data))
+        reason = f"it broke what reads it: {type(error).__name__}"
+        return Item.refused(node, b"", reason + WITHHELD.format(len(data)))

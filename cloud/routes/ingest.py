@@ -1,7 +1,6 @@
 """Ingest: gateways bring what nodes said."""
 
 import asyncio
-import logging
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -26,8 +25,6 @@ from eskin.messages import Result
 
 router = APIRouter(tags=["ingest"])
 
-log = logging.getLogger(__name__)
-
 
 @router.post(
     "/ingest",
@@ -43,9 +40,8 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
             outcome = await _store(cloud, warrant, items)
     for kind, count in Counter(receipt.result for receipt in outcome.results).items():
         cloud.metrics.items.labels(kind).inc(count)
-    for result in outcome.results:
-        if result.reason is not None:
-            log.warning("message rejected: gateway=%s reason=%s", warrant.gateway, result.reason)
+    reasons = [result.reason for result in outcome.results if result.reason is not None]
+    cloud.refusals.tell(warrant.gateway, reasons)
     cloud.metrics.buried.inc(outcome.buried)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
     watched = cloud.onlookers.watched(dict.fromkeys(item.node for item in items))

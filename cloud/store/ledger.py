@@ -3,29 +3,34 @@
 from __future__ import annotations
 
 import secrets
-from typing import TYPE_CHECKING, Any, Final, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
 from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
 
 from cloud.store.grid import CHUNK, grain_for
 from cloud.store.news import FEED, tell
+from cloud.store.numbers import StoredNumbers
 from cloud.store.schema import channels, feed, nodes, sequences
 from cloud.store.tiles import stale
 from eskin.errors import StoreError
-from eskin.sequences import SequenceRanges
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from sqlalchemy import ColumnElement, Connection, Table
 
     from cloud.store.grid import Comb
 
 Row: TypeAlias = dict[str, Any]
+T = TypeVar("T")
 
 MOVING: Final = "moving"
 """Who writes while a store is moved to another place."""
-_MOST_RANGES: Final = 10_000
+_MOST_ASKED: Final = 4000
+"""Keys in one statement: some builds of SQLite take 32,766 values, PostgreSQL takes 65,535."""
+_MOST_BOOTS: Final = 10_000
+_MOST_ROWS: Final = 100_000
+"""Of nodes and channels: a node may name as many channels as it likes."""
 _WRITER: Final = select(feed.c.writer)
 _OUTDATE: Final = text(
     "INSERT INTO stale (node, channel, chunk, mark) VALUES (:node, :channel, :chunk, :mark) "
@@ -68,8 +73,7 @@ class Ledger:
         """Drop everything that is remembered."""
         self._cursor: int | None = None
         self._moved = False
-        self._ranges: dict[tuple[str, int], SequenceRanges] = {}
-        self._written: dict[tuple[str, int], dict[int, int]] = {}
+        self._ranges: dict[tuple[str, int], StoredNumbers] = {}
         self._rows: dict[Table, dict[tuple[str, ...], Row | None]] = {nodes: {}, channels: {}}
         self._new: set[tuple[Table, tuple[str, ...]]] = set()
         self._changed: dict[tuple[Table, tuple[str, ...]], None] = {}
@@ -104,14 +108,15 @@ class Ledger:
         self._prepare_rows(connection, channels, dict.fromkeys(places))
         if not unknown:
             return
-        found: dict[tuple[str, int], dict[int, int]] = {key: {} for key in unknown}
+        found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
         s = sequences.c
-        query = select(s.node, s.boot, s.first, s.last).where(tuple_(s.node, s.boot).in_(unknown))
-        for node, boot, first, last in connection.execute(query):
-            found[node, boot][first] = last
+        query = select(s.node, s.boot, s.first, s.last)
+        for part in _parts(unknown):
+            here = tuple_(s.node, s.boot).in_(part)
+            for node, boot, first, last in connection.execute(query.where(here)):
+                found[node, boot].append((first, last))
         for key, written in found.items():
-            self._written[key] = written
-            self._ranges[key] = SequenceRanges(sorted(written.items()))
+            self._ranges[key] = StoredNumbers(sorted(written))
 
     def _prepare_rows(
         self, connection: Connection, table: Table, keys: Iterable[tuple[str, ...]]
@@ -122,19 +127,18 @@ class Ledger:
             return
         columns = table.primary_key.columns
         rows.update(dict.fromkeys(unknown))
-        for row in connection.execute(
-            select(table).where(tuple_(*columns).in_(unknown))
-        ).mappings():
-            rows[tuple(row[column.name] for column in columns)] = dict(row)
+        for part in _parts(unknown):
+            query = select(table).where(tuple_(*columns).in_(part))
+            for row in connection.execute(query).mappings():
+                rows[tuple(row[column.name] for column in columns)] = dict(row)
 
-    def ranges(self, connection: Connection, node: str, boot: int) -> SequenceRanges:
+    def ranges(self, connection: Connection, node: str, boot: int) -> StoredNumbers:
         """What was stored of one boot of a node."""
         key = node, boot
         if key not in self._ranges:
             where = (sequences.c.node == node) & (sequences.c.boot == boot)
             found = connection.execute(select(sequences.c.first, sequences.c.last).where(where))
-            self._written[key] = {row.first: row.last for row in found}
-            self._ranges[key] = SequenceRanges(sorted(self._written[key].items()))
+            self._ranges[key] = StoredNumbers(sorted((row.first, row.last) for row in found))
         return self._ranges[key]
 
     def add(self, connection: Connection, node: str, boot: int, sequence: int) -> None:
@@ -232,15 +236,14 @@ class Ledger:
         grown: list[Row] = []
         fresh: list[Row] = []
         for node, boot in self._added:
-            before = self._written[node, boot]
-            after = dict(self._ranges[node, boot])
-            key = {"node": node, "boot": boot}
-            gone += [{**key, "first": first} for first in before.keys() - after.keys()]
-            for first, last in after.items():
-                if before.get(first) != last:
-                    kind = grown if first in before else fresh
-                    kind.append({**key, "first": first, "last": last})
-            self._written[node, boot] = after
+            ranges = self._ranges[node, boot]
+            for first, before, now in ranges.changes():
+                place: Row = {"node": node, "boot": boot, "first": first}
+                if now is None:
+                    gone.append(place)
+                else:
+                    (fresh if before is None else grown).append(place | {"last": now})
+            ranges.written()
         if gone:
             connection.execute(_REMOVE_RANGES, _placed(sequences, gone))
         if grown:
@@ -248,9 +251,21 @@ class Ledger:
         if fresh:
             connection.execute(_ADD[sequences], fresh)
         self._added.clear()
-        if len(self._ranges) > _MOST_RANGES:
+        self._trim()
+
+    def _trim(self) -> None:
+        """Forget what is written, where it is much."""
+        if len(self._ranges) > _MOST_BOOTS:
             self._ranges.clear()
-            self._written.clear()
+        if sum(map(len, self._rows.values())) > _MOST_ROWS:
+            for rows in self._rows.values():
+                rows.clear()
+
+
+def _parts(keys: Sequence[T]) -> Iterator[Sequence[T]]:
+    """So many at a time as any database can be asked for at once."""
+    for begin in range(0, len(keys), _MOST_ASKED):
+        yield keys[begin : begin + _MOST_ASKED]
 
 
 def _stale_row(node: str, channel: str, chunk: int) -> Row:

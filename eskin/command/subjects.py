@@ -76,7 +76,7 @@ def assign(
     if not name.strip() or len(name) > LONGEST_NAME:
         raise SettingsError("--name", f"is empty or longer than {LONGEST_NAME} characters")
     _require_device(node, name)
-    subject = vault.named(name) or vault.create(name)
+    subject = vault.person(name)
     assignments.assign(node, subject, since=time.time_ns())
     typer.echo(f"{node} is worn by {subject.pseudonym} from now on")
 
@@ -102,13 +102,13 @@ def erase(
     vault, assignments = _open(config)
     if pseudonym is None:
         name = _asked(name)
-    gone = _find(vault, name, pseudonym)
-    nodes = assignments.release(gone.pseudonym, since=time.time_ns())
-    vault.erase(gone.pseudonym)
-    typer.echo(f"{gone.pseudonym}: its key and name are destroyed here")
+    for gone in _find(vault, name, pseudonym):
+        nodes = assignments.release(gone.pseudonym, since=time.time_ns())
+        vault.erase(gone.pseudonym)
+        typer.echo(f"{gone.pseudonym}: its key and name are destroyed here")
+        for node in nodes:
+            typer.echo(f"{node} is worn by nobody from now on")
     typer.echo("the running gateway has the cloud destroy its copy; `list` says when it did")
-    for node in nodes:
-        typer.echo(f"{node} is worn by nobody from now on")
 
 
 @subjects.command()
@@ -125,7 +125,7 @@ def export(
     import httpx
 
     vault, _ = _open(config)
-    subject = _find(vault, _asked(name), None)
+    subject, *_ = _find(vault, _asked(name), None)
     headers = {"Authorization": f"Bearer {_secret(token)}"}
     place = f"{url.rstrip('/')}/api/v1/subjects/{subject.pseudonym}/export"
     try:
@@ -176,13 +176,13 @@ def _asked(name: str | None) -> str:
     return str(typer.prompt("Name")) if name is None else name
 
 
-def _find(vault: Vault, name: str | None, pseudonym: str | None) -> Subject:
+def _find(vault: Vault, name: str | None, pseudonym: str | None) -> list[Subject]:
     if (name is None) == (pseudonym is None):
         raise SettingsError("--name, --pseudonym", "give one of them")
     if pseudonym is not None:
-        return vault.find(pseudonym)
-    found = vault.named(name or "")
-    if found is None or not name:
+        return [vault.find(pseudonym)]
+    found = vault.named(name) if name else []
+    if not found:
         raise SettingsError("--name", "there is no such person; `eskin subjects list` shows all")
     return found
 

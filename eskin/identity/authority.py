@@ -13,14 +13,21 @@ from __future__ import annotations
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final, Self
 
-from eskin.errors import IdentityError
-from eskin.identity.certificates import leaf_certificate, new_key, pem
-from eskin.identity.identity import ROOT_FILE, load_certificates, save_key, write_whole
-from eskin.identity.issuer import found_issuer, known_issuer, load_issuers, retire_issuers
+from eskin.errors import AuthorityError, IdentityError
+from eskin.identity.certificates import issuer_kind, leaf_certificate
+from eskin.identity.founding import found
+from eskin.identity.identity import ROOT_FILE, load_certificates
+from eskin.identity.issuer import (
+    found_issuer,
+    has_leftovers,
+    known_issuer,
+    load_issuers,
+    retire_issuers,
+)
 from eskin.identity.kinds import IdentityKind
 from eskin.identity.publishing import RevocationLists
 from eskin.identity.register import LEDGER, Register
-from eskin.identity.roots import is_replaced, root_certificate, root_key
+from eskin.identity.roots import is_replaced, root_key
 from eskin.identity.turn import Turn
 
 if TYPE_CHECKING:
@@ -66,16 +73,15 @@ class Authority:
 
     @classmethod
     def open(cls, directory: Path) -> Self:
-        """Open the folder; make a fresh authority where there is none.
+        """Open the folder; make a fresh authority where there is none, and lists that are due.
 
         Raises:
             IdentityError: It cannot be read or written.
         """
-        _found(directory)
+        found(directory)
         authority = cls(directory)
         for kind in IdentityKind:
-            if not authority.revocations_file(kind).exists():
-                authority.write_revocations(kind)
+            authority.refresh_revocations(kind)
         return authority
 
     @classmethod
@@ -85,7 +91,7 @@ class Authority:
         Raises:
             IdentityError: There is one, or the folder cannot be written.
         """
-        if not _found(directory):
+        if not found(directory):
             raise IdentityError(
                 f"{directory}: there is a CA already, which stays as it is; "
                 "choose another folder for a new one"
@@ -162,6 +168,16 @@ class Authority:
         """All certificates ever issued, the latest word on each, in order of issue."""
         return self.register.entries()
 
+    def is_revoked(self, certificate: x509.Certificate) -> bool:
+        """Whether a certificate was revoked, as the ledger or the list that stands says.
+
+        Raises:
+            IdentityError: It is of no kind.
+        """
+        if self.register.is_revoked(certificate):
+            return True
+        return self._lists.holds(issuer_kind(certificate), certificate)
+
     def revoke(self, name: str) -> list[Issued]:
         """Revoke all certificates of a name, and write its kind's revocation list anew.
 
@@ -191,8 +207,12 @@ class Authority:
         self._lists.write(kind)
         return self.revocations_file(kind)
 
+    def is_published(self, kind: IdentityKind) -> bool:
+        """Whether each issuing CA of a kind that stands has signed the kind's list."""
+        return self._lists.is_complete(kind)
+
     def must_refresh(self, kind: IdentityKind) -> bool:
-        """Whether the kind's list is a day old, or lacks somebody who was revoked."""
+        """Whether the kind's list is a day old, or lacks who was revoked, or a CA that issues."""
         return self._lists.is_due(kind)
 
     def refresh_revocations(self, kind: IdentityKind) -> Path:
@@ -204,15 +224,18 @@ class Authority:
     def rotate(self, kind: IdentityKind) -> None:
         """Make a new issuing CA, which issues from now on; what the old one issued still passes.
 
+        Goes on where it was cut off.
+
         Raises:
             IdentityError: One is being replaced already, or the root's key is not here.
         """
         with self.changing():
-            if len(load_issuers(self.directory, kind)) > 1:
+            if len(load_issuers(self.directory, kind)) == 1:
+                found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
+            elif self.is_published(kind):
                 raise IdentityError(
                     f"the {kind} CA is being replaced already; end that first: `eskin pki retire`"
                 )
-            found_issuer(self.directory, kind, root_key(self.directory, self.roots[0]))
             self.write_revocations(kind)
 
     def dependants(self, kind: IdentityKind) -> list[str]:
@@ -232,6 +255,8 @@ class Authority:
     def retire(self, kind: IdentityKind) -> None:
         """End the issuing CA that was replaced, and all certificates of it.
 
+        Goes on where it was cut off.
+
         Raises:
             IdentityError: None is being replaced, or the root is, which ends them all.
         """
@@ -239,7 +264,8 @@ class Authority:
             if is_replaced(self.directory):
                 raise IdentityError("the root is being replaced; see `eskin pki retire --root`")
             issuers = load_issuers(self.directory, kind)
-            if len(issuers) == 1:
+            over = len(issuers) == 1 and self.is_published(kind)
+            if over and not has_leftovers(self.directory, kind):
                 raise IdentityError(f"no {kind} CA is being replaced; see `eskin pki rotate`")
             retire_issuers(self.directory, kind, issuers)
             self.write_revocations(kind)
@@ -259,37 +285,12 @@ class Authority:
 
     @property
     def roots(self) -> tuple[x509.Certificate, ...]:
-        """The standing roots, the one that issues first; read each time."""
-        return load_certificates(self.root_file)
+        """The standing roots, the one that issues first; read each time.
 
-
-def _found(directory: Path) -> bool:
-    """Make a CA where there is none; gives whether there was none. One process at a time does."""
-    if (directory / ROOT_FILE).exists():
-        return False
-    try:
-        with Turn(directory / LEDGER).take():
-            if (directory / ROOT_FILE).exists():
-                return False
-            _create(directory)
-    except OSError as error:
-        raise IdentityError(
-            f"{directory}: no CA can be made here: {error.strerror}; choose another folder"
-        ) from error
-    return True
-
-
-def _create(directory: Path) -> None:
-    """Make keys and certificates; the root's last, so that its presence means all is there."""
-    if (directory / LEDGER).exists():
-        raise IdentityError(
-            f"{directory}: there is a {LEDGER} but no root.pem; bring it back from a backup, as a "
-            "new CA would disown all that was issued"
-        )
-    key = new_key()
-    for kind in IdentityKind:
-        # What an interrupted attempt left is not kept beside it.
-        (directory / f"{kind}.pem").unlink(missing_ok=True)
-        found_issuer(directory, kind, key)
-    save_key(directory / "root.key", key)
-    write_whole(directory / ROOT_FILE, pem([root_certificate(key)]))
+        Raises:
+            AuthorityError: They cannot be read.
+        """
+        try:
+            return load_certificates(self.root_file)
+        except IdentityError as error:
+            raise AuthorityError(str(error)) from error

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import os
+import secrets
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, Self
 
@@ -17,6 +18,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 
 from eskin.errors import IdentityError
 from eskin.identity.certificates import common_name, issuer_kind, pem, thumbprint
+from eskin.ownership import create, make_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -86,7 +88,7 @@ class Identity:
             IdentityError: The folder cannot be written.
         """
         try:
-            directory.mkdir(parents=True, exist_ok=True, mode=0o700)
+            make_folder(directory)
             save_key(directory / KEY_FILE, key)
             write_whole(directory / ROOT_FILE, pem(roots))
             write_whole(directory / CHAIN_FILE, pem(chain))
@@ -161,8 +163,9 @@ def write_whole(path: Path, data: bytes, *, mode: int = 0o644) -> None:
     Raises:
         OSError: It cannot be written.
     """
-    partial = path.with_name(f".{path.name}.{os.getpid()}")
-    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
+    # Not by the process's number: in containers that share a folder, many have the same.
+    partial = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    descriptor = create(partial, mode=mode)
     try:
         with os.fdopen(descriptor, "wb") as file:
             file.write(data)

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 from cryptography import x509
 from cryptography.hazmat.primitives import hashes, serialization
 
-from eskin.errors import IdentityError
+from eskin.errors import AuthorityError, IdentityError
 from eskin.identity.certificates import ca_certificate, new_key, pem
 from eskin.identity.identity import load_certificates, load_key, save_key, write_whole
 from eskin.identity.roots import ROOT_NAME, is_issued_by, is_replaced, newer_root
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric import ec
 
     from eskin.identity.kinds import IdentityKind
-    from eskin.identity.ledger import Issued
 
 ISSUER_LIFETIME: Final = timedelta(days=1825)
 LIST_LIFETIME: Final = timedelta(days=7)
@@ -49,16 +48,24 @@ class Issuer:
         """Serial number of its certificate, hexadecimal."""
         return f"{self.certificate.serial_number:x}"
 
-    def revocation_list(self, revoked: Iterable[Issued]) -> bytes:
-        """A revocation list (PEM; RFC 5280, section 5)."""
-        now = datetime.now(UTC)
+    def revocation_list(
+        self, revoked: Iterable[x509.RevokedCertificate], *, number: int, now: datetime
+    ) -> bytes:
+        """A revocation list (PEM; RFC 5280, section 5).
+
+        Args:
+            revoked: What it holds.
+            number: Its place among its issuer's lists.
+            now: When it is signed.
+        """
         builder = x509.CertificateRevocationListBuilder(
             issuer_name=self.certificate.subject, last_update=now, next_update=now + LIST_LIFETIME
         )
         key = x509.AuthorityKeyIdentifier.from_issuer_public_key(self.key.public_key())
         builder = builder.add_extension(key, critical=False)
+        builder = builder.add_extension(x509.CRLNumber(number), critical=False)
         for entry in revoked:
-            builder = builder.add_revoked_certificate(_revocation(entry))
+            builder = builder.add_revoked_certificate(entry)
         return builder.sign(self.key, hashes.SHA256()).public_bytes(serialization.Encoding.PEM)
 
 
@@ -66,18 +73,33 @@ def load_issuers(directory: Path, kind: IdentityKind) -> tuple[Issuer, ...]:
     """The issuing CAs of a kind, the one that issues now first.
 
     Raises:
-        IdentityError: A certificate or its key is missing or cannot be read.
+        AuthorityError: A certificate or its key is missing or cannot be read.
     """
-    keys = [load_key(path) for path in sorted(directory.glob(f"{kind}.*key"))]
+    try:
+        keys = [load_key(path) for path in sorted(directory.glob(f"{kind}.*key"))]
+    except IdentityError as error:
+        raise AuthorityError(str(error)) from error
     issuers = []
-    for certificate in load_certificates(directory / f"{kind}.pem"):
+    for certificate in issuing_certificates(directory, kind):
         held = [key for key in keys if key.public_key() == certificate.public_key()]
         if not held:
-            raise IdentityError(
+            raise AuthorityError(
                 f"{directory}: the key of a {kind} CA is missing; bring it back from a backup"
             )
         issuers.append(Issuer(certificate, held[0]))
     return tuple(issuers)
+
+
+def issuing_certificates(directory: Path, kind: IdentityKind) -> tuple[x509.Certificate, ...]:
+    """Certificates of the issuing CAs of a kind, of the one that issues now first.
+
+    Raises:
+        AuthorityError: They cannot be read.
+    """
+    try:
+        return load_certificates(directory / f"{kind}.pem")
+    except IdentityError as error:
+        raise AuthorityError(str(error)) from error
 
 
 def known_issuer(directory: Path, standing: Sequence[Issuer]) -> Issuer:
@@ -136,6 +158,12 @@ def retire_issuers(directory: Path, kind: IdentityKind, standing: Sequence[Issue
             path.unlink()
 
 
+def has_leftovers(directory: Path, kind: IdentityKind) -> bool:
+    """Whether there are keys or anchors of issuing CAs beside the one that issues now."""
+    keys = list(directory.glob(f"{kind}.*key"))
+    return len(keys) > 1 or len(load_certificates(directory / f"{kind}.anchor.pem")) > 1
+
+
 def _certificate(
     kind: IdentityKind,
     key: ec.EllipticCurvePrivateKey,
@@ -150,14 +178,4 @@ def _certificate(
         path_length=0,
         not_before=datetime.now(UTC),
         lifetime=ISSUER_LIFETIME,
-    )
-
-
-def _revocation(entry: Issued) -> x509.RevokedCertificate:
-    revoked = datetime.fromisoformat(entry.revoked or "")
-    return (
-        x509.RevokedCertificateBuilder()
-        .serial_number(int(entry.serial, 16))
-        .revocation_date(revoked)
-        .build()
     )

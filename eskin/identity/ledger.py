@@ -9,7 +9,7 @@ from datetime import datetime
 from threading import Lock
 from typing import TYPE_CHECKING
 
-from eskin.errors import IdentityError
+from eskin.errors import AuthorityError
 from eskin.identity.lines import append_lines, whole_lines
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ class Revocation:
 class Ledger:
     """A file that only grows; what others add to it is read when it is asked for.
 
-    Whoever reads it gets an `IdentityError` where a line in it is damaged.
+    Whoever reads it gets an `AuthorityError` where a line in it is damaged.
 
     Args:
         path: The file, which need not be there yet.
@@ -145,7 +145,7 @@ class Ledger:
             entry = Issued(**json.loads(line))
             revoked = entry.revoked and datetime.fromisoformat(entry.revoked)
         except (ValueError, TypeError) as error:
-            raise IdentityError(
+            raise AuthorityError(
                 f"{self._path}: line {number} is damaged: {error}; bring the file back from a "
                 "backup, or put that line right by hand: nothing is issued or revoked until then"
             ) from error

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, Final
 
+from eskin.ownership import create
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -24,9 +26,9 @@ def append_lines(path: Path, lines: str) -> None:
     Raises:
         OSError: They cannot be written, or not all of them.
     """
-    fresh = not path.exists()
-    with path.open("ab") as file:
-        size = file.tell()
+    descriptor, fresh = _opened(path)
+    with os.fdopen(descriptor, "ab") as file:
+        size = file.seek(0, os.SEEK_END)
         whole = _whole_bytes(path, size)
         if whole < size:
             file.truncate(whole)
@@ -40,6 +42,14 @@ def append_lines(path: Path, lines: str) -> None:
 def whole_lines(data: bytes) -> list[bytes]:
     """The lines of what was read, without one that has no end."""
     return data[: data.rfind(b"\n") + 1].splitlines(keepends=True)
+
+
+def _opened(path: Path) -> tuple[int, bool]:
+    """A file to append to, and whether it was made for that."""
+    try:
+        return create(path, mode=0o644), True
+    except FileExistsError:
+        return os.open(path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC), False
 
 
 def _whole_bytes(path: Path, size: int) -> int:

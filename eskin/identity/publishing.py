@@ -1,4 +1,12 @@
-"""A CA's revocation lists: for each kind a file, signed from what the ledger says."""
+"""A CA's revocation lists: for each kind a file, signed from what the ledger says.
+
+Who was on a list stays on it, also where the ledger was brought back from a backup and has
+forgotten it; then the ledger learns it again from the list.
+
+Lists are numbered by the second in which they are signed, or one more than the list before where
+the clock was set back: so whoever follows the numbers takes the newest. OpenSSL goes by the times
+alone, and would prefer the older list as soon as its time comes; then it is time for another one.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +16,11 @@ from typing import TYPE_CHECKING
 
 from cryptography import x509
 
+from eskin.errors import IdentityError
 from eskin.identity.certificates import pem
-from eskin.identity.identity import write_whole
-from eskin.identity.issuer import LIST_LIFETIME, load_issuers
-from eskin.identity.revocations import revoked_serials
+from eskin.identity.identity import load_certificates, write_whole
+from eskin.identity.issuer import LIST_LIFETIME, issuing_certificates, load_issuers
+from eskin.identity.revocations import number_of, revoked_certificates
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,9 +55,15 @@ class RevocationLists:
         The file holds the certificate of each issuing CA, then the list that this one signed.
         """
         with self._turn.take():
-            revoked = self._revoked(kind)
+            listed = self._listed(kind)
+            self._register.recall({each: one.revocation_date_utc for each, one in listed.items()})
+            revoked = listed | {one.serial: _entry(one) for one in self._revoked(kind)}
+            now, number = datetime.now(UTC), self._next_number(kind)
             issuers = load_issuers(self._directory, kind)
-            lists = [issuer.revocation_list(revoked) for issuer in issuers]
+            lists = [
+                issuer.revocation_list(revoked.values(), number=number, now=now)
+                for issuer in issuers
+            ]
             certificates = pem([issuer.certificate for issuer in issuers])
             write_whole(self.file(kind), certificates + b"".join(lists))
 
@@ -63,19 +78,46 @@ class RevocationLists:
             time.sleep(min(max((due - datetime.now(UTC)).total_seconds(), 0.0), 1.0))
         self.write(kind)
 
+    def holds(self, kind: IdentityKind, certificate: x509.Certificate) -> bool:
+        """Whether the kind's list revokes a certificate."""
+        return f"{certificate.serial_number:x}" in self._listed(kind)
+
     def is_due(self, kind: IdentityKind) -> bool:
-        """Whether a day has passed since the list was signed, or it lacks who was revoked."""
+        """Whether a day has passed since the list was signed, or it lacks whom it should hold."""
         standing = self._standing(kind)
-        if standing is None or standing.next_update_utc is None:
+        if standing is None or standing.next_update_utc is None or not self.is_complete(kind):
             return True
-        if standing.next_update_utc - datetime.now(UTC) < LIST_LIFETIME - timedelta(days=1):
+        now = datetime.now(UTC)
+        if standing.next_update_utc - now < LIST_LIFETIME - timedelta(days=1):
             return True
-        listed = revoked_serials(self.file(kind).read_bytes())
-        return not listed.issuperset(entry.serial for entry in self._revoked(kind))
+        if _second(standing.last_update_utc) < number_of(standing) < _second(now):
+            return True
+        listed = self._listed(kind)
+        own = [one for one in self._register.entries() if one.kind == kind]
+        return any((one.revoked is None) == (one.serial in listed) for one in own)
+
+    def is_complete(self, kind: IdentityKind) -> bool:
+        """Whether the issuing CAs that stand, and no others, have signed the list."""
+        issuers = set(issuing_certificates(self._directory, kind))
+        try:
+            return set(load_certificates(self.file(kind))) == issuers
+        except IdentityError:
+            return False
+
+    def _next_number(self, kind: IdentityKind) -> int:
+        standing, now = self._standing(kind), _second(datetime.now(UTC))
+        return now if standing is None else max(now, number_of(standing) + 1)
 
     def _revoked(self, kind: IdentityKind) -> list[Issued]:
         entries = self._register.entries()
         return [one for one in entries if one.kind == kind and one.revoked is not None]
+
+    def _listed(self, kind: IdentityKind) -> dict[str, x509.RevokedCertificate]:
+        """Whom the list that stands revokes, by serial number; nobody where it cannot be read."""
+        try:
+            return revoked_certificates(self.file(kind).read_bytes())
+        except (OSError, ValueError):
+            return {}
 
     def _standing(self, kind: IdentityKind) -> x509.CertificateRevocationList | None:
         """The list that stands; one that cannot be read is as good as none."""
@@ -83,3 +125,17 @@ class RevocationLists:
             return x509.load_pem_x509_crl(self.file(kind).read_bytes())
         except (OSError, ValueError):
             return None
+
+
+def _second(moment: datetime) -> int:
+    return int(moment.timestamp())
+
+
+def _entry(entry: Issued) -> x509.RevokedCertificate:
+    revoked = datetime.fromisoformat(entry.revoked or "")
+    return (
+        x509.RevokedCertificateBuilder()
+        .serial_number(int(entry.serial, 16))
+        .revocation_date(revoked)
+        .build()
+    )

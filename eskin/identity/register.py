@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -11,12 +12,16 @@ from eskin.errors import IdentityError
 from eskin.identity.certificates import common_name, issuer_kind, key_digest, pem, public_key
 from eskin.identity.identity import load_certificates, write_whole
 from eskin.identity.ledger import Issued, Ledger, Revocation
+from eskin.ownership import make_folder
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
     from pathlib import Path
 
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric import ec
+
+log = logging.getLogger(__name__)
 
 LEDGER: Final = "ledger.jsonl"
 
@@ -50,7 +55,7 @@ class Register:
             key=key_digest(public_key(certificate)),
         )
         self._ledger.add(entry)
-        self._issued.mkdir(exist_ok=True)
+        make_folder(self._issued, mode=0o755)
         write_whole(self._issued / f"{name}.pem", pem((certificate, issuer)))
 
     def entries(self) -> list[Issued]:
@@ -112,6 +117,22 @@ class Register:
         if revoked:
             self._ledger.add(*revoked)
         return revoked
+
+    def recall(self, listed: Mapping[str, datetime]) -> None:
+        """Note again who was revoked, where the ledger has forgotten it.
+
+        Args:
+            listed: What a revocation list says: serial numbers, hexadecimal, and when.
+        """
+        forgotten = [
+            self._with_key(entry).revoke(listed[entry.serial].isoformat())
+            for entry in self.entries()
+            if entry.revoked is None and entry.serial in listed
+        ]
+        if forgotten:
+            self._ledger.add(*forgotten)
+            names = ", ".join(entry.name for entry in forgotten)
+            log.warning("revocations that the ledger had forgotten are noted again: %s", names)
 
     def _with_key(self, entry: Issued) -> Issued:
         """An older line tells no key, but the certificate issued last may be at hand."""

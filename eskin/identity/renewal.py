@@ -23,6 +23,7 @@ from eskin.identity.identity import (
     write_whole,
 )
 from eskin.identity.roots import is_issued_by
+from eskin.ownership import make_folder
 
 if TYPE_CHECKING:
     from datetime import datetime, timedelta
@@ -55,7 +56,7 @@ def next_key(directory: Path) -> ec.EllipticCurvePrivateKey:
     path = directory / NEXT / KEY_FILE
     try:
         if not path.exists():
-            path.parent.mkdir(exist_ok=True, mode=0o700)
+            make_folder(path.parent)
             save_key(path, new_key())
     except OSError as error:
         raise IdentityError(f"{path}: a new key cannot be written: {error.strerror}") from error
@@ -112,13 +113,20 @@ def past_identities(directory: Path) -> list[Identity]:
 def forget_past(directory: Path, now: datetime) -> None:
     """Delete past keys whose certificate expired longer ago than it was valid.
 
+    And what was cut off: where there is a chain, there is all of it, so it comes last and goes
+    first.
+
     Raises:
         OSError: The folder cannot be written.
     """
-    for path in (directory / PAST).glob(f"*/{CHAIN_FILE}"):
-        certificate = load_certificates(path)[0]
-        if now > certificate.not_valid_after_utc + _life(certificate):
-            shutil.rmtree(path.parent)
+    for folder in (directory / PAST).glob("*/"):
+        chain = folder / CHAIN_FILE
+        if chain.exists():
+            certificate = load_certificates(chain)[0]
+            if now <= certificate.not_valid_after_utc + _life(certificate):
+                continue
+            chain.unlink()
+        shutil.rmtree(folder)
 
 
 def _life(certificate: x509.Certificate) -> timedelta:

@@ -69,7 +69,7 @@ def read_lists(
         require(issuer)
         listed = _signed_by(issuer, found)
         before = standing.get(thumbprint(issuer))
-        if before is not None and _signed_at(listed) < _signed_at(before):
+        if before is not None and _number(listed) < _number(before):
             raise UntrustedCertificateError(
                 f"the revocation list of {common_name(issuer)!r} is older than the one that stands"
             )
@@ -77,10 +77,27 @@ def read_lists(
     return lists
 
 
-def revoked_serials(data: bytes) -> set[str]:
-    """Serial numbers, hexadecimal, of all that lists (PEM) revoke, which were checked before."""
+def number_of(one: x509.CertificateRevocationList) -> int:
+    """A list's place among those of its issuer (RFC 5280, section 5.2.3), whatever the clock says.
+
+    One from before lists had numbers has the second in which it was signed: see
+    `eskin.identity.publishing`.
+    """
+    try:
+        return one.extensions.get_extension_for_class(x509.CRLNumber).value.crl_number
+    except x509.ExtensionNotFound:
+        return int(one.last_update_utc.timestamp())
+
+
+def revoked_certificates(data: bytes) -> dict[str, x509.RevokedCertificate]:
+    """All that lists (PEM) revoke, which were checked before, by hexadecimal serial number."""
     lists = [x509.load_pem_x509_crl(part) for part in _LIST.findall(data)]
-    return {f"{entry.serial_number:x}" for one in lists for entry in one}
+    return {f"{entry.serial_number:x}": entry for one in lists for entry in one}
+
+
+def revoked_serials(data: bytes) -> set[str]:
+    """Serial numbers of these."""
+    return set(revoked_certificates(data))
 
 
 def _signed_by(issuer: x509.Certificate, found: list[x509.CertificateRevocationList]) -> Listed:
@@ -91,5 +108,5 @@ def _signed_by(issuer: x509.Certificate, found: list[x509.CertificateRevocationL
     raise UntrustedCertificateError("the revocation list is not signed by its issuer")
 
 
-def _signed_at(listed: Listed) -> datetime:
-    return listed.revocations.last_update_utc
+def _number(listed: Listed) -> int:
+    return number_of(listed.revocations)

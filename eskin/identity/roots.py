@@ -73,8 +73,8 @@ def found_root(directory: Path) -> None:
 
 
 def is_replaced(directory: Path) -> bool:
-    """Whether two roots stand."""
-    return (directory / CROSS_FILE).exists()
+    """Whether a root has taken over, or is to; not yet where its making was cut off."""
+    return _newer(directory) is not None
 
 
 def newer_root(directory: Path) -> x509.Certificate:
@@ -83,13 +83,12 @@ def newer_root(directory: Path) -> x509.Certificate:
     Raises:
         IdentityError: No root is being replaced.
     """
-    if not is_replaced(directory):
+    newer = _newer(directory)
+    if newer is None:
         raise IdentityError(
             f"{directory}: no root is being replaced; see `eskin pki rotate --root`"
         )
-    (cross,) = load_certificates(directory / CROSS_FILE)
-    roots = load_certificates(directory / ROOT_FILE)
-    return next(root for root in roots if root.public_key() == cross.public_key())
+    return newer
 
 
 def offered_roots(directory: Path) -> bytes:
@@ -99,13 +98,16 @@ def offered_roots(directory: Path) -> bytes:
 
 
 def retire_root(directory: Path) -> None:
-    """Keep only the root that issues now, and delete the other's key."""
+    """Keep only the root that issues now, and delete the other's key.
+
+    What tells that there is something to end goes last.
+    """
     current = load_certificates(directory / ROOT_FILE)[0]
     write_whole(directory / ROOT_FILE, pem([current]))
-    (directory / CROSS_FILE).unlink(missing_ok=True)
     for path in directory.glob("root.*key"):
         if load_key(path).public_key() != current.public_key():
             path.unlink()
+    (directory / CROSS_FILE).unlink(missing_ok=True)
 
 
 def accept_roots(
@@ -136,6 +138,14 @@ def accept_roots(
                 f"for the new root CA {root.serial_number:x} no root vouches that is trusted"
             )
     return roots
+
+
+def _newer(directory: Path) -> x509.Certificate | None:
+    if not (directory / CROSS_FILE).exists():
+        return None
+    (cross,) = load_certificates(directory / CROSS_FILE)
+    roots = load_certificates(directory / ROOT_FILE)
+    return next((root for root in roots if root.public_key() == cross.public_key()), None)
 
 
 def _certificate(

@@ -47,7 +47,8 @@ class RootRotation:
     def _begin(self) -> None:
         standby = len(load_certificates(self._directory / ROOT_FILE)) > 1
         single = [kind for kind in IdentityKind if len(load_issuers(self._directory, kind)) == 1]
-        if (standby and not single) or (not standby and len(single) < len(IdentityKind)):
+        done = not single and all(self._authority.is_published(kind) for kind in IdentityKind)
+        if (standby and done) or (not standby and len(single) < len(IdentityKind)):
             raise IdentityError(
                 "a CA is being replaced already; end that first: `eskin pki retire`"
             )

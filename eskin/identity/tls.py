@@ -107,7 +107,7 @@ def client_context(root_file: Path, identity: Identity | None = None) -> ssl.SSL
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         _trust(context, root_file)
         if folder is not None:
-            _show(context, folder)
+            show(context, folder)
 
     files = [root_file, *_files(folder)]
     return FollowingContext.over(ssl.PROTOCOL_TLS_CLIENT, files, set_up)
@@ -127,7 +127,7 @@ def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLC
 
     def set_up(context: ssl.SSLContext) -> None:
         context.minimum_version = ssl.TLSVersion.TLSv1_2
-        _show(context, folder)
+        show(context, folder)
         if client_certificates:
             _trust(context, folder / ROOT_FILE)
             context.verify_mode = ssl.CERT_REQUIRED
@@ -155,7 +155,12 @@ def _trust(context: ssl.SSLContext, root_file: Path) -> None:
         raise IdentityError(f"{root_file}: no root certificate can be read: {error}") from error
 
 
-def _show(context: ssl.SSLContext, directory: Path) -> None:
+def show(context: ssl.SSLContext, directory: Path) -> None:
+    """Have a context show the certificate of a folder (``chain.pem``, ``key.pem``).
+
+    Raises:
+        IdentityError: It cannot be used.
+    """
     # As `Identity.load`: one of the three fits the key, in the middle of a renewal, too.
     faults = []
     for chain_file in (CHAIN_FILE, f"{NEXT}/{CHAIN_FILE}", CHAIN_FILE):

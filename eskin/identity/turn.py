@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from threading import RLock
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import IdentityError, LockedError
+from eskin.errors import AuthorityError, LockedError
 from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Turn:
 
         Raises:
             LockedError: Somebody else has had it for too long.
-            IdentityError: The folder cannot be written.
+            AuthorityError: The folder cannot be written.
         """
         if not self._thread.acquire(timeout=PATIENCE_S):
             raise LockedError(self._path)
@@ -58,7 +58,7 @@ class Turn:
         try:
             return LockFile(self._path, patience=PATIENCE_S)
         except OSError as error:
-            raise IdentityError(
+            raise AuthorityError(
                 f"{self._path.parent}: the CA's folder cannot be written, so nothing is changed: "
                 f"{error.strerror}"
             ) from error

@@ -8,6 +8,7 @@ import secrets
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
+from eskin import ownership
 from eskin.errors import PrivacyError
 from eskin.privacy.turn import turn
 
@@ -25,7 +26,7 @@ def make_folder(path: Path) -> None:
         PrivacyError: It cannot be made.
     """
     try:
-        path.mkdir(parents=True, exist_ok=True, mode=0o700)
+        ownership.make_folder(path)
     except OSError as error:
         raise PrivacyError(f"{path}: cannot be made: {error.strerror}") from error
 
@@ -118,7 +119,7 @@ def _overwrite(path: Path) -> None:
 
 
 def _write(path: Path, data: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    descriptor = ownership.create(path, mode=0o600)
     with os.fdopen(descriptor, "wb") as file:
         file.write(data)
         file.flush()

@@ -123,9 +123,25 @@ class Vault:
                 found.append(self.find(name))
         return found
 
-    def named(self, name: str) -> Subject | None:
-        """The subject with a name."""
-        return next((known for known in self.subjects() if known.name == name), None)
+    def named(self, name: str) -> list[Subject]:
+        """The subjects with a name: one, or several that were made at once before `person` was."""
+        return [known for known in self.subjects() if known.name == name]
+
+    def person(self, name: str) -> Subject:
+        """The subject with a name; made where there is none, by one alone of those who ask for it.
+
+        Raises:
+            PrivacyError: It cannot be read or written.
+        """
+        known = self.named(name)  # reads all keys, which takes long in hardware, for what follows
+        secret = wrapped_key(self.directory / _SECRET, self._master)
+        with turn(self.directory):
+            known = known or self.named(name)
+            if known:
+                return known[0]
+            made = Subject.make(name, secret=secret)
+            self._write(made)
+            return made
 
     def erase(self, pseudonym: str) -> Tombstone:
         """Destroy a subject's key and name; safe to do again, and finished after a power cut.

@@ -158,3 +158,22 @@ def test_certificate_is_due_with_a_third_left_and_past_key_goes_after_another_li
     assert len(past_identities(folder)) == 1
     forget_past(folder, end + LIFETIME + timedelta(seconds=2))
     assert past_identities(folder) == []
+
+
+def test_past_key_that_was_half_forgotten_is_in_nobodys_way(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, later = rig.node.directory, rig.now + 3 * LIFETIME
+    install(folder, rig.renewals.renew(rig.asked(rig.node)))
+
+    def cut_off(path: Path) -> None:
+        (path / "root.pem").unlink()
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(shutil, "rmtree", cut_off)
+        with pytest.raises(KeyboardInterrupt):
+            forget_past(folder, later)
+    assert past_identities(folder) == []
+    forget_past(folder, later)
+    assert list((folder / "past").iterdir()) == []

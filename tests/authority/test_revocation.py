@@ -111,7 +111,7 @@ def test_key_from_before_keys_were_noted_is_refused_too(rig: Rig) -> None:
 
 def test_revocation_wins_against_a_thief_who_keeps_renewing(tmp_path: Path) -> None:
     authority, key = Authority.open(tmp_path / "ca"), new_key()
-    renewals = Renewals(authority, lifetime=HOUR, grace=HOUR)
+    renewals = Renewals(authority, lifetime=HOUR, grace=HOUR, most=10**6)
     chain = authority.issue(NODE, "palm", key.public_key())
     held = [Identity.save(tmp_path / "palm", key=key, chain=chain, roots=authority.roots)]
     stopping = Event()

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 import ssl
 import time
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack, ExitStack, suppress
 from datetime import timedelta
+from threading import Thread
 from typing import TYPE_CHECKING, Self
 
 import httpx
@@ -25,8 +27,10 @@ from eskin.lockfile import LockFile
 from tests.processes import free_port, wait_until
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
+    from collections.abc import AsyncIterator, Callable
     from pathlib import Path
+
+    from cryptography.hazmat.primitives.asymmetric import ec
 
 pytestmark = pytest.mark.anyio
 HOUR = timedelta(hours=1)
@@ -52,8 +56,11 @@ class Rig:
     def token(self, name: str) -> str:
         return self.tokens.create(NODE, name, (), HOUR, lines=0)
 
-    async def enrol(self, token: str, name: str) -> httpx.Response:
-        made = make_request(new_key(), name).public_bytes(serialization.Encoding.PEM).decode()
+    async def enrol(
+        self, token: str, name: str, key: ec.EllipticCurvePrivateKey | None = None
+    ) -> httpx.Response:
+        request = make_request(key or new_key(), name)
+        made = request.public_bytes(serialization.Encoding.PEM).decode()
         return await self.client.post("/enrol", json={"token": token, "request": made})
 
     def others_turn(self) -> LockFile:
@@ -109,6 +116,38 @@ async def test_only_so_many_wait_and_not_for_ever(
     assert [answer.status_code for answer in answers] == [503] * 5
     assert all(answer.headers["retry-after"] for answer in answers)
     assert (await rig.enrol(tokens[0], "skin0")).status_code == 200
+
+
+def damage_ledger(folder: Path) -> None:
+    with (folder / "ledger.jsonl").open("ab") as ledger:
+        ledger.write(b"no line\n")
+
+
+def lose_key(folder: Path) -> None:
+    (folder / "node.key").unlink()
+
+
+def spoil_root(folder: Path) -> None:
+    (folder / "root.pem").write_bytes(b"no certificate")
+
+
+@pytest.mark.parametrize("harm", [damage_ledger, lose_key, spoil_root])
+async def test_party_comes_again_where_the_ca_itself_is_at_fault(
+    rig: Rig, harm: Callable[[Path], None]
+) -> None:
+    token, key, folder = rig.token("palm"), new_key(), rig.authority.directory
+    rig.authority.issue(NODE, "sole", new_key().public_key())
+    names = "ledger.jsonl", "node.key", "root.pem"
+    good = {path: path.read_bytes() for path in (folder / name for name in names)}
+    harm(folder)
+    answer = await rig.enrol(token, "palm", key)
+    assert answer.status_code == 503
+    assert answer.headers["retry-after"]
+    assert str(folder) not in answer.text, "strangers need not know"
+    for path, content in good.items():
+        path.write_bytes(content)
+        path.chmod(0o600)
+    assert (await rig.enrol(token, "palm", key)).status_code == 200
 
 
 def served(folder: Path) -> tuple[Server, str]:
@@ -188,3 +227,31 @@ async def test_silent_connections_to_the_ca_leave_room_for_others(tmp_path: Path
             gone += reader.exception() is not None
         assert gone >= 10
         assert await serving.health("127.0.0.2") == 200
+
+
+def is_ended(guest: socket.socket) -> bool:
+    try:
+        return guest.recv(1, socket.MSG_DONTWAIT | socket.MSG_PEEK) == b""
+    except BlockingIOError:
+        return False
+    except ConnectionError:
+        return True
+
+
+def test_silent_connections_are_counted_on_the_loop_that_the_service_chooses(
+    tmp_path: Path,
+) -> None:
+    serving = Serving(tmp_path)
+    thread = Thread(target=serving.server.run)
+    thread.start()
+    try:
+        wait_until(lambda: serving.server.started, "it listens", seconds=20)
+        with ExitStack() as stack:
+            guests = [
+                stack.enter_context(socket.create_connection(("127.0.0.1", serving.port)))
+                for _ in range(300)
+            ]
+            wait_until(lambda: sum(map(is_ended, guests)) >= 10, "some are refused", seconds=8)
+    finally:
+        serving.server.should_exit = True
+        thread.join()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gzip
+import sqlite3
 from typing import TYPE_CHECKING, Any
 
 import cbor2
@@ -18,13 +19,16 @@ from cloud.store.presence import MOST_LAG
 from cloud.store.schema import dead_letters
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
+from eskin.messages import decode_summary
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
-from tests.cloud.messages import NODE, START, block, gap, peak
+from tests.cloud.messages import NODE, START, block, gap, peak, status
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.messages import Peak
+    from sqlalchemy import Connection
+
+    from eskin.messages import Peak, Summary
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -114,6 +118,38 @@ async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
     with stand.cloud.store.read() as connection:
         letters = connection.execute(select(dead_letters.c.data)).scalars().all()
     assert letters == [peak(1).encode()]
+
+
+async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad = block(1).encode()
+
+    def breaks(data: bytes) -> Summary:
+        if data == bad:
+            raise OverflowError("a number that nobody thought of")
+        return decode_summary(data)
+
+    monkeypatch.setattr("cloud.store.item.decode_summary", breaks)
+    items = (await stand.ingest(batch(block(0), block(1), block(2)))).json()["items"]
+    assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
+    assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
+    assert count_blocks(stand) == 2
+
+
+def take_few_values(connection: Connection) -> None:
+    """Be as strict as any build of SQLite; PostgreSQL is so by itself."""
+    own = connection.connection.driver_connection
+    if isinstance(own, sqlite3.Connection):
+        own.setlimit(sqlite3.SQLITE_LIMIT_VARIABLE_NUMBER, 32_766)
+
+
+async def test_batch_that_names_more_than_a_statement_takes_is_stored(stand: Stand) -> None:
+    stand.cloud.store.write(take_few_values).result()
+    names = [tuple(f"t{n}.c{k}" for k in range(1000)) for n in range(34)]
+    said = [status(n, boot=n, channels=each) for n, each in enumerate(names, start=1)]
+    answer = await stand.ingest(batch(*said))
+    assert [item["result"] for item in answer.json()["items"]] == ["stored"] * 34
 
 
 @pytest.mark.parametrize("first", [-(2**63) + 1, -(2**62), 0])

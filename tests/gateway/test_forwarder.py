@@ -85,7 +85,7 @@ def test_who_looks_on_is_heard_from_the_cloud(identities: Identities) -> None:
         assert (onlookers.remaining("fingertip"), onlookers.remaining("palm")) == (6_000, 10_000)
         now[0] += 6.0
         assert onlookers.remaining("fingertip") == 0
-        nonsense: tuple[object, ...] = [], {"palm": "long"}, "palm"
+        nonsense: tuple[object, ...] = [], {"palm": "long"}, "palm", {"palm": "inf"}
         for stub.watched in nonsense:
             with pytest.raises(CloudError, match="not as agreed"):
                 cloud.send(MESSAGES[4:5])

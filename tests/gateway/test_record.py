@@ -86,3 +86,18 @@ def test_record_is_bounded_whatever_a_node_says(spool: Spool, held: Position) ->
     spool.commit(Batch(nodes={"n": record}))
     assert len(record.encode_ranges()) < 50_000
     assert record.seen(Position(1999, 0))
+
+
+def test_holes_of_all_boots_share_their_room_and_the_boot_used_last_goes_first(
+    spool: Spool,
+) -> None:
+    record = NodeRecord()
+    for boot in (1, 2, 3, 4, 2):
+        for number in range(0, 4000, 2):
+            record.add(Position(boot, number))
+    spool.commit(Batch(nodes={"n": record}))
+    kept = spool.node("n")
+    assert kept is not None
+    assert {boot: len(ranges) for boot, ranges in kept.ranges.items()} == {3: 96, 4: 2000, 2: 2000}
+    kept.release(Position(9, 0))
+    assert all(kept.seen(Position(boot, 3999 - 1)) for boot in (2, 3, 4))

@@ -9,20 +9,23 @@ import cbor2
 import pytest
 
 from eskin.errors import IdentityError
+from eskin.identity import IdentityKind
 from eskin.messages import Position
 from eskin.privacy import FileMaster, Unveiler, Vault, Veiled
-from eskin.topics import Stream
+from eskin.topics import Stream, node_topic
 from gateway.assignments import Assignments
 from gateway.veiling import WITHHELD
-from tests.gateway.messages import EPOCH, block, peak
+from tests.gateway.messages import EPOCH, block, peak, status
 from tests.gateway.test_intake import introduce
+from tests.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from eskin.messages import Block, Peak
+    from eskin.privacy import Subject
     from tests.gateway.twins import Inside
-    from tests.gateway.wire_node import Seal
+    from tests.identities import Identities
 
 BIOMETRIC = "t05.bioelectric"
 MARKED = "bio-t01.pressure"
@@ -97,6 +100,45 @@ def site(tmp_path: Path) -> Vault:
     return Vault(tmp_path / "keys", FileMaster(tmp_path / "master.key"))
 
 
+@pytest.mark.parametrize(
+    "said",
+    [block(1, channel=BIOMETRIC).encode(), cbor2.dumps({1: 1, 2: 1, 3: 1, 4: BIOMETRIC})],
+    ids=["block", "poison"],
+)
+def test_key_that_cannot_be_had_hinders_one_node_alone(
+    inside: Inside, seal: Seal, identities: Identities, said: bytes
+) -> None:
+    introduce(inside, seal)
+    palm = Seal(identities.make(IdentityKind.NODE, "palm"), identities.site)
+    introduction = palm("palm", Stream.STATUS, status(0).encode(), introduce=True)
+    inside.arrive(Stream.STATUS, introduction, node="palm")
+    inside.assignments.subject("fingertip", EPOCH)
+    file = inside.vault.directory / "nodes" / "fingertip"
+    good = file.read_bytes()
+    file.write_bytes(b"no list")
+
+    def come() -> None:
+        inside.broker.published.clear()
+        inside.worker.process(
+            [
+                inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, said)),
+                inside.arrival(
+                    Stream.BLOCKS, palm("palm", Stream.BLOCKS, block(1).encode()), node="palm"
+                ),
+            ]
+        )
+
+    come()
+    assert inside.rejected() == {"fault": 1}
+    assert inside.stored()[2:] == [block(1).encode()]
+    assert len(inside.broker.on(node_topic("palm", Stream.ACKS))) == 1
+    assert inside.broker.on(node_topic("fingertip", Stream.ACKS)) == []
+    file.write_bytes(good)
+    come()
+    assert len(inside.broker.on(node_topic("fingertip", Stream.ACKS))) == 1
+    assert len(inside.stored()) - 3 + len(inside.spool.dead_letters()) == 1
+
+
 def test_data_are_of_whoever_wore_the_node_when_they_were_measured(site: Vault) -> None:
     kept = Assignments(site)
     nobody = kept.subject("hand", 5)
@@ -109,6 +151,22 @@ def test_data_are_of_whoever_wore_the_node_when_they_were_measured(site: Vault) 
         assert whose == [nobody, ada, ada, bo, bo]
     assert again.wearers() == {"hand": bo.pseudonym}
     assert kept.subject("palm", 0) != nobody
+
+
+def test_assignment_counts_that_comes_while_a_node_is_heard_for_the_first_time(
+    site: Vault, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gateway, command = Assignments(site), Assignments(site)
+    ada, create = site.create("Ada"), site.create
+
+    def meanwhile(name: str = "") -> Subject:
+        monkeypatch.setattr(site, "create", create)
+        command.assign("palm", ada, since=EPOCH)
+        return create(name)
+
+    monkeypatch.setattr(site, "create", meanwhile)
+    assert gateway.subject("palm", EPOCH).pseudonym == ada.pseudonym
+    assert command.wearers() == {"palm": ada.pseudonym}
 
 
 def test_assignment_elsewhere_counts_at_once(site: Vault) -> None:

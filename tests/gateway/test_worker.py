@@ -14,6 +14,7 @@ from tests.processes import wait_until
 if TYPE_CHECKING:
     import pytest
 
+    from eskin.messages import Block, Peak
     from gateway.arrival import Arrival
     from gateway.batch import Batch
     from tests.gateway.twins import Inside
@@ -126,6 +127,31 @@ def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
     wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
     inside.worker.stop()
     assert inside.stored() == [status(0).encode(), BODY]
+
+
+def test_message_that_breaks_the_gateway_hinders_no_other(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    guard = inside.veiling.guard
+
+    def breaks(node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
+        if plaintext == BODY:
+            raise ZeroDivisionError("a bug with this message")
+        return guard(node, message, plaintext)
+
+    monkeypatch.setattr(inside.veiling, "guard", breaks)
+    bodies = [block(number).encode() for number in (1, 2, 3)]
+    inside.worker.attempt(
+        [inside.arrival(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body)) for body in bodies]
+    )
+    assert inside.stored() == [status(0).encode(), *bodies[1:]]
+    assert inside.rejected() == {"fault": 1}
+    assert len(inside.broker.on(ACKS)) == 2
+    assert sorted(inside.broker.released) == [2, 3, 4]
+    monkeypatch.undo()
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))
+    assert inside.stored()[-1] == BODY, "it was not taken for known"
 
 
 def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:

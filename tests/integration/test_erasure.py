@@ -150,8 +150,7 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     house.forward()
     waiting = heart(4)
     house.say(*waiting)
-    ada = house.inside.vault.named(NAME)
-    assert ada is not None
+    (ada,) = house.inside.vault.named(NAME)
     shown = house.ask(SERIES)
     assert shown.json()["resolution"] == "sample"
     assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").text.count("\n") == 3
@@ -181,13 +180,11 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
     house.steward.tend()
     house.say(*heart(1))
     house.forward()
-    ada = house.inside.vault.named(NAME)
-    assert ada is not None
+    (ada,) = house.inside.vault.named(NAME)
     house.command("erase", "--pseudonym", ada.pseudonym)
     house.steward.tend()
     house.command("assign", "--node", NODE, "--name", NAME)
-    again = house.inside.vault.named(NAME)
-    assert again is not None
+    (again,) = house.inside.vault.named(NAME)
     assert again.pseudonym != ada.pseudonym
     assert not {again.key, again.salt} & {ada.key, ada.salt}
 
@@ -212,8 +209,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
 def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: House) -> None:
     house.command("assign", "--node", NODE, "--name", NAME)
     house.steward.tend()
-    ada = house.inside.vault.named(NAME)
-    assert ada is not None
+    (ada,) = house.inside.vault.named(NAME)
     own = house.stand.cloud.keyholder.vault
     assert own is not None
     assert own.find(ada.pseudonym).key == ada.key

@@ -55,12 +55,11 @@ def site(tmp_path: Path) -> Site:
 
 def test_person_is_assigned_listed_released_and_erased(site: Site) -> None:
     site.run("assign", "--node", "hand", said=f"{NAME}\n")
-    grace = site.vault.named(NAME)
-    assert grace is not None
+    (grace,) = site.vault.named(NAME)
     (row,) = [line for line in site.run("list").splitlines() if NAME in line]
     assert row.split()[2:] == [grace.pseudonym, "hand", "sealed"]
     site.run("assign", "--node", "palm", "--name", NAME)
-    assert site.vault.named(NAME) == grace
+    assert site.vault.named(NAME) == [grace]
     site.run("release", "--node", "palm")
     site.run("erase", said=f"{NAME}\n")
     listed = site.run("list")
@@ -69,6 +68,29 @@ def test_person_is_assigned_listed_released_and_erased(site: Site) -> None:
     assert "the cloud has not confirmed yet" in row
     assert "no such person" in site.run("erase", "--name", NAME, status=2)
     assert "its key is destroyed" in site.run("erase", "--pseudonym", grace.pseudonym, status=2)
+
+
+def test_person_who_is_assigned_twice_at_once_is_one(site: Site) -> None:
+    made: list[str] = []
+    vaults = [site.vault for _ in range(6)]
+    threads = [
+        threading.Thread(target=lambda vault=vault: made.append(vault.person(NAME).pseudonym))
+        for vault in vaults
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(20)
+    assert len(made) == 6
+    assert len(set(made)) == 1
+
+
+def test_all_of_a_name_are_erased(site: Site) -> None:
+    made = [site.vault.create(NAME) for _ in range(2)]
+    said = site.run("erase", "--name", NAME)
+    assert site.vault.named(NAME) == []
+    for subject in made:
+        assert f"{subject.pseudonym}: its key and name are destroyed here" in said
 
 
 @pytest.mark.parametrize("name", ["", " ", "x" * 201])
@@ -112,8 +134,7 @@ def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
 ) -> None:
     url, asked = cloud
     site.run("assign", "--node", "hand", "--name", NAME)
-    grace = site.vault.named(NAME)
-    assert grace is not None
+    (grace,) = site.vault.named(NAME)
     token, out = site.folder / "token", site.folder / "out.jsonl"
     token.write_text("eskin_abc\n")
     words = ["--url", url, "--token", str(token), "--name", NAME, "--out"]

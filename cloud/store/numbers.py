@@ -1,0 +1,59 @@
+"""The memory behind *once*: which numbers of a boot are stored, and what is not written yet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+from eskin.sequences import SequenceRanges
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+
+class Change(NamedTuple):
+    """A range that changed since it was written.
+
+    Attributes:
+        first: Its first number.
+        before: Its last as it was written; ``None``: there was none.
+        now: Its last now; ``None``: it is a part of another one.
+    """
+
+    first: int
+    before: int | None
+    now: int | None
+
+
+class StoredNumbers(SequenceRanges):
+    """Ranges, of which only what changed is written: a node may leave a hole at each second number.
+
+    Args:
+        ranges: As they were written.
+    """
+
+    def __init__(self, ranges: Iterable[tuple[int, int]] = ()) -> None:
+        self._before: dict[int, int | None] = {}
+        super().__init__(ranges)
+        self._before.clear()
+
+    def add(self, first: int, last: int | None = None) -> None:
+        """Add one number, or all from ``first`` to ``last``.
+
+        Raises:
+            ValueError: ``first > last``.
+        """
+        for known in self.near(first, first if last is None else last):
+            self._before.setdefault(*known)
+        self._before.setdefault(first, None)
+        super().add(first, last)
+
+    def changes(self) -> Iterator[Change]:
+        """What is to be written."""
+        for first, before in self._before.items():
+            now = self.last_of(first)
+            if now != before:
+                yield Change(first, before, now)
+
+    def written(self) -> None:
+        """All of it is written now."""
+        self._before.clear()
