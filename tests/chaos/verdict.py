@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final
 
 from demo.audit import audit
 from eskin.messages import Gap, decode_message
-from eskin.sequences import SequenceRanges
 from eskin.moment import SECOND
+from eskin.sequences import SequenceRanges
 from tests.chaos.site import NODES
 from tests.stores import ask_store
 
