@@ -185,6 +185,10 @@ def test_server_is_come_to_by_tls_and_with_its_password(
     with Store(section.place) as store, store.read() as connection:
         words = "SELECT ssl FROM pg_stat_ssl WHERE pid = pg_backend_pid()"
         assert connection.execute(text(words)).scalar_one() is True
+        # It notices within 20 s that a cloud is gone which it does not hear of.
+        names = ("tcp_keepalives_idle", "tcp_keepalives_interval", "tcp_keepalives_count")
+        shown = [connection.execute(text(f"SHOW {name}")).scalar_one() for name in names]
+        assert shown == ["5", "5", "3"]
     for changed, said in (
         ({"root": tmp_path / "word"}, "root certificate|SSL"),
         ({"password_file": tmp_path / "other"}, "the password is wrong; see store.password_file"),
