@@ -18,7 +18,6 @@ from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
-from cloud.listener import Listener
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
@@ -35,6 +34,7 @@ from eskin.doorway import bind
 from eskin.errors import LockedError, StoreError
 from eskin.identity import Trust
 from eskin.identity.identity import ROOT_FILE
+from eskin.listener import Listener
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
 from eskin.privacy import open_vault

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 WRITING: Final = 0x65736B696E
 """The advisory lock that whoever writes holds until its commit: "eskin"."""
 _CONNECT_S: Final = 5
-# The server, too, looks whether the other end is there: of a connection that was reset on the way it
+# The server looks, too, whether anybody is there: of a connection that was reset on the way, it
 # would hear nothing for a minute, and meanwhile keep what it had locked.
 _OPTIONS: Final = (
     "-c timezone=UTC -c idle_in_transaction_session_timeout=60s "
