@@ -38,8 +38,10 @@ def monitoring(health: Health, *, requests_per_s: int = 1000) -> Iterator[Monito
     section = HttpSection(port=0, connections=MOST, requests_per_s=requests_per_s)
     monitor = Monitor(section, health=health, counters=Counters())
     monitor.start()
-    yield monitor
-    monitor.stop()
+    try:
+        yield monitor
+    finally:
+        monitor.stop()
 
 
 @pytest.fixture
