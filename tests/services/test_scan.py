@@ -1,4 +1,4 @@
-"""`make scan` fails for what is known to be vulnerable, and says so where nothing could be asked."""
+"""`make scan` fails for what is known to be vulnerable, and tells where nothing could be asked."""
 
 from __future__ import annotations
 
@@ -59,8 +59,7 @@ def test_known_vulnerability_fails(scan: Scan) -> None:
 @pytest.mark.parametrize(
     "answer",
     [
-        '{\n  "message": "404 Not Found - POST /-/npm/v1/security/audits/quick",\n'
-        '  "statusCode": 404\n}',
+        '{\n  "message": "404 Not Found - POST /-/npm/v1/audits",\n  "statusCode": 404\n}',
         '{"error": {"code": "ENOTFOUND", "summary": "404 Not Found"}}',
         "npm error 404 Not Found",
     ],
