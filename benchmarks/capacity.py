@@ -1,4 +1,4 @@
-"""``python -m benchmarks.capacity``: what a cloud holds before it refuses, and that nothing is lost.
+"""``python -m benchmarks.capacity``: what a cloud holds before it refuses, and that all is stored.
 
 Gateways' batches come at a fixed rate, whether those before them are answered or not; the rate is
 raised until the first one is refused. What was refused is sent again, as a gateway does, and in the

@@ -37,8 +37,8 @@ GATEWAYS: Final = ("gateway-1", "gateway-2")
 _PORTS: Final = (8883, 8884, 8885)
 _INGEST: Final = 8443
 _MEBIBYTE: Final = 1 << 20
-_NO_STORE: Final = "the store cannot be opened"
-"""A cloud's last words where it found no database when it started."""
+_NO_STORE: Final = ": the store cannot be "
+"""In a cloud's last line where it found no database when it started."""
 
 
 class Site:
@@ -119,7 +119,7 @@ class Site:
             assert running.process is not None
             status = running.process.poll()
             last = running.output()[-3000:]
-            if status == 1 and name == "cloud" and self.database and _NO_STORE in last[-500:]:
+            if status == 2 and name == "cloud" and self.database and _NO_STORE in last[-500:]:
                 running.start()
                 continue
             assert status is None, f"{name} ended with {status}:\n{last}"
