@@ -62,7 +62,7 @@ class Database(Part):
         )
         self.place = self._cluster.place(_SKIN)
         self._password = folder / "database.password"
-        self.settings = {
+        self.settings: dict[str, object] = {
             "url": f"postgresql://{_CLOUD}@{host.address}:{self._cluster.port}/{_SKIN}",
             "password_file": self._password,
             "root": identity.directory / ROOT_FILE,

@@ -118,11 +118,12 @@ class Site:
             running = self.part(name).running
             assert running.process is not None
             status = running.process.poll()
-            last = running.output()[-3000:]
-            if status == 2 and name == "cloud" and self.database and _NO_STORE in last[-500:]:
-                running.start()
+            if status is None:
                 continue
-            assert status is None, f"{name} ended with {status}:\n{last}"
+            last = running.output()[-3000:]
+            lacked = self.database is not None and name == "cloud" and _NO_STORE in last[-500:]
+            assert status == 2 and lacked, f"{name} ended with {status}:\n{last}"  # noqa: PT018 - one condition
+            running.start()
 
     def has_begun(self) -> bool:
         """Whether something is stored."""
@@ -220,8 +221,9 @@ class Site:
     def _make_cloud(self, host: Host) -> Part:
         disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
         server = self._identities.make(IdentityKind.SERVER, "server.cloud", hosts=(host.address,))
+        store: dict[str, object] = {"path": self.store}
         config = write_settings(self.layout.root / "cloud.toml", {
-            "store": {"path": self.store} if self.database is None else self.database.settings,
+            "store": store if self.database is None else self.database.settings,
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
         })  # fmt: skip
         return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)
