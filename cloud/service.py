@@ -57,7 +57,6 @@ def run(settings: CloudSettings) -> None:
         IdentityError: The server's identity cannot be read.
         StoreError: The store cannot be opened, or another cloud has it.
     """
-    logging.getLogger("uvicorn").setLevel(logging.WARNING)
     with ExitStack() as stack:
         place = settings.store.place
         if isinstance(place, Path):

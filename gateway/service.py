@@ -61,7 +61,6 @@ def run(settings: GatewaySettings) -> None:
     Raises:
         EskinError: It cannot start: identity, spool or address cannot be used.
     """
-    logging.getLogger("uvicorn").setLevel(logging.WARNING)
     stop = Event()
 
     def end(number: int, frame: FrameType | None) -> None:
