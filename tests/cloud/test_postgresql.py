@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
@@ -125,6 +126,32 @@ def test_server_that_is_away_is_told_and_what_is_sent_again_is_stored_once(
         cluster.start()
     assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
     store.check()
+
+
+def test_killed_server_has_what_was_acknowledged_when_it_is_back(
+    cluster: Cluster, store: Store
+) -> None:
+    put(store, block(0))
+    cluster.running.kill()
+    try:
+        with pytest.raises(StoreError, match=r"cannot be written: .*then send again"):
+            put(store, block(1))
+    finally:
+        cluster.start()
+    assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
+
+
+def test_server_that_hangs_is_waited_for(cluster: Cluster, store: Store) -> None:
+    put(store, block(0))
+    cluster.running.signal(signal.SIGSTOP)
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            waiting = pool.submit(put, store, block(1))
+            with pytest.raises(TimeoutError):
+                waiting.result(1.0)
+        finally:
+            cluster.running.signal(signal.SIGCONT)
+        assert [receipt.result for receipt in waiting.result(20).results] == ["stored"]
 
 
 @pytest.mark.parametrize(
