@@ -26,8 +26,8 @@ GUISES: Final = {
     "plaintext": r"\[SSL",
 }
 """By their names, what a party must say of them."""
-_WELCOME: Final = b"\x20\x02\x00\x00"
-"""A broker's CONNACK, which lets everybody in (MQTT 3.1.1, section 3.2)."""
+_WELCOME: Final = b"\x20\x02\x00\x00" + b"\xd0\x00"
+"""A broker's CONNACK, which lets everybody in, and PINGRESP (MQTT 3.1.1, sections 3.2 and 3.13)."""
 _TURN_S: Final = 0.05
 _PATIENCE_S: Final = 5.0
 _PIECE: Final = 65_536
@@ -99,9 +99,13 @@ class Impostor:
             while True:
                 try:
                     tls.do_handshake()  # of no effect once it is over
-                    said += tls.read(_PIECE)
+                    piece = tls.read(_PIECE)
                 except ssl.SSLWantReadError:
                     _exchange(peer, incoming, outgoing)
+                    continue
+                if not piece:
+                    return Visit(said, _rest(peer))
+                said += piece
         except (ssl.SSLError, EOFError):
             return Visit(said, incoming.read() + _rest(peer))
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from eskin.identity import IdentityKind
 from tests.impostor import GUISES, Impostor, guise, is_tls
 from tests.processes import wait_until
 from tests.sensor_node.designs import waiting
@@ -46,3 +47,12 @@ def test_node_says_nothing_to_who_is_not_the_broker(
         with Peer(identities, broker.gateway_port) as peer:
             wait_until(lambda: bench.outbox.messages == 0, "flash is empty")
             assert {(p.boot, p.sequence) for p in peer.messages} >= kept
+
+
+def test_what_is_said_to_who_shows_the_right_certificate_is_recorded(
+    bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    broker.stop()
+    right = identities.make(IdentityKind.SERVER, "server.broker")
+    with publishing(), Impostor(bench.settings.broker.port, right) as impostor:
+        wait_until(lambda: b"MQTT" in impostor.confided, "it is heard")
