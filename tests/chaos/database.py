@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _SKIN: Final = "skin"
 _CLOUD: Final = "cloud"
-_DISK: Final = 1024 << 20
+_DISK: Final = 2048 << 20
 
 
 class Database(Part):
