@@ -65,7 +65,9 @@ def require_intervals(document: Any) -> None:
     """Check that whatever has a lower and an upper bound in an answer is an interval."""
     if isinstance(document, dict):
         lo, hi = document.get("lo"), document.get("hi")
-        for lower, upper in zip(lo, hi, strict=True) if isinstance(lo, list) else [(lo, hi)]:
+        if not isinstance(lo, list) or not isinstance(hi, list):
+            lo, hi = [lo], [hi]
+        for lower, upper in zip(lo, hi, strict=True):
             if isinstance(lower, int | float) and isinstance(upper, int | float):
                 assert lower <= upper, document
         document = list(document.values())
