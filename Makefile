@@ -77,7 +77,10 @@ fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every way in (ARGS
 	$(BIN)/python -m tests.fuzz $(ARGS)
 
 scan: $(VENV)/.scan ## Look the pinned libraries up among known vulnerabilities (needs the network)
-	$(BIN)/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt $(ARGS)
+	@status=0; \
+		$(BIN)/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt $(ARGS) || status=1; \
+		services/scan_npm.sh $(DASHBOARD) || status=1; \
+		exit $$status
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \

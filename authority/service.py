@@ -19,7 +19,7 @@ from eskin.errors import IdentityError, LockedError
 from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
 from eskin.identity.authority import CA_SERVICE
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
-from eskin.listening import Bounds, guarded
+from eskin.listening import BARE_HEADERS, Bounds, guarded
 from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
@@ -32,12 +32,7 @@ if TYPE_CHECKING:
     from authority.settings import AuthoritySection, AuthoritySettings, Expected
 
 _MOST_BODY: Final = 65_536
-_HEADERS: Final = [
-    ("Cache-Control", "no-store"),
-    ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
-    ("Strict-Transport-Security", "max-age=31536000"),
-    ("X-Content-Type-Options", "nosniff"),
-]
+_HEADERS: Final = [*BARE_HEADERS, ("Strict-Transport-Security", "max-age=31536000")]
 
 log = logging.getLogger(__name__)
 

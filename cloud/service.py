@@ -19,7 +19,6 @@ from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
 from cloud.limiter import Limiter
-from cloud.listener import Listener
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
@@ -36,6 +35,7 @@ from eskin.doorway import bind
 from eskin.errors import LockedError, StoreError
 from eskin.identity import Trust
 from eskin.identity.identity import ROOT_FILE
+from eskin.listener import Listener
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
 from eskin.memory import settle
@@ -59,7 +59,6 @@ def run(settings: CloudSettings) -> None:
         IdentityError: The server's identity cannot be read.
         StoreError: The store cannot be opened, or another cloud has it.
     """
-    logging.getLogger("uvicorn").setLevel(logging.WARNING)
     with ExitStack() as stack:
         place = settings.store.place
         if isinstance(place, Path):

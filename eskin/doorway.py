@@ -116,9 +116,11 @@ def bind(section: str, host: str, port: int) -> socket.socket:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         bound = socket.create_server((host, port), family=family, backlog=2048)
     except OSError as error:
-        name = f"{section}.host" if isinstance(error, socket.gaierror) else f"{section}.port"
+        unknown = isinstance(error, socket.gaierror)
+        name = f"{section}.host" if unknown else f"{section}.port"
+        remedy = "" if unknown else "; choose another port, or 0 for any free one"
         raise SettingsError(
-            name, f"{host}:{port} cannot be listened on: {error.strerror}"
+            name, f"{host}:{port} cannot be listened on: {error.strerror}{remedy}"
         ) from error
     # What is accepted inherits it. asyncio sets it for sockets alone that name their protocol, and
     # without it the body of each answer waits 40 ms for the peer to acknowledge its head.

@@ -29,6 +29,12 @@ _PROMPT_BYTES: Final = 2048
 """The same where what waits grows stale."""
 PROMPT: Final = "eskin.prompt"
 """Extension of ASGI: an answer that calls its ``begin`` has as little as can be wait to be sent."""
+BARE_HEADERS: Final = (
+    ("Cache-Control", "no-store"),
+    ("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'"),
+    ("X-Content-Type-Options", "nosniff"),
+)
+"""Of answers with which a browser shall do nothing."""
 _DETAILS: Final = {
     400: "this is no HTTP/1.1 request",
     408: "the request came too slowly",
@@ -51,6 +57,8 @@ class Bounds:
         body_bytes: A body's length; ``None`` where the application looks after that.
         connections: Open at once.
         of_one: Of these, from one address, or one IPv6 network of 64 bit.
+        gives_way: Whether, where there is no room, the connection is ended that has waited longest
+            for a request to come; else, the new one is refused.
     """
 
     head_s: float = 10.0
@@ -60,6 +68,7 @@ class Bounds:
     body_bytes: int | None = None
     connections: int = 768
     of_one: int = 256
+    gives_way: bool = False
 
 
 def guarded(bounds: Bounds, *, greet: Callable[[int], None] = lambda _: None) -> Any:
@@ -82,6 +91,7 @@ class GuardedProtocol(HttpToolsProtocol):
 
     Attributes:
         source: Whom it counts for, see `source_of`.
+        idle_since: When it began, or was last answered; the event loop's time.
     """
 
     def __init__(self, *, bounds: Bounds, greet: Callable[[int], None], **others: Any) -> None:
@@ -92,6 +102,7 @@ class GuardedProtocol(HttpToolsProtocol):
         self._stall: asyncio.TimerHandle | None = None
         self.source: str | None = None
         self._silent = True  # so far
+        self.idle_since = self.loop.time()
         self._in_head = True
         self._head_bytes = self._body_bytes = self._window_bytes = 0
         self._refusal = HTTPStatus.BAD_REQUEST
@@ -105,8 +116,11 @@ class GuardedProtocol(HttpToolsProtocol):
         others = [getattr(other, "source", None) for other in self.connections]
         same = 0 if self.source is None else others.count(self.source)
         if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:
-            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
-            return
+            idle = self._longest_idle() if self._bounds.gives_way else None
+            if idle is None:
+                self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
+                return
+            idle.transport.abort()
         self._expect(self._bounds.head_s, self._too_slow)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -160,6 +174,7 @@ class GuardedProtocol(HttpToolsProtocol):
     def on_response_complete(self) -> None:
         """It was answered; the next one, or the rest of this one, must come soon."""
         super().on_response_complete()
+        self.idle_since = self.loop.time()
         if not self.transport.is_closing() and self.cycle.response_complete:
             self._expect(self._bounds.head_s, self.transport.abort)
 
@@ -188,6 +203,18 @@ class GuardedProtocol(HttpToolsProtocol):
         )
         self.transport.write(head.encode() + body)
         self.transport.close()
+
+    @property
+    def idle(self) -> bool:
+        """Whether it waits for a request, or for the rest of its head."""
+        answering = not self._in_head and not self.cycle.response_complete
+        return not answering and not self.transport.is_closing()
+
+    def _longest_idle(self) -> GuardedProtocol | None:
+        """Of the other connections, the one that has waited longest for a request to come."""
+        mine = (other for other in self.connections if isinstance(other, GuardedProtocol))
+        idle = [other for other in mine if other is not self and other.idle]
+        return min(idle, key=lambda other: other.idle_since, default=None)
 
     def _limit_unsent(self, ours: int, kernel: int) -> None:
         """Have an answer wait when so many bytes do, here or in the kernel."""

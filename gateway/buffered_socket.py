@@ -10,12 +10,14 @@ import ssl
 from contextlib import suppress
 from typing import Any, Final
 
+from eskin.identity.tls import ClosingSocket
+
 _PIECE: Final = 16_384
 """Bytes of one call: a TLS record holds no more (RFC 8446, section 5.1)."""
 _CLOGGED: Final = 1_048_576
 
 
-class BufferedSocket(ssl.SSLSocket):
+class BufferedSocket(ClosingSocket):
     """What arrives is read record by record; what leaves waits for `flush`.
 
     Made by a context whose ``sslsocket_class`` it is. Not for several threads at once.

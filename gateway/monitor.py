@@ -2,30 +2,43 @@
 
 from __future__ import annotations
 
-import logging
+import asyncio
+import json
 from http import HTTPStatus
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Thread
-from typing import TYPE_CHECKING, Any
+from time import monotonic
+from typing import TYPE_CHECKING, Any, Final
 
 import orjson
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
-from eskin.errors import SettingsError
+from eskin.doorway import bind
+from eskin.limiting import Rate
+from eskin.listener import Listener
+from eskin.listening import BARE_HEADERS, Bounds
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from starlette.types import Receive, Scope, Send
+
     from gateway.counters import Counters
     from gateway.health import Health
     from gateway.settings import HttpSection
 
-log = logging.getLogger(__name__)
+_HEAD_S: Final = 5.0
+_HEAD_BYTES: Final = 8192
+_FRESH_S: Final = 1.0
 
 
 class Monitor:
     """Serves ``/healthz`` and ``/metrics``.
 
+    On loopback nobody can be told from others by their address. So where all connections are taken,
+    the one gives way that has waited longest for a request to come.
+
     Args:
-        settings: Where to listen.
+        settings: Where to listen, and how much at most.
         health: Asked for ``/healthz``.
         counters: Shown by ``/metrics``.
 
@@ -34,27 +47,19 @@ class Monitor:
     """
 
     def __init__(self, settings: HttpSection, *, health: Health, counters: Counters) -> None:
-        class Handler(_Handler):
-            pass
-
-        Handler.health = health
-        Handler.counters = counters
-        try:
-            self._server = _Server((settings.host, settings.port), Handler)
-        except OSError as error:
-            raise SettingsError(
-                "http.port",
-                f"{settings.host}:{settings.port} cannot be listened on: {error.strerror}; "
-                "choose another port, or 0 for any free one",
-            ) from error
-        self._thread = Thread(
-            target=self._server.serve_forever, args=(0.1,), name="monitor", daemon=True
+        bound = bind("http", settings.host, settings.port)
+        self.port: Final = int(bound.getsockname()[1])
+        bounds = Bounds(
+            head_s=_HEAD_S,
+            head_bytes=_HEAD_BYTES,
+            body_bytes=0,
+            connections=settings.connections,
+            of_one=settings.connections,
+            gives_way=True,
         )
-
-    @property
-    def port(self) -> int:
-        """The port that it listens on."""
-        return int(self._server.server_address[1])
+        pages = _Pages(health, counters, Rate.per_second(settings.requests_per_s))
+        self._listener = Listener(pages, bound, context=None, bounds=bounds, headers=BARE_HEADERS)
+        self._thread = Thread(target=self._serve, name="monitor", daemon=True)
 
     def start(self) -> None:
         """Serve in a thread."""
@@ -62,42 +67,69 @@ class Monitor:
 
     def stop(self) -> None:
         """End the thread."""
-        self._server.shutdown()
-        self._server.server_close()
+        self._listener.should_exit = True
         self._thread.join()
 
-
-class _Server(ThreadingHTTPServer):
-    daemon_threads = True
-
-    def handle_error(self, request: Any, client_address: Any) -> None:
-        log.debug("monitor: connection of %s broke off (%r)", client_address, request)
+    def _serve(self) -> None:
+        asyncio.run(self._listener.run_until_told())
 
 
-class _Handler(BaseHTTPRequestHandler):
-    health: Health
-    counters: Counters
-    timeout = 5.0
+class _Pages:
+    """The two pages, as an ASGI application."""
 
-    def do_GET(self) -> None:
-        """Answer the two pages."""
-        if self.path == "/healthz":
-            report = self.health.report()
-            good = not report["reasons"]
-            status = HTTPStatus.OK if good else HTTPStatus.SERVICE_UNAVAILABLE
-            self._answer(status, "application/json", orjson.dumps(report))
-        elif self.path == "/metrics":
-            figures = generate_latest(self.counters.registry)
-            self._answer(HTTPStatus.OK, CONTENT_TYPE_LATEST, figures)
+    def __init__(self, health: Health, counters: Counters, rate: Rate) -> None:
+        self._health = health
+        self._counters = counters
+        self._rate = rate
+        self._told: dict[str, Any] | None = None
+        self._told_at = 0.0
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer a request."""
+        del receive
+        host = (scope.get("client") or ("",))[0]
+        allowed, health = await self._rate.take(host), scope["path"] == "/healthz"
+        # Whoever looks after us asks from the address of all others here, and needs an answer.
+        if not allowed and not health:
+            said = "too many requests; wait a little"
+            await _refuse(send, HTTPStatus.TOO_MANY_REQUESTS, said, self._rate.pause)
+        elif scope["method"] not in {"GET", "HEAD"}:
+            ways = {"Allow": "GET, HEAD"}
+            await _refuse(send, HTTPStatus.METHOD_NOT_ALLOWED, "only GET is possible here", ways)
+        elif health:
+            report = self._report(fresh=allowed)
+            status = HTTPStatus.SERVICE_UNAVAILABLE if report["reasons"] else HTTPStatus.OK
+            await _answer(send, status, "application/json", orjson.dumps(report))
+        elif scope["path"] == "/metrics":
+            figures = generate_latest(self._counters.registry)
+            await _answer(send, HTTPStatus.OK, CONTENT_TYPE_LATEST, figures)
         else:
-            self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"only /healthz and /metrics\n")
+            await _refuse(send, HTTPStatus.NOT_FOUND, "there are only /healthz and /metrics")
 
-    def _answer(self, status: HTTPStatus, kind: str, body: bytes) -> None:
-        self.send_response(status)
-        self.send_header("Content-Type", kind)
-        self.send_header("Content-Length", str(len(body)))
-        self.end_headers()
-        self.wfile.write(body)
+    def _report(self, *, fresh: bool) -> dict[str, Any]:
+        """How the gateway fares; as a moment ago, where too many ask."""
+        now = monotonic()
+        if fresh or self._told is None or now > self._told_at + _FRESH_S:
+            self._told, self._told_at = self._health.report(), now
+        return self._told
 
-    def log_message(self, format: str, *args: Any) -> None:  # noqa: A002 - the base class's name
-        log.debug("monitor: %s", format % args)
+
+async def _refuse(
+    send: Send, status: HTTPStatus, detail: str, more: Mapping[str, str] | None = None
+) -> None:
+    """Answer with problem details (RFC 9457)."""
+    said = {"type": "about:blank", "title": status.phrase, "status": status, "detail": detail}
+    await _answer(send, status, "application/problem+json", json.dumps(said).encode(), more)
+
+
+async def _answer(
+    send: Send,
+    status: HTTPStatus,
+    kind: str,
+    body: bytes,
+    more: Mapping[str, str] | None = None,
+) -> None:
+    headers = {"Content-Type": kind, "Content-Length": str(len(body)), **(more or {})}
+    raw = [(name.lower().encode(), value.encode()) for name, value in headers.items()]
+    await send({"type": "http.response.start", "status": status, "headers": raw})
+    await send({"type": "http.response.body", "body": body})

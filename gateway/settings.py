@@ -111,6 +111,15 @@ class HttpSection(Section):
 
     host: Host = Field(default="127.0.0.1", description="loopback address to listen on")
     port: int = Field(default=9464, ge=0, le=65535, description="port; 0 takes a free one")
+    requests_per_s: int = Field(
+        default=20, ge=1, le=1_000_000, description="requests a second, over ten seconds"
+    )
+    connections: int = Field(
+        default=32,
+        ge=1,
+        le=100_000,
+        description="connections open at once; for one more, the one idle longest goes",
+    )
 
     @field_validator("host")
     @classmethod

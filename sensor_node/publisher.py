@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import queue
 import socket
+import sys
 import threading
 import time
 from contextlib import suppress
@@ -142,9 +143,10 @@ class Publisher:
 
     def _on_connect_fail(self, _client: mqtt.Client, _data: Any) -> None:
         log.warning(
-            "broker cannot be reached, messages wait: broker=%s:%d",
+            "broker cannot be reached, messages wait: broker=%s:%d reason=%s",
             self._broker.host,
             self._broker.port,
+            sys.exception(),  # which paho is about to drop
         )
 
     def _on_disconnect(

@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
 
+import psutil
 import psycopg
 from sqlalchemy import delete
 
@@ -22,6 +23,7 @@ from eskin.identity.identity import CHAIN_FILE, KEY_FILE
 from tests.processes import Running, free_port, wait_until
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from types import TracebackType
 
     from sqlalchemy import URL
@@ -43,26 +45,69 @@ def program(name: str) -> str:
     return found
 
 
+class Server(Running):
+    """The server with all its processes: it forks one for each connection, and some for itself."""
+
+    def terminate(self) -> None:
+        """End it, whoever is connected."""
+        self.signal(signal.SIGINT)
+
+    def signal(self, number: signal.Signals) -> None:
+        """Send a signal; what stops it, or lets it go on, is for all its processes."""
+        super().signal(number)
+        if number in {signal.SIGSTOP, signal.SIGCONT}:
+            for process in self._children():
+                process.send_signal(number)
+
+    def kill(self) -> None:
+        """End all of them as a power cut would, and wait: what is left keeps the next one out."""
+        self.signal(signal.SIGSTOP)  # and none is forked meanwhile
+        children = self._children()
+        for process in children:
+            process.kill()
+        super().kill()
+        wait_until(lambda: all(_is_gone(process) for process in children), "PostgreSQL is gone")
+
+    def _children(self) -> list[psutil.Process]:
+        assert self.process is not None
+        try:
+            return psutil.Process(self.process.pid).children()
+        except psutil.NoSuchProcess:
+            return []
+
+
 class Cluster:
     """A running server; its databases go with it.
 
     Args:
-        identity: With which it listens on loopback, too, by TLS and for passwords.
+        identity: With which it listens to the network, too, by TLS and for passwords.
+        address: Where it does.
+        folder: Where it is; a fresh one else.
+        prefix: Words before the server's command.
+        log: Takes what it says; a file in the folder else.
 
     Attributes:
-        folder: Its data, its socket and its log.
-        port: On loopback; 0 if it does not listen there.
-        running: Its process.
+        folder: Its data and its socket.
+        port: On the network; 0 if it does not listen there.
+        running: Its processes.
     """
 
-    def __init__(self, identity: Identity | None = None) -> None:
+    def __init__(
+        self,
+        identity: Identity | None = None,
+        *,
+        address: str = "127.0.0.1",
+        folder: Path | None = None,
+        prefix: Sequence[str] = (),
+        log: Path | None = None,
+    ) -> None:
         self.port = 0 if identity is None else free_port()
-        self.folder = Path(tempfile.mkdtemp(prefix="pg-"))
+        self.folder = folder or Path(tempfile.mkdtemp(prefix="pg-"))
         self._numbers = count(1)
-        prefix = _as_somebody_else(self.folder) if os.geteuid() == 0 else []
+        somebody = _as_somebody_else(self.folder) if os.geteuid() == 0 else []
         data = self.folder / "data"
         subprocess.run(
-            [*prefix, program("initdb"), "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
+            [*somebody, program("initdb"), "-D", data, "-U", _ADMIN, "-A", "trust", "-E", "UTF8",
              "--locale=C.UTF-8", "--no-sync", "--no-instructions"],
             check=True, stdout=subprocess.DEVNULL, cwd=self.folder,
         )  # fmt: skip
@@ -73,30 +118,33 @@ class Cluster:
             "unix_socket_directories": str(self.folder),
         }
         if identity is not None:
-            settings |= {"listen_addresses": "127.0.0.1", "port": str(self.port)}
+            settings |= {"listen_addresses": address, "port": str(self.port)}
             settings |= self._encrypt(identity)
         options = [f"-c{name}={value}" for name, value in settings.items()]
-        words = [*prefix, program("postgres"), "-D", str(data), *options]
-        self.running = Running(words, log=self.folder / "log")
+        words = [*prefix, *somebody, program("postgres"), "-D", str(data), *options]
+        self.running = Server(words, log=log or self.folder / "log")
 
     def _encrypt(self, identity: Identity) -> dict[str, str]:
         """Let strangers in by TLS and with a password only."""
+        self.show(identity)
+        (self.folder / "data" / "pg_hba.conf").write_text(
+            "local all all trust\nhostssl all all all scram-sha-256\n"
+        )
+        return {"ssl": "on", "ssl_cert_file": CHAIN_FILE, "ssl_key_file": KEY_FILE}
+
+    def show(self, identity: Identity) -> None:
+        """Give it what it shows to clients; a running one takes it on SIGHUP."""
         data = self.folder / "data"
         owner = data.stat()
-        files = {"ssl_cert_file": CHAIN_FILE, "ssl_key_file": KEY_FILE}
-        for name in files.values():
+        for name in (CHAIN_FILE, KEY_FILE):
             shutil.copyfile(identity.directory / name, data / name)
             (data / name).chmod(0o600)
             os.chown(data / name, owner.st_uid, owner.st_gid)
-        (data / "pg_hba.conf").write_text(
-            "local all all trust\nhostssl all all all scram-sha-256\n"
-        )
-        return {"ssl": "on"} | files
 
     def __enter__(self) -> Self:
         self.start()
         self.execute(f"CREATE DATABASE {_TEMPLATE}", database="postgres")
-        Store(self._url(_TEMPLATE)).close()
+        Store(self.place(_TEMPLATE)).close()
         return self
 
     def __exit__(
@@ -112,13 +160,11 @@ class Cluster:
     def start(self) -> None:
         """Start, and wait until it lets somebody in."""
         self.running.start()
-        wait_until(self._answers, "PostgreSQL answers")
+        wait_until(self.answers, "PostgreSQL answers")
 
     def stop(self) -> None:
         """End it, whoever is connected."""
-        self.running.signal(signal.SIGINT)
-        assert self.running.process is not None
-        self.running.process.wait(30)
+        self.running.stop(seconds=30)
 
     def shut(self, place: URL) -> None:
         """Let nobody into a database any more."""
@@ -132,7 +178,7 @@ class Cluster:
         name = f"store_{next(self._numbers)}"
         pattern = "template1" if empty else _TEMPLATE
         self.execute(f"CREATE DATABASE {name} TEMPLATE {pattern}", database="postgres")
-        return self._url(name)
+        return self.place(name)
 
     def clear(self, place: URL) -> None:
         """Make a store as it was: far cheaper than a database for each test."""
@@ -147,7 +193,8 @@ class Cluster:
         with psycopg.connect(self._words(database), autocommit=True) as connection:
             connection.execute(statements.encode())
 
-    def _answers(self) -> bool:
+    def answers(self) -> bool:
+        """Whether it lets somebody in."""
         try:
             psycopg.connect(self._words("postgres")).close()
         except psycopg.OperationalError:
@@ -158,12 +205,21 @@ class Cluster:
         port = f" port={self.port}" if self.port else ""
         return f"host={self.folder}{port} user={_ADMIN} dbname={database}"
 
-    def _url(self, database: str) -> URL:
+    def place(self, database: str) -> URL:
+        """A database, by the socket."""
         port = f":{self.port}" if self.port else ""
         return read_url(f"postgresql://{_ADMIN}@{port}/{database}?host={self.folder}")
 
 
 _KEPT: Final = (versions, feed)
+
+
+def _is_gone(process: psutil.Process) -> bool:
+    try:
+        gone: bool = process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+    return gone
 
 
 def _as_somebody_else(folder: Path) -> list[str]:

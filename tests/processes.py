@@ -110,6 +110,11 @@ class Running:
         assert self.process is not None
         self.process.send_signal(number)
 
+    def terminate(self) -> None:
+        """Tell it to end, as an operator would."""
+        assert self.process is not None
+        self.process.terminate()
+
     def kill(self) -> None:
         """End it as a power cut would."""
         assert self.process is not None
@@ -120,7 +125,7 @@ class Running:
         """End it as an operator would; gives its exit status."""
         assert self.process is not None
         if self.process.poll() is None:
-            self.process.terminate()
+            self.terminate()
         try:
             return self.process.wait(seconds)
         except subprocess.TimeoutExpired:

@@ -13,7 +13,12 @@ if TYPE_CHECKING:
 WRITING: Final = 0x65736B696E
 """The advisory lock that whoever writes holds until its commit: "eskin"."""
 _CONNECT_S: Final = 5
-_OPTIONS: Final = "-c timezone=UTC -c idle_in_transaction_session_timeout=60s"
+# The server looks, too, whether anybody is there: of a connection that was reset on the way, it
+# would hear nothing for a minute, and meanwhile keep what it had locked.
+_OPTIONS: Final = (
+    "-c timezone=UTC -c idle_in_transaction_session_timeout=60s "
+    "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=3"
+)
 _WRITING: Final = "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s"
 _READING: Final = (
     "-c default_transaction_read_only=on -c default_transaction_isolation=repeatable\\ read "

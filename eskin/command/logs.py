@@ -20,3 +20,5 @@ def start_logs(level: str) -> None:
     # Libraries' own chatter is no event of ours.
     for chatty in ("httpx", "httpcore", "amqtt", "transitions"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
+    # Nor is a stranger's bad request: with a line for each, whoever likes could fill the disk.
+    logging.getLogger("uvicorn").setLevel(logging.ERROR)

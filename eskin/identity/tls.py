@@ -22,6 +22,20 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
+class ClosingSocket(ssl.SSLSocket):
+    """Is closed at once where its handshake fails; paho leaves that to whoever finds it."""
+
+    def do_handshake(self, block: bool = False) -> None:  # noqa: FBT001, FBT002 - as it is
+        """See `ssl.SSLSocket`."""
+        try:
+            super().do_handshake(block)
+        except (ssl.SSLWantReadError, ssl.SSLWantWriteError):
+            raise
+        except (OSError, ValueError):
+            self.close()
+            raise
+
+
 class FollowingContext(ssl.SSLContext):
     """Makes connections by another context as soon as one of its files was replaced.
 
@@ -29,6 +43,7 @@ class FollowingContext(ssl.SSLContext):
     middle of a renewal, the context before goes on.
     """
 
+    sslsocket_class = ClosingSocket
     _files: Sequence[Path]
     _set_up: Callable[[ssl.SSLContext], None]
     # None while this context itself holds what the files say, as for most of those of a fleet.

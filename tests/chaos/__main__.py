@@ -12,17 +12,15 @@ import sys
 import tempfile
 import time
 from collections import Counter
-from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from rich.console import Console
 
 from tests.chaos.faults import FAULTS
-from tests.chaos.plan import Stroke, make_plan
-from tests.chaos.site import GATEWAYS, NODES, Site
-from tests.chaos.verdict import judge
-from tests.postgresql import Cluster
+from tests.chaos.plan import Blow, Stroke, make_plan
+from tests.chaos.site import Site, part_names
+from tests.chaos.verdict import DRAIN_S, judge
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -31,9 +29,7 @@ if TYPE_CHECKING:
     from tests.chaos.verdict import Verdict
 
 _STORES: Final = ("sqlite", "postgresql")
-_PARTS: Final = ("broker", "cloud", *GATEWAYS, *NODES)
 _START_S: Final = 180.0
-_DRAIN_S: Final = 90.0
 _OF_ITS_OWN: Final = "ESKIN_CHAOS_NAMESPACE"
 
 
@@ -53,23 +49,20 @@ def main() -> int:
     if _OF_ITS_OWN not in os.environ:
         return _in_namespaces_of_our_own()
     console = Console(stderr=True)
-    plan = make_plan(options.seed, seconds=options.duration, parts=_PARTS)
+    server = options.store == "postgresql"
+    plan = make_plan(options.seed, seconds=options.duration, parts=part_names(server=server))
     console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
     with tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
         root = (options.data or Path(fresh) / "site").resolve()
-        with _server(options.store) as server, Site(root, server) as site:
+        with Site(root, server=server) as site:
             wait_until(site.has_begun, "the first block is stored", seconds=_START_S)
-            _play(site, plan, console.print)
+            blows = _play(site, plan, console.print)
             console.print("all faults are over; waiting until everything has arrived")
-            site.drain(seconds=_DRAIN_S)
-            verdict = judge(site, plan)
-            site.require_alive(("broker", "cloud", *GATEWAYS))
+            site.drain(seconds=DRAIN_S)
+            verdict = judge(site, blows)
+            site.require_alive(site.served)
         _report(verdict, plan, console.print)
         return 1 if verdict.faults else 0
-
-
-def _server(store: str) -> AbstractContextManager[Cluster | None]:
-    return Cluster() if store == "postgresql" else nullcontext()
 
 
 def _in_namespaces_of_our_own() -> int:
@@ -79,22 +72,28 @@ def _in_namespaces_of_our_own() -> int:
     return subprocess.run(words, env=os.environ | {_OF_ITS_OWN: "1"}, check=False).returncode
 
 
-def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:
+def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> list[Blow]:
+    """Strike as planned; gives what fell when, as a stroke may take longer than planned."""
     start = time.monotonic()
     steps = [(stroke.begin, True, stroke) for stroke in plan]
     steps += [(stroke.end, False, stroke) for stroke in plan]
     down: Counter[str] = Counter()
+    begun: dict[Stroke, int] = {}
+    blows = []
     for moment, begins, stroke in sorted(steps, key=lambda step: step[:2]):
         time.sleep(max(0.0, start + moment - time.monotonic()))
         part, fault = site.part(stroke.part), FAULTS[stroke.fault]
         if begins:
-            site.require_alive([name for name in _PARTS if not down[name]])
+            site.require_alive([part.name for part in site.parts if not down[part.name]])
             say(str(stroke))
             down[stroke.part] += 1
+            begun[stroke] = time.time_ns()
             fault.begin(part)
         else:
             fault.end(part)
             down[stroke.part] -= 1
+            blows.append(Blow(stroke.fault, stroke.part, begun[stroke], time.time_ns()))
+    return blows
 
 
 def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:

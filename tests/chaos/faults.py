@@ -41,8 +41,7 @@ class Restart:
 
     def begin(self, part: Part) -> None:
         """End it in good order."""
-        assert part.running.process is not None
-        part.running.process.terminate()
+        part.running.terminate()
 
     def end(self, part: Part) -> None:
         """Wait for its end, and start it again."""
@@ -93,7 +92,7 @@ class Renewal:
         """Renew them; a gateway's site, too."""
         for directory in part.identities:
             part.renew(directory)
-        if part.name == "broker":
+        if part.name in {"broker", DATABASE}:
             part.running.signal(signal.SIGHUP)
 
     def end(self, part: Part) -> None:
@@ -162,6 +161,7 @@ class DiskFull:
     def end(self, part: Part) -> None:
         """Free it."""
         part.disk.free()
+        part.come_back()
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,12 +172,17 @@ class ClockJump:
 
     def begin(self, part: Part) -> None:
         """Jump away."""
+        assert part.clock is not None
         part.clock.set(self.seconds)
 
     def end(self, part: Part) -> None:
         """Jump back."""
+        assert part.clock is not None
         part.clock.set(0)
 
+
+DATABASE: Final = "database"
+"""Name of the part that is PostgreSQL."""
 
 FAULTS: Final[Mapping[str, Fault]] = {
     "kill": Kill(),
@@ -205,4 +210,4 @@ BROKER: Final = ("parrot",)
 GATEWAY: Final = ("flood",)
 """What can happen to gateways alone."""
 TIMED: Final = ("clock ahead", "clock behind")
-"""What can happen to parts that know the time; not to the broker."""
+"""What can happen to parts whose time something rests on; not to broker and database."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypedDict, Unpack
 
 from eskin.identity import Identity, install, next_key
 from tests.processes import Running
@@ -21,45 +21,58 @@ INSIDER: Final = 8886
 """Port on the broker's loopback, where the broker itself speaks without being asked who it is."""
 
 
+class Around(TypedDict):
+    """What is alike around all parts.
+
+    Attributes:
+        authority: Renews their identities.
+        attacker: Words before a command that shall run beside the broker.
+        beside: Takes what such a command says.
+    """
+
+    authority: Authority
+    attacker: Sequence[str]
+    beside: Path
+
+
 class Part:
     """One process with its host, its clock, its disk and its identities.
 
     Args:
         name: Its name.
-        argv: Its program.
+        running: Its process.
         host: Where it runs.
         disk: What it stores on.
-        clock: What it takes for the time.
+        clock: What it takes for the time; ``None``: nothing rests on it.
         identities: Folders of its identities.
-        authority: Renews them.
-        attacker: Words before a command that shall run beside the broker.
-        log: Takes what it says.
+        around: What is alike for all.
     """
 
     def __init__(
         self,
         name: str,
-        argv: Sequence[str],
+        running: Running,
         *,
         host: Host,
         disk: Disk,
-        clock: Wallclock,
+        clock: Wallclock | None,
         identities: Sequence[Path],
-        authority: Authority,
-        attacker: Sequence[str],
-        log: Path,
+        **around: Unpack[Around],
     ) -> None:
         self.name = name
+        self.running = running
         self.host = host
         self.disk = disk
         self.clock = clock
         self.identities = identities
-        self.running = Running([*host.prefix, *argv], log=log, env=clock.environment)
-        self._authority = authority
-        beside = log.with_name(f"{name}-attacker.log")
-        words = [*attacker, sys.executable, "-m", "tests.chaos.attacker", str(INSIDER)]
-        self.parrot = Running([*words, "repeat"], log=beside)
-        self._flood = Running([*words, "flood"], log=beside)
+        self._authority = around["authority"]
+        words = [*around["attacker"], sys.executable, "-m", "tests.chaos.attacker", str(INSIDER)]
+        self.parrot = Running([*words, "repeat"], log=around["beside"])
+        self._flood = Running([*words, "flood"], log=around["beside"])
+
+    def start(self) -> None:
+        """Start it for the first time."""
+        self.running.start()
 
     def renew(self, directory: Path) -> None:
         """Give an identity its next certificate and key, as the CA service does."""
@@ -68,10 +81,17 @@ class Part:
         hosts = (self.host.address,)
         install(directory, self._authority.issue(own.kind, own.name, key, hosts=hosts))
 
+    def come_back(self) -> None:
+        """Be well again after its disk was full: others need no help for that."""
+
     def flood(self) -> None:
         """Let rubbish rain, until it is all out."""
         self.calm()
         self._flood.start()
+
+    def close(self) -> None:
+        """Take its disk away."""
+        self.disk.unmount()
 
     def calm(self) -> None:
         """End what is left of it."""

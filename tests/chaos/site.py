@@ -1,4 +1,7 @@
-"""The real stack on hosts of its own: Mosquitto, two gateways that share a load, cloud, nodes."""
+"""The real stack on hosts of its own: Mosquitto, two gateways that share a load, cloud, nodes.
+
+Where the store is on a server: PostgreSQL, too.
+"""
 
 from __future__ import annotations
 
@@ -12,13 +15,15 @@ from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
 from tests.brokers import mosquitto, write_configuration
 from tests.chaos.clocks import Wallclock, build_library
+from tests.chaos.database import Database
 from tests.chaos.disks import Disk
+from tests.chaos.faults import DATABASE
 from tests.chaos.hosts import Host, make_switch
-from tests.chaos.part import INSIDER, Part
+from tests.chaos.part import INSIDER, Around, Part
 from tests.files import ask, write_settings
 from tests.identities import Identities
 from tests.processes import ESKIN, Running, wait_until
-from tests.stores import ask_store, write_place
+from tests.stores import ask_store
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,13 +31,14 @@ if TYPE_CHECKING:
 
     from cloud.store.place import Place
     from eskin.identity import Identity
-    from tests.postgresql import Cluster
 
 NODES: Final = ("fingertip", "palm", "forearm")
 GATEWAYS: Final = ("gateway-1", "gateway-2")
 _PORTS: Final = (8883, 8884, 8885)
 _INGEST: Final = 8443
 _MEBIBYTE: Final = 1 << 20
+_NO_STORE: Final = ": the store cannot be "
+"""In a cloud's last line where it found no database when it started."""
 
 
 class Site:
@@ -40,15 +46,14 @@ class Site:
 
     Args:
         root: The folder.
-        server: Where the store is kept; ``None``: in an SQLite file.
+        server: Whether PostgreSQL keeps the store; an SQLite file else.
 
     Attributes:
         store: Where the cloud's store is.
     """
 
-    def __init__(self, root: Path, server: Cluster | None = None) -> None:
+    def __init__(self, root: Path, *, server: bool = False) -> None:
         self.layout = Layout(root)
-        self.store: Place = self.layout.store if server is None else server.fresh(empty=True)
         self._logs = self.layout.logs
         self._logs.mkdir(parents=True)
         self._library = build_library(root)
@@ -56,9 +61,11 @@ class Site:
         make_switch()
         hosts = self._hosts = {
             name: Host(name, number)
-            for number, name in enumerate(("broker", "cloud", *GATEWAYS, *NODES), start=1)
+            for number, name in enumerate(part_names(server=server), start=1)
         }
         self._identities = Identities(root / "identities")
+        self.database = self._make_database(hosts[DATABASE]) if server else None
+        self.store: Place = self.layout.store if self.database is None else self.database.place
         self.broker = self._make_broker(hosts["broker"])
         self.cloud = self._make_cloud(hosts["cloud"])
         self.gateways = [
@@ -69,7 +76,13 @@ class Site:
     @property
     def parts(self) -> list[Part]:
         """All of them, in the order of their start."""
-        return [self.broker, self.cloud, *self.gateways, *self.nodes]
+        first = [] if self.database is None else [self.database]
+        return [*first, self.broker, self.cloud, *self.gateways, *self.nodes]
+
+    @property
+    def served(self) -> list[str]:
+        """Names of those that run until the end; nodes end before."""
+        return [part.name for part in self.parts if part not in self.nodes]
 
     def part(self, name: str) -> Part:
         """One of them."""
@@ -77,11 +90,11 @@ class Site:
 
     def __enter__(self) -> Self:
         for part in self.parts:
-            self._exits.callback(part.disk.unmount)
+            self._exits.callback(part.close)
         for part in self.parts:
-            part.running.start()
             self._exits.callback(_end, part.running)
             self._exits.callback(part.calm)
+            part.start()
         return self
 
     def __exit__(
@@ -95,6 +108,9 @@ class Site:
     def require_alive(self, names: Sequence[str]) -> None:
         """Check that these have not ended by themselves.
 
+        A cloud that finds no database when it starts ends with a line that says so, and whoever
+        looks after it starts it again, as `docker-compose.yml` has it.
+
         Raises:
             AssertionError: One has; shows the end of its log.
         """
@@ -102,7 +118,12 @@ class Site:
             running = self.part(name).running
             assert running.process is not None
             status = running.process.poll()
-            assert status is None, f"{name} ended with {status}:\n{running.output()[-3000:]}"
+            if status is None:
+                continue
+            last = running.output()[-3000:]
+            lacked = self.database is not None and name == "cloud" and _NO_STORE in last[-500:]
+            assert status == 2 and lacked, f"{name} ended with {status}:\n{last}"  # noqa: PT018 - one condition
+            running.start()
 
     def has_begun(self) -> bool:
         """Whether something is stored."""
@@ -156,6 +177,7 @@ class Site:
         return sum(self.waiting().values())
 
     def _is_less(self, before: int) -> bool:
+        self.require_alive(self.served)
         return self._still_waiting() < before
 
     def _last_boot(self, node: str) -> int:
@@ -165,11 +187,13 @@ class Site:
     def _wait_until_told(self, node: str, boot: int, seconds: float) -> None:
         """Wait until what a node said up to a boot has left its flash, which another boot does."""
         query = f"SELECT count(*) FROM message WHERE boot <= {boot}"  # noqa: S608 - a number
-        wait_until(
-            lambda: ask(self.layout.flash(node), query)[0][0] == 0,
-            f"what {node} said before its last start arrives",
-            seconds=seconds,
-        )
+
+        def told() -> bool:
+            self.require_alive(self.served)
+            return bool(ask(self.layout.flash(node), query)[0][0] == 0)
+
+        what = f"what {node} said before its last start arrives"
+        wait_until(told, what, seconds=seconds)
 
     def _count(self, path: Path, table: str) -> int:
         rows = ask(path, f"SELECT count(*) FROM {table}")  # noqa: S608 - our own words
@@ -189,11 +213,17 @@ class Site:
             config.write(f"\nlistener {INSIDER} 127.0.0.1\nallow_anonymous true\n")
         return self._part("broker", [mosquitto(), "-c", str(file)], host, disk, server)
 
+    def _make_database(self, host: Host) -> Database:
+        hosts = (host.address,)
+        server = self._identities.make(IdentityKind.SERVER, "server.database", hosts=hosts)
+        return Database(server, host=host, folder=self._logs, **self._around(DATABASE))
+
     def _make_cloud(self, host: Host) -> Part:
         disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
         server = self._identities.make(IdentityKind.SERVER, "server.cloud", hosts=(host.address,))
+        store: dict[str, object] = {"path": self.store}
         config = write_settings(self.layout.root / "cloud.toml", {
-            "store": write_place(self.store),
+            "store": store if self.database is None else self.database.settings,
             "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
         })  # fmt: skip
         return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)
@@ -236,17 +266,29 @@ class Site:
     def _part(
         self, name: str, argv: Sequence[str], host: Host, disk: Disk, *identities: Identity
     ) -> Part:
+        clock = Wallclock(self.layout.root / f"{name}.clock", self._library)
+        log = self._logs / f"{name}.log"
         return Part(
             name,
-            argv,
+            Running([*host.prefix, *argv], log=log, env=clock.environment),
             host=host,
             disk=disk,
-            clock=Wallclock(self.layout.root / f"{name}.clock", self._library),
+            clock=clock,
             identities=[own.directory for own in identities],
-            authority=self._identities.authority,
-            attacker=self._hosts["broker"].prefix,
-            log=self._logs / f"{name}.log",
+            **self._around(name),
         )
+
+    def _around(self, name: str) -> Around:
+        return {
+            "authority": self._identities.authority,
+            "attacker": self._hosts["broker"].prefix,
+            "beside": self._logs / f"{name}-attacker.log",
+        }
+
+
+def part_names(*, server: bool) -> tuple[str, ...]:
+    """Names of all parts of a site."""
+    return "broker", "cloud", *GATEWAYS, *NODES, *((DATABASE,) if server else ())
 
 
 def _end(running: Running) -> None:

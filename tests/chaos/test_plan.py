@@ -7,10 +7,10 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.chaos.faults import FAULTS
+from tests.chaos.faults import DATABASE, FAULTS, TIMED
 from tests.chaos.plan import make_plan
 
-PARTS = ("broker", "cloud", "gateway-1", "gateway-2", "fingertip")
+PARTS = ("broker", "cloud", "gateway-1", "gateway-2", "fingertip", DATABASE)
 SEEDS = st.integers(0, 2**32)
 
 
@@ -35,3 +35,16 @@ def test_every_fault_befalls_somebody_in_a_long_plan() -> None:
 
 def test_another_seed_is_another_plan() -> None:
     assert make_plan(1, seconds=60.0, parts=PARTS) != make_plan(2, seconds=60.0, parts=PARTS)
+
+
+def test_database_befalls_all_that_can_and_its_clock_stays() -> None:
+    plan = make_plan(1, seconds=600.0, parts=PARTS)
+    befell = {stroke.fault for stroke in plan if stroke.part == DATABASE}
+    assert befell >= {"kill", "hang", "disk full", "cut", "reset", "renewal"}
+    assert befell.isdisjoint(TIMED)
+    assert any(stroke.part == DATABASE for stroke in make_plan(2, seconds=10.0, parts=PARTS))
+
+
+def test_plan_without_a_database_spares_it() -> None:
+    others = [part for part in PARTS if part != DATABASE]
+    assert all(stroke.part in others for stroke in make_plan(1, seconds=60.0, parts=others))

@@ -8,22 +8,74 @@ from typing import TYPE_CHECKING, Final
 
 from demo.audit import audit
 from eskin.messages import Gap, decode_message
+from eskin.moment import SECOND
 from eskin.sequences import SequenceRanges
+from tests.chaos.site import NODES
 from tests.stores import ask_store
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Mapping, Sequence
 
     from cloud.store.place import Place
-    from tests.chaos.plan import Stroke
+    from tests.chaos.plan import Blow
     from tests.chaos.site import Site
 
-_WHY: Final = {
-    "sampling overrun": ("hang", "disk full"),
-    "flash write failed": ("disk full",),
-    "flash full": ("cut", "half open", "hang", "kill", "flood", "lossy", "reset", "disk full"),
+DRAIN_S: Final = 90.0
+"""For so long nothing may arrive of what waits; so what is under way is no older after a fault."""
+_CLOCK_NS: Final = 2 * SECOND
+"""By so much a node's time may differ from ours: what it lives after a restart begins a second
+after the latest sample of before, however soon that was."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """What can be behind a gap.
+
+    Attributes:
+        faults: Which.
+        behind: Whether they may befall what is behind the node, too: all that is no node.
+        after_s: For how long they have an effect.
+    """
+
+    faults: tuple[str, ...]
+    behind: bool = False
+    after_s: float = 0.0
+
+    def explains(self, gap: Lost, blow: Blow) -> bool:
+        """Whether a blow fell on one of those, at the time of what was lost or soon before it."""
+        near = blow.part == gap.node or (self.behind and blow.part not in NODES)
+        until = blow.end + _CLOCK_NS + round(self.after_s * SECOND)
+        in_time = blow.begin - _CLOCK_NS <= gap.latest and gap.earliest <= until
+        return blow.fault in self.faults and near and in_time
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """A gap in the store.
+
+    Attributes:
+        node: Whose.
+        reason: Such as ``flash full``.
+        earliest: UTC ns of what is missing.
+        latest: Likewise.
+    """
+
+    node: str
+    reason: str
+    earliest: int
+    latest: int
+
+
+_WHY: Final[Mapping[str, Cause]] = {
+    "sampling overrun": Cause(("hang", "disk full")),
+    "flash write failed": Cause(("disk full",)),
+    "flash full": Cause(
+        ("cut", "half open", "hang", "kill", "flood", "lossy", "reset", "disk full"),
+        behind=True,
+        after_s=DRAIN_S,
+    ),
 }
-"""Reason of a gap to the faults that can be behind it."""
+"""By the reason of a gap."""
 
 
 @dataclass(slots=True)
@@ -49,11 +101,11 @@ class Verdict:
     faults: list[str] = field(default_factory=list)
 
 
-def judge(site: Site, strokes: Iterable[Stroke]) -> Verdict:
+def judge(site: Site, blows: Sequence[Blow]) -> Verdict:
     """Compare flash, truth and store of a site that has come to rest."""
     verdict = Verdict()
     _compare(site, verdict)
-    explain(site.store, verdict, {stroke.fault for stroke in strokes})
+    explain(site.store, verdict, blows)
     add_up(site.store, verdict)
     verdict.faults += [f"refused: {letter}" for letter in site.letters()]
     return verdict
@@ -79,15 +131,27 @@ def _compare(site: Site, verdict: Verdict) -> None:
             verdict.faults.append(f"{channel.node}/{channel.channel}: broken promise")
 
 
-def explain(store: Place, verdict: Verdict, happened: set[str]) -> None:
-    """Find the fault behind each gap."""
-    query = "SELECT detail, count(*) FROM events WHERE kind = 'gap' GROUP BY detail"
-    for detail, count in ask_store(store, query):
+def explain(store: Place, verdict: Verdict, blows: Sequence[Blow]) -> None:
+    """Find the blow behind each gap: on its node or behind it, at its time or soon before."""
+    for gap in _gaps(store):
+        verdict.gaps[gap.reason] = verdict.gaps.get(gap.reason, 0) + 1
+        cause = _WHY.get(gap.reason)
+        if cause is None or not any(cause.explains(gap, blow) for blow in blows):
+            verdict.faults.append(_shown(gap, blows))
+
+
+def _gaps(store: Place) -> Iterable[Lost]:
+    query = "SELECT node, detail, t_lo, t_hi FROM events WHERE kind = 'gap' ORDER BY t_lo"
+    for node, detail, earliest, latest in ask_store(store, query):
         reason = next((why for why in _WHY if str(detail).startswith(why)), str(detail))
-        verdict.gaps[reason] = verdict.gaps.get(reason, 0) + count
-    for reason, count in verdict.gaps.items():
-        if not happened.intersection(_WHY.get(reason, ())):
-            verdict.faults.append(f"{count} gaps without a cause: {reason}")
+        yield Lost(node, reason, earliest, latest)
+
+
+def _shown(gap: Lost, blows: Sequence[Blow]) -> str:
+    """A gap that nothing explains, its time in seconds after the first blow."""
+    start = min((blow.begin for blow in blows), default=gap.earliest)
+    first, last = ((time - start) / SECOND for time in (gap.earliest, gap.latest))
+    return f"{gap.node}: gap without a cause, from {first:.1f} to {last:.1f} s: {gap.reason}"
 
 
 def add_up(store: Place, verdict: Verdict) -> None:

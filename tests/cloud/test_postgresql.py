@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
@@ -127,6 +128,32 @@ def test_server_that_is_away_is_told_and_what_is_sent_again_is_stored_once(
     store.check()
 
 
+def test_killed_server_has_what_was_acknowledged_when_it_is_back(
+    cluster: Cluster, store: Store
+) -> None:
+    put(store, block(0))
+    cluster.running.kill()
+    try:
+        with pytest.raises(StoreError, match=r"cannot be written: .*then send again"):
+            put(store, block(1))
+    finally:
+        cluster.start()
+    assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
+
+
+def test_server_that_hangs_is_waited_for(cluster: Cluster, store: Store) -> None:
+    put(store, block(0))
+    cluster.running.signal(signal.SIGSTOP)
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            waiting = pool.submit(put, store, block(1))
+            with pytest.raises(TimeoutError):
+                waiting.result(1.0)
+        finally:
+            cluster.running.signal(signal.SIGCONT)
+        assert [receipt.result for receipt in waiting.result(20).results] == ["stored"]
+
+
 @pytest.mark.parametrize(
     ("code", "remedy"),
     [("53100", "free space"), ("57014", "too slow"), ("53300", "raise max_connections")],
@@ -185,6 +212,10 @@ def test_server_is_come_to_by_tls_and_with_its_password(
     with Store(section.place) as store, store.read() as connection:
         words = "SELECT ssl FROM pg_stat_ssl WHERE pid = pg_backend_pid()"
         assert connection.execute(text(words)).scalar_one() is True
+        # It notices within 20 s that a cloud is gone which it does not hear of.
+        names = ("tcp_keepalives_idle", "tcp_keepalives_interval", "tcp_keepalives_count")
+        shown = [connection.execute(text(f"SHOW {name}")).scalar_one() for name in names]
+        assert shown == ["5", "5", "3"]
     for changed, said in (
         ({"root": tmp_path / "word"}, "root certificate|SSL"),
         ({"password_file": tmp_path / "other"}, "the password is wrong; see store.password_file"),

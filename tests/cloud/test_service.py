@@ -131,6 +131,18 @@ def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> 
     assert len([line for line in said if left in line]) == 1
 
 
+def test_rubbish_leaves_no_line_in_the_log(standing: Service) -> None:
+    before = len(standing.output().splitlines())
+    for _ in range(5):
+        with socket.create_connection(("127.0.0.1", standing.port), timeout=20) as connection:
+            connection.sendall(b"\x16\x03\x01\x00 rubbish\r\n\r\n")
+            assert b" 400 " in connection.recv(4096)
+    # A request that comes after them is answered, so all that was to be said of them was said.
+    assert standing.ingest(batch(block(2))).status_code == 200
+    said = standing.output().splitlines()[before:]
+    assert [line for line in said if "uvicorn" in line or "nvalid" in line] == []
+
+
 def test_people_cannot_ingest_and_gateways_cannot_ask(standing: Service) -> None:
     context = client_context(standing.server.directory / "root.pem")
     base = f"https://localhost:{standing.ingest_port}"

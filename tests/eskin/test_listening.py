@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cloud.listener import Listener
 from eskin.doorway import bind
+from eskin.listener import Listener
 from eskin.listening import PROMPT, Bounds
 
 if TYPE_CHECKING:
@@ -172,6 +172,40 @@ async def test_one_address_gets_so_many_connections() -> None:
         last = GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
         while not (said := await say(port, last)).startswith(b"HTTP/1.1 200"):
             assert b"503" in said or not said  # until the listener has noticed
+
+
+async def test_where_the_idle_give_way_the_newest_is_answered() -> None:
+    last = GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+    async with listening(Bounds(of_one=2, gives_way=True)) as port:
+        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
+        (oldest, _), (younger, writer) = held
+        assert (await say(port, last)).startswith(b"HTTP/1.1 200")
+        assert await asyncio.wait_for(oldest.read(), 20.0) == b""
+        writer.write(last)
+        assert (await asyncio.wait_for(younger.read(), 20.0)).startswith(b"HTTP/1.1 200")
+        for _, each in held:
+            each.close()
+
+
+async def test_whoever_is_being_answered_does_not_give_way() -> None:
+    asked: asyncio.Queue[str] = asyncio.Queue()
+    end = asyncio.Event()
+
+    async def slow(scope: Scope, receive: Receive, send: Send) -> None:
+        asked.put_nowait(scope["path"])
+        await end.wait()
+        await application(scope, receive, send)
+
+    async with listening(Bounds(of_one=2, gives_way=True), slow) as port:
+        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
+        for _, writer in held:
+            writer.write(GET)
+            await asyncio.wait_for(asked.get(), 20.0)
+        assert await status(port) == 503
+        end.set()
+        for reader, writer in held:
+            assert (await asyncio.wait_for(reader.readline(), 20.0)).startswith(b"HTTP/1.1 200")
+            writer.close()
 
 
 async def test_requests_one_behind_the_other_are_answered() -> None:

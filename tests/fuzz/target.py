@@ -29,6 +29,7 @@ NAMES: Final = (
     "scenario",
     "recording",
     "queries",
+    "questions",
     "requests",
     "enrolment",
     "flash",

@@ -1,15 +1,20 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from eskin.identity.certificates import pem
+from sensor_node.callbacks import Callbacks
+from sensor_node.publisher import Publisher
+from sensor_node.settings import IdentitySection
 from tests.brokers import Mosquitto
+from tests.sensor_node.designs import Bench
 from tests.sensor_node.stores import Store
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from tests.identities import Identities
@@ -40,3 +45,40 @@ def store(path: Path) -> Iterator[Store]:
     opened = Store(path)
     yield opened
     opened.flash.close()
+
+
+@pytest.fixture
+def bench(request: pytest.FixtureRequest, tmp_path: Path, broker: Mosquitto) -> Iterator[Bench]:
+    """A node whose outbox is for the broker, with its settings changed by a parameter."""
+    given = {"port": broker.node_port, "resend_s": 0.5, "drain_s": 0.0, "keepalive_s": 5}
+    changes = getattr(request, "param", {})
+    made = Bench(
+        tmp_path / "node",
+        broker=given | changes.get("broker", {}),
+        radio=changes.get("radio", {}),
+    )
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def publishing(bench: Bench, identities: Identities, site_file: Path) -> Callable[..., Any]:
+    """Has that node publish within a ``with``."""
+
+    @contextmanager
+    def start() -> Iterator[Publisher]:
+        publisher = Publisher(
+            bench.outbox,
+            node=Callbacks(bench.node.record_status),
+            radio=bench.radio(),
+            speed=1.0,
+            broker=bench.settings.broker,
+            identity=IdentitySection(directory=identities.node.directory, site=site_file),
+        )
+        publisher.start()
+        try:
+            yield publisher
+        finally:
+            publisher.stop()
+
+    return start

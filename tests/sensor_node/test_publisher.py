@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 import paho.mqtt.client as mqtt
@@ -14,58 +13,20 @@ from eskin.envelope import MOST_ENVELOPE, Sealer
 from eskin.errors import FlashError
 from eskin.messages import Acknowledgement, Block, Peak, Position, Status
 from eskin.topics import Stream, node_topic
-from sensor_node.callbacks import Callbacks
-from sensor_node.publisher import Publisher
-from sensor_node.settings import IdentitySection
 from tests.processes import wait_until
 from tests.sensor_node.designs import Bench, waiting
 from tests.sensor_node.peer import Peer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
+    from collections.abc import Callable
 
     from tests.brokers import Mosquitto
     from tests.identities import Identities
 
 
-@pytest.fixture
-def bench(request: pytest.FixtureRequest, tmp_path: Path, broker: Mosquitto) -> Iterator[Bench]:
-    given = {"port": broker.node_port, "resend_s": 0.5, "drain_s": 0.0, "keepalive_s": 5}
-    changes = getattr(request, "param", {})
-    made = Bench(
-        tmp_path / "node",
-        broker=given | changes.get("broker", {}),
-        radio=changes.get("radio", {}),
-    )
-    yield made
-    made.close()
-
-
 def its_broker(**settings: float) -> pytest.MarkDecorator:
     """Let the node publish with these settings of its broker."""
     return pytest.mark.parametrize("bench", [{"broker": settings}], indirect=True)
-
-
-@pytest.fixture
-def publishing(bench: Bench, identities: Identities, site_file: Path) -> Callable[..., Any]:
-    @contextmanager
-    def start() -> Iterator[Publisher]:
-        publisher = Publisher(
-            bench.outbox,
-            node=Callbacks(bench.node.record_status),
-            radio=bench.radio(),
-            speed=1.0,
-            broker=bench.settings.broker,
-            identity=IdentitySection(directory=identities.node.directory, site=site_file),
-        )
-        publisher.start()
-        try:
-            yield publisher
-        finally:
-            publisher.stop()
-
-    return start
 
 
 def empty(bench: Bench) -> bool:

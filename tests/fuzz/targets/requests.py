@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import json
-import logging
 from contextlib import ExitStack
-from datetime import timedelta
 from typing import TYPE_CHECKING, Final
 
-from cloud.access import Scope, create_token
-from cloud.application import people_application
-from cloud.settings import LimitsSection
-from tests.cloud.clouds import Stand, put, standing
+from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, NODE, START, block, gap, peak, status
-from tests.fuzz.asgi import Asker
 from tests.fuzz.mutations.texts import mutate_text
+from tests.fuzz.people import People
 from tests.fuzz.target import Target
-from tests.identities import Identities
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from tests.fuzz.asgi import Answer
 
 _SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
 _ASKED = (
@@ -67,35 +59,20 @@ def make(folder: Path) -> Target:
 
     An answer is no traceback; a refusal is problem details; the headers for browsers are there.
     """
-    logging.getLogger("cloud").setLevel(logging.CRITICAL)
-    generous = LimitsSection(
-        requests_per_s=10**6, failures_per_min=10**6, refusals_per_min=1, body_bytes=65_536
-    )
-    (folder / "dashboard").mkdir()
-    (folder / "dashboard" / "index.html").write_text("<!doctype html>")
     stack = ExitStack()
-    stand = stack.enter_context(
-        standing(folder, Identities(folder / "identities"), limits=generous)
-    )
-    put(stand.cloud.store, status(0), block(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
-    asker, token = Asker(people_application(stand.cloud)), _operator(stand)
-    stack.callback(asker.close)
+    people = People(folder, stack)
+    put(people.store, status(0), block(1, [1.0] * 50, [2.0] * 50), peak(2), gap(3))
 
     def check(data: bytes) -> None:
         head, _, body = data.partition(b"\n\n")
         first, *lines = head.split(b"\n")
         method, _, target = first.partition(b" ")
-        headers = [(b"host", b"cloud"), (b"content-length", str(len(body)).encode())]
-        headers += [
+        headers = [
             (name.strip().lower(), value.strip())
             for name, found, value in (line.partition(b":") for line in lines)
             if found
         ]
-        if not any(name == b"authorization" for name, _ in headers):
-            headers.append((b"authorization", b"Bearer " + token))
-        _require_sound(
-            asker.ask(method.decode("latin-1"), b"/" + target.lstrip(b"/"), headers, body)
-        )
+        people.ask(method.decode("latin-1"), target, headers, body)
 
     posted = [
         f"POST /api/v1/{path}\nContent-Type: application/json\n\n{json.dumps(body)}"
@@ -103,19 +80,3 @@ def make(folder: Path) -> Target:
     ]
     seeds = tuple(seed.encode() for seed in (*_ASKED, *posted))
     return Target(seeds, mutate_text, check, stack, _LONGEST)
-
-
-def _require_sound(answer: Answer) -> None:
-    assert answer.status < 500, answer
-    assert b"Traceback" not in answer.body
-    assert answer.headers[b"x-content-type-options"] == b"nosniff"
-    kind = answer.headers.get(b"content-type", b"")
-    if answer.status >= 400 and not kind.startswith(b"text/html"):  # the page to sign in
-        assert kind == b"application/problem+json", answer
-        assert json.loads(answer.body)["status"] == answer.status
-
-
-def _operator(stand: Stand) -> bytes:
-    lifetime = timedelta(days=3)
-    token = create_token(stand.cloud.store, scopes=list(Scope), name="fuzz", lifetime=lifetime)
-    return token.encode()

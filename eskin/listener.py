@@ -13,7 +13,7 @@ from eskin.listening import guarded
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from socket import socket
 
     from starlette.types import ASGIApp
@@ -31,6 +31,7 @@ class Listener(uvicorn.Server):
         bound: Where it listens; it is taken over.
         context: For TLS; ``None`` for plain HTTP.
         bounds: What a stranger may take.
+        headers: Added to each answer of the application.
 
     Attributes:
         ready: Set once it accepts.
@@ -43,6 +44,7 @@ class Listener(uvicorn.Server):
         *,
         context: ssl.SSLContext | None,
         bounds: Bounds,
+        headers: Sequence[tuple[str, str]] = (),
     ) -> None:
         doorway = Doorway(bound, bounds)
         config = uvicorn.Config(
@@ -50,6 +52,7 @@ class Listener(uvicorn.Server):
             http=guarded(bounds, greet=doorway.greet),
             ws="none",
             lifespan="off",
+            headers=list(headers),
             log_config=None,
             access_log=False,
             proxy_headers=False,
