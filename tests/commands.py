@@ -16,11 +16,13 @@ import gateway.service
 import sensor_node.fleet
 from eskin.command import main
 from tests.processes import wait_until
+from tests.terminal import Terminal
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
-__all__ = ["run"]
+__all__ = ["run", "run_before_people"]
 
 # Each subcommand imports its tier when it runs; what is here already, no fork imports again.
 _LOADED = (authority.service, cloud.service, gateway.service, sensor_node.fleet)
@@ -32,22 +34,39 @@ def run(*arguments: str, cwd: Path | None = None) -> CompletedProcess[str]:
     A process of its own, with its own working folder, file descriptors and exit; only its modules
     are those that are loaded already.
     """
+    with tempfile.TemporaryFile() as err:
+        done = _run(arguments, cwd, err.fileno())
+        return CompletedProcess(done.args, done.returncode, done.stdout, _text(err))
+
+
+def run_before_people(*arguments: str) -> CompletedProcess[str]:
+    """The same with a terminal for what it tells people: what it wrote there is all of it."""
+    with Terminal() as terminal:
+        done = _run(arguments, None, terminal.descriptor, look=terminal.look)
+        return CompletedProcess(done.args, done.returncode, done.stdout, terminal.look())
+
+
+def _run(
+    arguments: tuple[str, ...], cwd: Path | None, err: int, *, look: Callable[[], str] = str
+) -> CompletedProcess[str]:
     argv = ["eskin", *arguments]
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+    with tempfile.TemporaryFile() as out:
         child = os.fork()
         if child == 0:
-            _become(argv, cwd, out, err)
-        status = _status(child, argv)
-        return CompletedProcess(argv, status, _text(out), _text(err))
+            _become(argv, cwd, out.fileno(), err)
+        status = _status(child, argv, look)
+        return CompletedProcess(argv, status, _text(out))
 
 
-def _become(argv: list[str], cwd: Path | None, out: IO[bytes], err: IO[bytes]) -> NoReturn:
+def _become(argv: list[str], cwd: Path | None, out: int, err: int) -> NoReturn:
     """What the fork does; it never returns into the test."""
     status = 70
     try:
         os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        os.dup2(out.fileno(), 1)
-        os.dup2(err.fileno(), 2)
+        os.dup2(out, 1)
+        os.dup2(err, 2)
+        if os.isatty(2):
+            os.environ["TERM"] = "xterm"
         sys.stdout, sys.stderr = (io.TextIOWrapper(io.FileIO(n, "w")) for n in (1, 2))
         sys.argv = argv
         if cwd is not None:
@@ -63,10 +82,11 @@ def _become(argv: list[str], cwd: Path | None, out: IO[bytes], err: IO[bytes]) -
         os._exit(status)
 
 
-def _status(child: int, argv: list[str], *, seconds: float = 90.0) -> int:
+def _status(child: int, argv: list[str], look: Callable[[], str], *, seconds: float = 90.0) -> int:
     ended: list[int] = []
 
     def has_ended() -> bool:
+        look()
         found, status = os.waitpid(child, os.WNOHANG)
         if found:
             ended.append(os.waitstatus_to_exitcode(status))

@@ -173,6 +173,11 @@ class Cluster:
         end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname ="
         self.execute(f"{end} '{name}'", database="postgres")
 
+    def admit(self, place: URL) -> None:
+        """Let everybody into a database again."""
+        name = place.database
+        self.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS true", database="postgres")
+
     def fresh(self, *, empty: bool = False) -> URL:
         """A database of its own: a store's, or one without any table."""
         name = f"store_{next(self._numbers)}"

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from cloud.store import Store
 
 _BYTES: Final = 32
-_PATIENCE: Final = 30.0
 COMMAND_LINE: Final = "command line"
 """Who does what is done with the store in hand."""
 
@@ -111,7 +110,7 @@ def create_token(
         deed = _deed(doer, Action.TOKEN_CREATED, token_id(str(row["digest"])), said)
         record(connection, deed, now=now)
 
-    store.write(work).result(_PATIENCE)
+    store.finish(work)
     return token
 
 
@@ -135,7 +134,7 @@ def create_login_code(
         connection.execute(insert(login_codes), row)
         record(connection, _deed(None, Action.LOGIN_LINK, "", str(row["scopes"])), now=now)
 
-    store.write(work).result(_PATIENCE)
+    store.finish(work)
     return code
 
 
@@ -180,7 +179,7 @@ def revoke_token(store: Store, number: str, *, doer: Doer | None = None) -> bool
         record(connection, _deed(doer, Action.TOKEN_REVOKED, number, found[1]), now=now)
         return True
 
-    return store.write(work).result(_PATIENCE)
+    return store.finish(work)
 
 
 def find_token(store: Store, token: str) -> Holder | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import heapq
 import threading
-from typing import TYPE_CHECKING, Final, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from sqlalchemy import delete, insert, select
 
@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store import Store
-
-_PATIENCE_S: Final = 30.0
 
 
 class Memory(Protocol):
@@ -91,7 +89,7 @@ class SharedReplay:
         Raises:
             StoreError: It cannot be remembered.
         """
-        return self._store.write(self.within(name, until=until, now=now)).result(_PATIENCE_S)
+        return self._store.finish(self.within(name, until=until, now=now))
 
     def within(self, name: str, *, until: float, now: float) -> Callable[[Connection], bool]:
         """The question, to be asked in a transaction; see `Memory`."""

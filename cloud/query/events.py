@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from sqlalchemy import select, tuple_
+from sqlalchemy import false, select, tuple_
 
 from cloud.query.cursors import read_numbers, write_cursor
 from cloud.store.schema import events
@@ -44,6 +44,11 @@ class EventQuestion:
     cursor: str | None
     order: Literal["asc", "desc"]
 
+    @property
+    def is_of_no_time(self) -> bool:
+        """Whether its window is empty, which nothing overlaps."""
+        return self.start is not None and self.start == self.end
+
 
 def find_events(
     connection: Connection, question: EventQuestion, opened: Sequence[Row] = ()
@@ -78,6 +83,8 @@ def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
     ):
         if value is not None:
             query = query.where(column == value)
+    if question.is_of_no_time:
+        query = query.where(false())
     if question.start is not None:
         query = query.where(e.t_hi >= question.start)
     if question.end is not None:

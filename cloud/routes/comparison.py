@@ -26,7 +26,7 @@ from cloud.routes.comparison_documents import (
     standing_shape,
     stretch_shape,
 )
-from cloud.routes.documents import REFUSALS_OF_PLACE, PageDocument
+from cloud.routes.documents import REFUSALS_OF_PLACE, PageDocument, Place
 from cloud.routes.windows import WindowQuery, opened, resumed
 from cloud.shapes import page
 from cloud.state import Cloud
@@ -38,7 +38,7 @@ router = APIRouter(tags=["series"])
 class ComparisonQuery(WindowQuery):
     """Which channel is compared with which; without a window, the last minute that both have."""
 
-    other: str = Field(max_length=200, description="the other channel, as NODE/CHANNEL")
+    other: Place = Field(max_length=200, description="the other channel, as NODE/CHANNEL")
     state: Literal["above", "below"] = Field(
         default="above", description="whether the channel is asked to be above the other, or below"
     )

@@ -12,7 +12,7 @@ from cloud.query.events import EventQuestion, find_events
 from cloud.query.places import find_node
 from cloud.query.window import read_moment, require_order
 from cloud.routes.answers import as_json
-from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, EventDocument, PageDocument
+from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, EventDocument, PageDocument, Time
 from cloud.shapes import event_shape, page
 from eskin.privacy import is_biometric
 
@@ -30,8 +30,8 @@ class EventsQuery(BaseModel):
         default=None, description="only these"
     )
     verdict: Literal["certain", "possible"] | None = Field(default=None, description="only these")
-    start: str | None = Field(default=None, max_length=100, description=f"not over before; {TIME}")
-    end: str | None = Field(default=None, max_length=100, description=f"begun before; {TIME}")
+    start: Time | None = Field(default=None, description=f"not over before; {TIME}")
+    end: Time | None = Field(default=None, description=f"begun before; {TIME}")
     limit: int = Field(default=100, ge=1, le=1000, description="events at once")
     cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
     order: Literal["asc", "desc"] = Field(default="desc", description="by time; desc: latest first")

@@ -19,7 +19,7 @@ from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.export import Export, Mark, Source
 from cloud.query.places import find_channel, read_place
 from cloud.query.window import Window, make_window, read_moment
-from cloud.routes.documents import REFUSALS_OF_PLACE, TIME
+from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, Place, Time
 from cloud.state import Cloud
 from eskin.errors import QueryError
 from eskin.privacy import is_biometric
@@ -38,14 +38,12 @@ class ExportQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    channel: list[str] = Field(
+    channel: list[Place] = Field(
         min_length=1, max_length=1000, description="NODE/CHANNEL; may be repeated"
     )
-    start: str | None = Field(
-        default=None, max_length=100, description=f"included; {TIME}; else the first sample"
-    )
-    end: str | None = Field(
-        default=None, max_length=100, description=f"excluded; {TIME}; else behind the last sample"
+    start: Time | None = Field(default=None, description=f"included; {TIME}; else the first sample")
+    end: Time | None = Field(
+        default=None, description=f"excluded; {TIME}; else behind the last sample"
     )
     limit: int | None = Field(
         default=None,

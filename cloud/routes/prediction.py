@@ -24,7 +24,7 @@ from cloud.query.runs import Run, merge
 from cloud.query.span import find_next
 from cloud.query.window import make_window, read_moment
 from cloud.routes.answers import as_json
-from cloud.routes.documents import REFUSALS_OF_PLACE, Moment, PageDocument
+from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, Moment, PageDocument, Time
 from cloud.routes.series_documents import OccupancyDocument, SegmentDocument
 from cloud.routes.windows import WindowQuery, opened, paged, window_of
 from cloud.shapes import occupancy_shape, page, segment_shape
@@ -48,8 +48,8 @@ class PredictionQuery(WindowQuery):
         max_length=_MOST_PARAMETERS,
         description="NAME:LO:HI or NAME:VALUE, in SI units, rounded outward; may be repeated",
     )
-    origin: str | None = Field(
-        default=None, max_length=100, description="the model's time 0; else `start`"
+    origin: Time | None = Field(
+        default=None, description=f"the model's time 0; {TIME}; else `start`"
     )
 
 

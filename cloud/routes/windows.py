@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from cloud.privacy.memory import unveiled
 from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.window import Window, make_window, read_window
-from cloud.routes.documents import TIME
+from cloud.routes.documents import TIME, Time
 from eskin.privacy import is_biometric
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ class WindowQuery(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    start: str | None = Field(default=None, max_length=100, description=f"included; {TIME}")
-    end: str | None = Field(default=None, max_length=100, description=f"excluded; {TIME}")
+    start: Time | None = Field(default=None, description=f"included; {TIME}")
+    end: Time | None = Field(default=None, description=f"excluded; {TIME}")
 
 
 @contextmanager

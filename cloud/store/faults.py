@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sqlite3
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy.exc import DataError, IntegrityError, SQLAlchemyError
@@ -11,6 +12,11 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 _SLOW: Final = "it is too slow; see what else it does, and give it more memory or fewer readers"
+_OF_FILES: Final[Mapping[int, str]] = {
+    sqlite3.SQLITE_FULL: "free space",
+    sqlite3.SQLITE_BUSY: "another program keeps the file for itself; end that one",
+}
+"""By SQLite's primary result code."""
 _REMEDIES: Final[Mapping[str, str]] = {
     "53100": "its disk is full; free space there",
     "53200": "it has no memory left; give it more",
@@ -63,8 +69,8 @@ def explain(error: Exception) -> str:
 
 def _remedy(cause: BaseException) -> str | None:
     said = str(cause)
-    if not hasattr(cause, "sqlstate"):  # SQLite's errors have none
-        return "free space" if "full" in said else None
+    if not hasattr(cause, "sqlstate"):  # SQLite's errors have codes of their own
+        return _OF_FILES.get(getattr(cause, "sqlite_errorcode", 0) & 0xFF)
     state = cause.sqlstate
     if state is None:  # the driver's own, about its connection: it tells the server's words only
         return next((_REMEDIES[code] for words, code in _REFUSALS if words in said), _AWAY)

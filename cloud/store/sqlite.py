@@ -13,13 +13,12 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-_BUSY_MS: Final = 10_000
+_BUSY_S: Final = 10.0
 _PRAGMAS: Final = (
     "page_size=16384",  # of a new file: a row with a block fits several times
     "journal_mode=WAL",
     "synchronous=FULL",
     "foreign_keys=ON",
-    f"busy_timeout={_BUSY_MS}",
     "cache_size=-32768",
 )
 
@@ -41,7 +40,7 @@ def _engine(path: Path, *, size: int, begin: str, query_only: bool = False) -> E
         pool_size=size,
         max_overflow=0,
         pool_timeout=30,
-        connect_args={"check_same_thread": False, "timeout": _BUSY_MS / 1000},
+        connect_args={"check_same_thread": False, "timeout": _BUSY_S},
     )
 
     @event.listens_for(engine, "connect")

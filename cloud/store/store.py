@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Self, TypeVar
+from typing import TYPE_CHECKING, Final, Self, TypeVar
 
 from sqlalchemy import update
 from sqlalchemy.exc import SQLAlchemyError
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 T = TypeVar("T")
+
+_PATIENCE_S: Final = 30.0
 
 
 class Store:
@@ -102,15 +104,32 @@ class Store:
         """
         return self.writer.submit(work, instead=instead)
 
-    @contextmanager
-    def read(self) -> Iterator[Connection]:
-        """A transaction that sees one state of the store.
+    def finish(self, work: Callable[[Connection], T]) -> T:
+        """Have work done within a transaction, and wait until it is durable.
 
         Raises:
-            StoreError: The store cannot be read.
+            StoreError: It is not in time, too many writes wait, or the store cannot be written.
+        """
+        written = self.write(work)
+        try:
+            return written.result(_PATIENCE_S)
+        except TimeoutError as error:
+            written.cancel()
+            raise StoreError(
+                f"{self}: nothing was written for {_PATIENCE_S:g} s; see what else the store does, "
+                "then try again"
+            ) from error
+
+    @contextmanager
+    def read(self) -> Iterator[Connection]:
+        """A transaction that sees one state of the store, of the schema that this program knows.
+
+        Raises:
+            StoreError: The store cannot be read, or a newer program has migrated it.
         """
         try:
             with self._reading.begin() as connection:
+                require_current(connection)
                 yield connection
         except SQLAlchemyError as error:
             raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error
@@ -121,10 +140,10 @@ class Store:
         Raises:
             StoreError: It is not ready.
         """
-        with self.read() as connection:
-            require_current(connection)
+        with self.read():
+            pass
         if self.writer.fault is not None:
-            self.write(lambda _: None).result(timeout=30)
+            self.finish(lambda _: None)
 
     def shrink(self) -> None:
         """Give up what SQLite's connections keep of the file in memory, up to 32 MiB each.
@@ -134,7 +153,7 @@ class Store:
         """
         if not isinstance(self.place, Path):
             return
-        self.write(_shrink).result(timeout=30)
+        self.finish(_shrink)
         for _ in range(self.readers):  # the pool gives the one that rested longest
             with self.read() as connection:
                 _shrink(connection)

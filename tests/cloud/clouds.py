@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import cbor2
 import httpx
 import jwt
-from sqlalchemy import func, select
+from sqlalchemy import delete, func, select, update
 
 from cloud.access import Scope, create_token
 from cloud.application import gateway_application, people_application
@@ -24,7 +24,7 @@ from cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from cloud.store import Store
 from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
-from cloud.store.schema import blocks
+from cloud.store.schema import audit_log, blocks, feed, metadata, versions
 from eskin.identity import IdentityKind, der
 from eskin.moment import SECOND
 from tests.cloud.messages import NODE, START
@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from fastapi import FastAPI
+    from sqlalchemy import Connection
 
     from cloud.state import Cloud
     from cloud.store.place import Place
@@ -82,6 +83,19 @@ def put_items(store: Store, items: Sequence[Item], *, dead_letters: int = 100) -
             dead_letters=dead_letters,
         )
     ).result(20)
+
+
+def emptied(store: Store) -> Store:
+    """A store as it was when it was new, but for deeds: one serves all examples of a property."""
+
+    def clear(connection: Connection) -> None:
+        for table in metadata.sorted_tables:
+            if table not in {versions, feed, audit_log}:
+                connection.execute(delete(table))
+        connection.execute(update(feed).values(cursor=0, writer=None))
+
+    store.write(clear).result(20)
+    return store
 
 
 def warrant(identity: Identity, body: bytes, now: int, **claims: Any) -> str:

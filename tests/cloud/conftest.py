@@ -26,18 +26,18 @@ def clock() -> Clock:
     return Clock(START)
 
 
-BOTH: Final = {f"tests.cloud.test_{room}" for room in (
-    "batches", "comparison_tiles", "export", "gateways", "hulls", "live", "packing", "pyramid",
-    "queries", "storage", "store", "writer",
+ALONE: Final = {f"tests.cloud.test_{room}" for room in (
+    "access", "chore", "client", "compared", "description", "http", "limits", "onlookers",
+    "pyramid_rates", "subject_export", "warrant", "withheld",
 )}  # fmt: skip
-"""What is asked of every kind of store; the rest is asked of a cloud, whatever its store."""
+"""Asked of a cloud on SQLite alone: how it is asked and answers, and what others ask of both."""
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Ask each kind of store."""
     chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
     if "place" in metafunc.fixturenames and "place" not in chosen:
-        kinds = ["sqlite", "postgresql"] if metafunc.module.__name__ in BOTH else ["sqlite"]
+        kinds = ["sqlite"] if metafunc.module.__name__ in ALONE else ["sqlite", "postgresql"]
         metafunc.parametrize("place", kinds, indirect=True)
 
 

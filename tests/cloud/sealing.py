@@ -7,11 +7,13 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Final
 
 import cbor2
+from sqlalchemy import select
 
 from cloud.access import Scope, create_token
+from cloud.store.schema import metadata
 from eskin.privacy import FileMaster, Vault, Veiler
 from eskin.settings import KeysSection
-from tests.cloud.clouds import Stand, standing
+from tests.cloud.clouds import Stand, standing, warrant
 from tests.cloud.messages import block, peak, status
 
 if TYPE_CHECKING:
@@ -20,6 +22,8 @@ if TYPE_CHECKING:
 
     import httpx
 
+    from cloud.store import Store
+    from cloud.store.place import Place
     from eskin.messages import Block, Peak, Status
     from eskin.privacy import Subject
     from tests.identities import Identities
@@ -57,6 +61,14 @@ def remains(folder: Path) -> bytes:
     )
 
 
+def kept(store: Store) -> bytes:
+    """All that any row of any table holds."""
+    with store.read() as connection:
+        tables = [connection.execute(select(table)).all() for table in metadata.sorted_tables]
+    values = (value for rows in tables for row in rows for value in row)
+    return b"".join(v if isinstance(v, bytes) else str(v).encode() for v in values)
+
+
 def pulse(sequence: int, *bounds: Any, **given: Any) -> Block:
     """A block of the biometric channel."""
     return block(sequence, *bounds, **({"channel": CHANNEL, "unit": "V"} | given))
@@ -83,13 +95,28 @@ def sealing(
 
 
 @contextmanager
-def keyed(folder: Path, identities: Identities, site: Site) -> Iterator[Stand]:
+def keyed(
+    folder: Path, identities: Identities, site: Site, *, place: Place | None = None
+) -> Iterator[Stand]:
     """A cloud that was given the key of a site's person."""
-    with sealing(folder, identities) as stand:
+    with sealing(folder, identities, place=place) as stand:
         vault = stand.cloud.keyholder.vault
         assert vault is not None
         vault.keep(site.ada.pseudonym, site.ada.key)
         yield stand
+
+
+async def notice(stand: Stand, worn: list[Any], erased: list[str]) -> list[str]:
+    """Tell a cloud who wears what and who is erased, as a gateway does; what became of each."""
+    body = cbor2.dumps({"worn": worn, "erased": erased})
+    headers = {
+        "Authorization": f"Bearer {warrant(stand.gateway, body, stand.clock())}",
+        "Content-Type": "application/cbor",
+    }
+    async with stand.ingest_client() as client:
+        answer = await client.post("/api/v1/subjects", content=body, headers=headers)
+    assert answer.status_code == 200, answer.text
+    return [item["result"] for item in answer.json()["items"]]
 
 
 def physician(stand: Stand) -> str:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from pathlib import Path
-from tempfile import TemporaryDirectory
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import eskin
@@ -20,15 +19,15 @@ from cloud.query.prediction import Prediction
 from cloud.query.question import Answer, Question
 from cloud.query.runs import Run, find_runs, merge
 from cloud.query.window import Window
-from cloud.store import Store
 from eskin.errors import QueryError
 from eskin.interval import Interval
-from tests.cloud.clouds import problem, put
+from tests.cloud.clouds import emptied, problem, put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 from tests.cloud.test_queries import blocks as drawn_blocks
 from tests.cloud.test_queries import is_gap, spy_on_decoding, windows, within
 
 if TYPE_CHECKING:
+    from cloud.store import Store
     from eskin.messages import Block
     from tests.cloud.clouds import Stand
 
@@ -44,6 +43,20 @@ ASKED = {
     "model": "alternating_capacitance",
     "parameter": [f"{name}:{b.inf}:{b.sup}" for name, b in SWING.items()],
 }
+BAD: tuple[tuple[dict[str, Any], str], ...] = (
+    ({"model": "weather"}, "model"),
+    ({"model": "touch.area"}, "same unit"),
+    ({"model": "touch.capacitance", "parameter": []}, "minimum_area is missing"),
+    ({"parameter": ["frequency:2"]}, "minimum_capacitance is missing"),
+    ({"parameter": [*ASKED["parameter"], "frequency:2"]}, "twice"),
+    ({"parameter": [*ASKED["parameter"], "colour:2"]}, "'colour' is none of"),
+    ({"parameter": ["frequency"]}, "NAME:LO:HI"),
+    ({"parameter": ["frequency:3:2"]}, "NAME:LO:HI"),
+    ({"parameter": ["frequency:nan"]}, "NAME:LO:HI"),
+    ({"parameter": ["frequency:1:2:3"]}, "NAME:LO:HI"),
+    ({"parameter": ["minimum_capacitance:-1", *ASKED["parameter"][1:]]}, "must be > 0"),
+    ({"origin": "noon"}, "RFC 3339"),
+)
 
 
 def swinging(origin: int = START) -> Prediction:
@@ -100,31 +113,37 @@ def brute(said: list[Block], window: Window) -> list[tuple[int, int, Answer]]:
     return runs
 
 
-@settings(max_examples=25, deadline=None)
-@given(measured(), st.integers(-50, 300), st.integers(0, 500))
-def test_anomalies_equal_a_look_at_each_sample(said: list[Block], start: int, span: int) -> None:
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(said=measured(), start=st.integers(-50, 300), span=st.integers(0, 500))
+def test_anomalies_equal_a_look_at_each_sample(
+    store: Store, said: list[Block], start: int, span: int
+) -> None:
     window = Window(START + start * MS, START + (start + span) * MS)
     firsts = [b.tube.first_moment % (10 * MS) for b in said]
     said = [b for b, first in zip(said, firsts, strict=True) if firsts.count(first) == 1]
     if not said:
         return
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *said)
-        found = ask(store, window, swinging())
+    put(emptied(store), *said)
+    found = ask(store, window, swinging())
     assert [(r.start, r.end, r.answer) for r in found] == brute(said, window)
 
 
-@settings(max_examples=30, deadline=None)
-@given(drawn_blocks(), windows)
-def test_a_standing_band_is_asked_as_a_threshold(said: list[Block], window: Window) -> None:
+@settings(
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(said=drawn_blocks(), window=windows)
+def test_a_standing_band_is_asked_as_a_threshold(
+    store: Store, said: list[Block], window: Window
+) -> None:
     band = Prediction(MODELS["constant"], {"value": Interval(0.1, 1.0)}, 0)
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *said)
-        with store.read() as connection:
-            row = find_channel(connection, NODE, CHANNEL)
-            outside = Question(0.1, 1.0, outside=True)
-            runs = find_runs(connection, row, window, outside, over_gaps=False)
-            assert ask(store, window, band) == list(merge(runs))
+    put(emptied(store), *said)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        outside = Question(0.1, 1.0, outside=True)
+        runs = find_runs(connection, row, window, outside, over_gaps=False)
+        assert ask(store, window, band) == list(merge(runs))
 
 
 def test_blocks_that_are_all_off_are_not_decoded(
@@ -209,10 +228,12 @@ async def test_every_model_is_listed_with_parameters_that_it_takes(stand: Stand)
         assert each["description"]
         usual = {p["name"]: p["usual"] or {"lo": 1.0, "hi": 2.0} for p in each["parameters"]}
         bounds = {name: Interval(b["lo"], b["hi"]) for name, b in usual.items()}
-        lo, hi = Prediction(MODELS[each["id"]], bounds, START).between(moments, moments)
+        prediction = Prediction(MODELS[each["id"]], bounds, START)
+        lo, hi = prediction.between(moments, moments)
         assert np.all(np.isfinite(lo) & np.isfinite(hi) & (lo <= hi))
         required = {p["name"]: bounds[p["name"]] for p in each["parameters"] if p["required"]}
         again = Prediction(MODELS[each["id"]], required, START).between(moments, moments)
+        assert [each.size for each in prediction.between(moments[:0], moments[:0])] == [0, 0]
         assert np.array_equal(again, (lo, hi)), (
             "what is usual is what is taken where it is left out"
         )
@@ -251,26 +272,8 @@ async def test_anomalies_and_their_tube_over_http(stand: Stand) -> None:
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize(
-    ("change", "said"),
-    [
-        ({"model": "weather"}, "model"),
-        ({"model": "touch.area"}, "same unit"),
-        ({"model": "touch.capacitance", "parameter": []}, "minimum_area is missing"),
-        ({"parameter": ["frequency:2"]}, "minimum_capacitance is missing"),
-        ({"parameter": [*ASKED["parameter"], "frequency:2"]}, "twice"),
-        ({"parameter": [*ASKED["parameter"], "colour:2"]}, "'colour' is none of"),
-        ({"parameter": ["frequency"]}, "NAME:LO:HI"),
-        ({"parameter": ["frequency:3:2"]}, "NAME:LO:HI"),
-        ({"parameter": ["frequency:nan"]}, "NAME:LO:HI"),
-        ({"parameter": ["frequency:1:2:3"]}, "NAME:LO:HI"),
-        ({"parameter": ["minimum_capacitance:-1", *ASKED["parameter"][1:]]}, "must be > 0"),
-        ({"origin": "noon"}, "RFC 3339"),
-    ],
-)
-async def test_bad_predictions_are_refused(stand: Stand, change: dict[str, Any], said: str) -> None:
+async def test_bad_predictions_are_refused(stand: Stand, subtests: pytest.Subtests) -> None:
     put(stand.cloud.store, block(0, [1e-12], [2e-12]))
-    async with stand.client() as client:
-        for path in (ANOMALIES, f"{ANOMALIES}/time", PREDICTION):
-            answer = await client.get(path, params=ASKED | change)
-            assert said in problem(answer, 422)
+    for path, (change, said) in product((ANOMALIES, f"{ANOMALIES}/time", PREDICTION), BAD):
+        with subtests.test(f"{path} {change}"):
+            assert said in problem(await stand.get(path, **ASKED | change), 422)

@@ -162,22 +162,6 @@ async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) 
 
 
 @pytest.mark.parametrize("place", ["sqlite"], indirect=True)
-async def test_broken_store_answers_503_and_shows_in_readiness(stand: Stand) -> None:
-    store = stand.cloud.store
-    body = batch(*(block(n, [0.0] * 900, [1.0] * 900) for n in range(40)))
-    pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(20)
-    store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(20)
-    answer = await stand.ingest(body)
-    problem(answer, 503)
-    assert int(answer.headers["retry-after"]) > 0
-    assert count_blocks(stand) == 0
-    assert store.writer.fault
-    store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(20)
-    assert (await stand.get("/readyz")).status_code == 200
-    assert (await stand.ingest(body)).json()["items"][39]["result"] == "stored"
-
-
-@pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
     stand.cloud.store.write(
         lambda c: c.execute(text("ALTER TABLE feed RENAME TO lost")).rowcount

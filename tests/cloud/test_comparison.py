@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cloud.query.around import Source
@@ -18,14 +16,14 @@ from cloud.query.places import find_channel
 from cloud.query.question import Answer
 from cloud.query.standing import sum_up_stretches
 from cloud.query.window import Window
-from cloud.store import Store
-from tests.cloud.clouds import put
+from tests.cloud.clouds import emptied, put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cloud.query.stretches import Stretch
+    from cloud.store import Store
     from eskin.messages import Block
 
 OTHER = "t02.capacitance"
@@ -144,14 +142,15 @@ def ask(store: Store, window: Window) -> list[Stretch]:
         return list(find_stretches(one, other, window))
 
 
-@settings(max_examples=40, deadline=None)
-@given(said_of(CHANNEL), said_of(OTHER), windows)
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(one=said_of(CHANNEL), other=said_of(OTHER), window=windows)
 def test_comparison_equals_brute_force(
-    one: list[Block], other: list[Block], window: Window
+    store: Store, one: list[Block], other: list[Block], window: Window
 ) -> None:
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *one, *other)
-        found = ask(store, window)
+    put(emptied(store), *one, *other)
+    found = ask(store, window)
     expected = list(brute_stretches(Truth(samples_of(one)), Truth(samples_of(other)), window))
     assert [(s.start, s.end, s.answer) for s in found] == [each[:3] for each in expected]
     possible = [(s.slots, s.start) for s in found if s.answer is Answer.POSSIBLE]
@@ -179,14 +178,15 @@ def value_at(signal: list[tuple[int, int, float]], moment: int) -> float | None:
     return held[-1] if held else None
 
 
-@settings(max_examples=25, deadline=None)
-@given(said_of(CHANNEL), said_of(OTHER), windows, st.integers(0, 2**32))
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(one=said_of(CHANNEL), other=said_of(OTHER), window=windows, seed=st.integers(0, 2**32))
 def test_every_signal_and_every_clock_within_the_intervals_agrees(
-    one: list[Block], other: list[Block], window: Window, seed: int
+    store: Store, one: list[Block], other: list[Block], window: Window, seed: int
 ) -> None:
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *one, *other)
-        found = ask(store, window)
+    put(emptied(store), *one, *other)
+    found = ask(store, window)
     random = np.random.default_rng(seed)
     signals = [drawn_truth(random, samples_of(said)) for said in (one, other)]
     above, entries, before = 0, 0, False

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cloud.query.series import Series
+    from cloud.store.place import Place
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -51,9 +52,9 @@ async def test_block_looks_like_a_series(stand: Stand) -> None:
 
 @pytest.mark.parametrize("recent", [1, 1000])
 async def test_every_cursor_resumes_without_a_hole(
-    tmp_path: Path, identities: Identities, recent: int
+    tmp_path: Path, identities: Identities, place: Place, recent: int
 ) -> None:
-    with standing(tmp_path, identities, live=LiveSection(recent=recent)) as stand:
+    with standing(tmp_path, identities, place=place, live=LiveSection(recent=recent)) as stand:
         said = [peak(n) if n % 3 else block(n) for n in range(300)]
         for first in range(0, 300, 100):
             await stand.ingest(batch(*said[first : first + 100]))
@@ -63,11 +64,11 @@ async def test_every_cursor_resumes_without_a_hole(
 
 
 async def test_stream_from_before_the_start_reads_the_store(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, place: Place
 ) -> None:
-    with standing(tmp_path, identities) as stand:
+    with standing(tmp_path, identities, place=place) as stand:
         put(stand.cloud.store, block(0), gap(1))
-    with standing(tmp_path, identities) as stand:
+    with standing(tmp_path, identities, place=place) as stand:
         await stand.ingest(batch(block(2)))
         heard = await take(stand, 3)
     assert [event["event"] for event in heard] == ["block", "gap", "block"]
@@ -82,9 +83,9 @@ async def test_subscriber_that_is_too_far_behind_is_told(stand: Stand) -> None:
 
 
 async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, place: Place
 ) -> None:
-    with standing(tmp_path, identities, live=LiveSection(recent=10)) as stand:
+    with standing(tmp_path, identities, place=place, live=LiveSection(recent=10)) as stand:
         async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
             await anext(slow)
             heard = []

@@ -2,39 +2,50 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
+import re
 import signal
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import pytest
 from sqlalchemy import func, select, text
 
+from cloud.service import only_one
 from cloud.store import Store
 from cloud.store.move import TABLES, move
-from cloud.store.schema import blocks
+from cloud.store.schema import blocks, feed
 from eskin.errors import StoreError
 from tests.cloud.clouds import put
-from tests.cloud.messages import START, block, gap, peak, status
+from tests.cloud.everything import fill
+from tests.cloud.messages import START, block
+from tests.cloud.sealing import Site, sealing
+from tests.commands import run, run_before_people
+from tests.files import write_settings
+from tests.stores import write_place
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
-    from sqlalchemy import URL
+    from sqlalchemy import URL, Row
 
+    from tests.identities import Identities
     from tests.postgresql import Cluster
 
-_BLOCKS = 1203
+_MANY = 1203
+"""Blocks beside all else: some pages of them."""
 
 
 @pytest.fixture
-def source(tmp_path: Path) -> Path:
-    """A store with something in most tables."""
-    path = tmp_path / "store.sqlite"
-    with Store(path) as store:
-        put(store, status(0), peak(1), gap(2))
-        put(store, *(block(number, [-float("inf")], [0.1]) for number in range(3, 3 + _BLOCKS)))
-        put(store, block(9999, unit="H"))
-    return path
+def source(tmp_path: Path, identities: Identities) -> Path:
+    """A store with something in every table."""
+    with sealing(tmp_path, identities) as stand:
+        asyncio.run(fill(stand, Site(tmp_path)))
+        many = (block(1000 + number, [-float("inf")], [0.1]) for number in range(_MANY))
+        put(stand.cloud.store, *many)
+        return tmp_path / "store.sqlite"
 
 
 def count(place: Path | URL) -> int:
@@ -42,15 +53,24 @@ def count(place: Path | URL) -> int:
         return connection.execute(select(func.count()).select_from(blocks)).scalar_one()
 
 
-def rows(place: Path | URL) -> dict[str, list[tuple[object, ...]]]:
+def rows(place: Path | URL) -> dict[str, Sequence[Row[tuple[object, ...]]]]:
+    """All rows of all tables that are moved."""
     with Store(place) as store, store.read() as connection:
         return {
-            table.name: [
-                tuple(row)
-                for row in connection.execute(select(table).order_by(*table.primary_key.columns))
-            ]
+            table.name: connection.execute(select(table).order_by(*table.primary_key.columns)).all()
             for table in TABLES
         }
+
+
+def check(target: URL, source: Path) -> None:
+    """Table by table, whether all is there."""
+    arrived, left = rows(target), rows(source)
+    assert [name for name, found in left.items() if not found] == []
+    for name, expected in left.items():
+        assert arrived[name] == expected, name
+    packs = select(func.count()).where(blocks.c.packed.is_not(None))
+    with Store(target) as store, store.read() as connection:
+        assert connection.execute(packs).scalar_one() > 0
 
 
 def killed_at_step(source: Path, target: URL, step: int) -> None:
@@ -68,29 +88,84 @@ def killed_at_step(source: Path, target: URL, step: int) -> None:
     assert os.WTERMSIG(ended) == signal.SIGKILL
 
 
+def settings_for(folder: Path, target: Path | URL) -> str:
+    """A cloud's settings that name where its store is to be."""
+    gateways: dict[str, object] = {"identity": folder}
+    sections = {"store": write_place(target), "gateways": gateways}
+    return str(write_settings(folder / "cloud.toml", sections))
+
+
 def test_killed_move_goes_on_and_everything_arrives(source: Path, cluster: Cluster) -> None:
     target = cluster.fresh(empty=True)
-    killed_at_step(source, target, 600)
-    assert 0 < count(target) < _BLOCKS
+    total = sum(map(len, rows(source).values()))
+    killed_at_step(source, target, total // 2)
+    assert 0 < count(target) < count(source)
     with Store(target) as store, pytest.raises(StoreError, match="is being moved here"):
         put(store, block(0))
-    killed_at_step(source, target, 2000)  # while it compares
-    assert count(target) == _BLOCKS
+    killed_at_step(source, target, total + total // 2)  # while it compares
+    assert count(target) == count(source)
     told: list[tuple[int, int]] = []
     counts = move(source, target, now=START, progress=lambda *step: told.append(step))
-    assert counts["blocks"] == _BLOCKS
-    assert told[-1][0] == told[-1][1]
-    assert rows(target) == rows(source)
+    assert counts == {name: len(found) for name, found in rows(source).items()}
+    assert told[-1] == (2 * total, 2 * total)
+    check(target, source)
+    with Store(source) as store, store.read() as connection:
+        last = connection.execute(select(feed.c.cursor)).scalar_one()
     with Store(target) as store:
-        outcome = put(store, block(3), block(2000))
+        outcome = put(store, block(1000), block(5000))
         assert [receipt.result for receipt in outcome.results] == ["duplicate", "stored"]
-        assert outcome.entries[0].cursor == _BLOCKS + 4
+        assert outcome.entries[0].cursor == last + 1
+
+
+def test_command_moves_everything_and_draws_a_bar_for_people(
+    source: Path, cluster: Cluster, tmp_path: Path
+) -> None:
+    target = cluster.fresh(empty=True)
+    words = ("cloud", "move", "--config", settings_for(tmp_path, target), "--from", str(source))
+    done = run_before_people(*words)
+    assert done.returncode == 0, done.stderr
+    assert re.search("moving.*━.*100%", done.stderr), done.stderr
+    *lines, last = done.stdout.splitlines()
+    assert last == "moved, and compared row by row"
+    counts = {name: int(number) for number, name in map(str.split, lines)}
+    assert counts == {name: len(found) for name, found in rows(source).items()}
+    check(target, source)
+
+
+def test_command_draws_nothing_into_a_file(source: Path, cluster: Cluster, tmp_path: Path) -> None:
+    target = cluster.fresh(empty=True)
+    words = ("cloud", "move", "--config", settings_for(tmp_path, target), "--from", str(source))
+    done = run(*words)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "\x1b" not in done.stdout
+    again = run(*words)
+    assert again.returncode != 0
+    assert "no empty store: it has audit_log; name an empty database" in again.stderr
+    check(target, source)
+
+
+def test_command_moves_no_store_that_a_cloud_holds_and_none_onto_itself(
+    source: Path, cluster: Cluster, tmp_path: Path
+) -> None:
+    target, before = cluster.fresh(empty=True), rows(source)
+    for place, held, said in (
+        (target, only_one(source), "stop it first"),
+        (source, nullcontext(), "no empty store"),
+    ):
+        words = ("cloud", "move", "--config", settings_for(tmp_path, place), "--from", str(source))
+        with held:
+            refused = run(*words)
+        assert refused.returncode != 0
+        assert said in refused.stderr
+    assert count(target) == 0
+    assert rows(source) == before
 
 
 def test_what_differs_is_noticed(source: Path, cluster: Cluster) -> None:
     target = cluster.fresh(empty=True)
-    killed_at_step(source, target, 2000)
-    change = text("UPDATE blocks SET hi = 9 WHERE sequence = 700")
+    total = sum(map(len, rows(source).values()))
+    killed_at_step(source, target, total + total // 2)
+    change = text("UPDATE blocks SET hi = 9 WHERE sequence = 1700")
     cluster.execute(str(change), database=str(target.database))
     with pytest.raises(StoreError, match="blocks: what arrived differs"):
         move(source, target, now=START)

@@ -2,25 +2,23 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from cloud.query.occupancy import Occupancy, measure_occupancy
 from cloud.query.places import find_channel
 from cloud.query.question import Question
 from cloud.query.window import Window
-from cloud.store import Store
-from tests.cloud.clouds import put
+from tests.cloud.clouds import emptied, put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 from tests.cloud.test_comparison import drawn_truth, said_of, samples_of, value_at, windows
 
 if TYPE_CHECKING:
+    from cloud.store import Store
     from eskin.messages import Block
     from tests.cloud.clouds import Stand
 
@@ -28,12 +26,11 @@ SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
 ABOVE = Question(0.2, None, strict=True)
 
 
-def ask(said: list[Block], window: Window) -> Occupancy:
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *said)
-        with store.read() as connection:
-            row = find_channel(connection, NODE, CHANNEL)
-            return measure_occupancy(connection, row, window, ABOVE)
+def ask(store: Store, said: list[Block], window: Window) -> Occupancy:
+    put(emptied(store), *said)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        return measure_occupancy(connection, row, window, ABOVE)
 
 
 def near(start: int, error: int, level: float, sequence: int, n: int = 4) -> Block:
@@ -42,15 +39,19 @@ def near(start: int, error: int, level: float, sequence: int, n: int = 4) -> Blo
     return block(sequence, [level] * n, [level] * n, time=time, dt=10)
 
 
-@settings(max_examples=40, deadline=None)
-@given(said_of(CHANNEL), windows, st.integers(0, 2**32))
-@example([near(0, 0, 1.0, 0), near(40, 30, 0.0, 1)], Window(START, START + 40), 0)
-@example([near(0, 0, 1.0, 0, n=1), near(90, 95, 0.0, 1)], Window(START, START + 10), 0)
-@example([near(0, 30, 1.0, 0), near(40, 0, 0.0, 1)], Window(START, START + 80), 0)
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(said=said_of(CHANNEL), window=windows, seed=st.integers(0, 2**32))
+@example(said=[near(0, 0, 1.0, 0), near(40, 30, 0.0, 1)], window=Window(START, START + 40), seed=0)
+@example(
+    said=[near(0, 0, 1.0, 0, n=1), near(90, 95, 0.0, 1)], window=Window(START, START + 10), seed=0
+)
+@example(said=[near(0, 30, 1.0, 0), near(40, 0, 0.0, 1)], window=Window(START, START + 80), seed=0)
 def test_every_signal_and_every_clock_within_the_intervals_agrees(
-    said: list[Block], window: Window, seed: int
+    store: Store, said: list[Block], window: Window, seed: int
 ) -> None:
-    found = ask(said, window)
+    found = ask(store, said, window)
     random = np.random.default_rng(seed)
     for _ in range(4):
         signal = drawn_truth(random, samples_of(said))
@@ -59,22 +60,22 @@ def test_every_signal_and_every_clock_within_the_intervals_agrees(
         assert found.time[0] <= inside <= found.time[1] + found.unknown
 
 
-def test_stretch_loses_the_time_error_at_its_ends_and_no_more() -> None:
+def test_stretch_loses_the_time_error_at_its_ends_and_no_more(store: Store) -> None:
     said = [near(0, 2, 0.0, 0), near(40, 2, 1.0, 1), near(80, 3, 1.0, 2), near(120, 5, 0.0, 3)]
-    found = ask(said, Window(START, START + 160))
+    found = ask(store, said, Window(START, START + 160))
     assert found.time == (80 - 2 - 5, 160 - (40 - 2 - 2) - (40 - 5 - 5))
     assert (found.unknown, found.error) == (0, 5)
 
 
-def test_time_is_exact_where_clocks_are() -> None:
-    found = ask([near(0, 0, 0.0, 0), near(40, 0, 1.0, 1)], Window(START, START + 75))
+def test_time_is_exact_where_clocks_are(store: Store) -> None:
+    found = ask(store, [near(0, 0, 0.0, 0), near(40, 0, 1.0, 1)], Window(START, START + 75))
     assert found.time == (35, 35)
 
 
-def test_clock_behind_the_window_counts_as_far_as_it_reaches() -> None:
+def test_clock_behind_the_window_counts_as_far_as_it_reaches(store: Store) -> None:
     window = Window(START, START + 40)
-    assert ask([near(0, 0, 1.0, 0), near(45, 30, 0.0, 1)], window).time == (15, 40)
-    assert ask([near(0, 0, 1.0, 0), near(90, 30, 0.0, 1)], window).time == (40, 40)
+    assert ask(store, [near(0, 0, 1.0, 0), near(45, 30, 0.0, 1)], window).time == (15, 40)
+    assert ask(store, [near(0, 0, 1.0, 0), near(90, 30, 0.0, 1)], window).time == (40, 40)
 
 
 @pytest.mark.anyio

@@ -5,12 +5,10 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
-from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cloud.query.places import find_channel
@@ -18,10 +16,9 @@ from cloud.query.question import Answer, Question
 from cloud.query.series import Series, read_series, union_coverage
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window
-from cloud.store import Store
 from eskin.messages import Block, Encoding
 from eskin.messages.stored import read_bounds
-from tests.cloud.clouds import put
+from tests.cloud.clouds import emptied, put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 
 if TYPE_CHECKING:
@@ -29,6 +26,8 @@ if TYPE_CHECKING:
 
     import numpy as np
     from numpy.typing import NDArray
+
+    from cloud.store import Store
 
 ABOVE_10 = Question(10.0, None, strict=True)
 _BOUNDS = st.sampled_from([-math.inf, -2.0, -0.1, 0.0, 0.1, 0.3, 1.0, 1.5, 3.0, math.inf])
@@ -99,14 +98,13 @@ def is_gap(before: Sample, after: Sample) -> bool:
     return after.t - before.t > before.dt + before.dt // 2
 
 
-def ask(said: list[Block], window: Window, points: int) -> Series:
-    """Ask a fresh store."""
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *said)
-        put(store, *said[::-1])
-        with store.read() as connection:
-            row = find_channel(connection, NODE, CHANNEL)
-            return read_series(connection, row, window, points=points)
+def ask(store: Store, said: list[Block], window: Window, points: int) -> Series:
+    """Ask a store that holds this alone."""
+    put(emptied(store), *said)
+    put(store, *said[::-1])
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        return read_series(connection, row, window, points=points)
 
 
 def check_samples(series: Series, expected: list[Sample]) -> None:
@@ -134,10 +132,14 @@ def check_hull(series: Series, said: list[Block], window: Window) -> None:
     assert series.coverage == union_coverage(least, largest)
 
 
-@settings(max_examples=100, deadline=None)
-@given(blocks(), windows, st.integers(1, 20))
-def test_series_equals_brute_force(said: list[Block], window: Window, points: int) -> None:
-    series = ask(said, window, points)
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(said=blocks(), window=windows, points=st.integers(1, 20))
+def test_series_equals_brute_force(
+    store: Store, said: list[Block], window: Window, points: int
+) -> None:
+    series = ask(store, said, window, points)
     expected = within(said, window)
     if len(expected) <= points:
         assert series.resolution == "sample"
@@ -197,17 +199,20 @@ questions = st.one_of(
 )
 
 
-@settings(max_examples=100, deadline=None)
-@given(blocks(), windows, questions)
-def test_states_equal_brute_force(said: list[Block], window: Window, question: Question) -> None:
-    with TemporaryDirectory() as folder, Store(Path(folder) / "s.sqlite") as store:
-        put(store, *said)
-        with store.read() as connection:
-            row = find_channel(connection, NODE, CHANNEL)
-            found = [
-                (segment.start, segment.end, segment.answer)
-                for segment in find_segments(connection, row, window, question)
-            ]
+@settings(
+    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+@given(said=blocks(), window=windows, question=questions)
+def test_states_equal_brute_force(
+    store: Store, said: list[Block], window: Window, question: Question
+) -> None:
+    put(emptied(store), *said)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        found = [
+            (segment.start, segment.end, segment.answer)
+            for segment in find_segments(connection, row, window, question)
+        ]
     expected = [
         segment
         for segment in brute_segments(said, window, question)

@@ -84,12 +84,13 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
 )
 
 
-@pytest.mark.parametrize(("path", "params", "status", "says"), BAD_QUESTIONS)
 async def test_bad_question_is_refused_with_what_to_do(
-    stand: Stand, path: str, params: dict[str, Any], status: int, says: str
+    stand: Stand, subtests: pytest.Subtests
 ) -> None:
     put(stand.cloud.store, block(0))
-    assert says in problem(await stand.get(path, **params), status)
+    for path, params, status, says in BAD_QUESTIONS:
+        with subtests.test(f"{path} {params}"):
+            assert says in problem(await stand.get(path, **params), status)
 
 
 @pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "PATCH"])

@@ -22,6 +22,7 @@ from tests.cloud.sealing import Site, ask, beat, declared, physician, pulse, sea
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from cloud.store.place import Place
     from eskin.messages import Block, Peak
     from tests.identities import Identities
 
@@ -46,10 +47,10 @@ def at_day(stand: Stand, number: float) -> None:
 
 
 async def test_each_channel_is_kept_for_its_own_days_and_not_a_step_longer(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, place: Place
 ) -> None:
     rules = RetentionSection(days=3, channels={f"*/{OTHER}": 10}, at_once=4)
-    with standing(tmp_path, identities, retention=rules) as stand:
+    with standing(tmp_path, identities, place=place, retention=rules) as stand:
         told = [block(10 + day, [float(day)], [day + 1.0], **days(day)) for day in range(9)]
         told += [block(30 + day, channel=OTHER, **days(day)) for day in range(9)]
         body = batch(*told, peak(50, **days(1)), peak(51, **days(8)))
@@ -75,9 +76,9 @@ async def test_each_channel_is_kept_for_its_own_days_and_not_a_step_longer(
 
 
 async def test_channel_of_which_all_went_begins_anew(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, place: Place
 ) -> None:
-    with standing(tmp_path, identities, retention=RetentionSection(days=1)) as stand:
+    with standing(tmp_path, identities, place=place, retention=RetentionSection(days=1)) as stand:
         await stand.ingest(batch(block(1, [-5.0], [5.0]), block(2)))
         at_day(stand, 2)
         assert await sweep(stand.cloud) == 2
@@ -90,10 +91,11 @@ async def test_channel_of_which_all_went_begins_anew(
 
 
 async def test_sealed_messages_go_by_the_earlier_of_their_time_and_their_coming(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, place: Place
 ) -> None:
     site = Site(tmp_path)
-    with sealing(tmp_path, identities, retention=RetentionSection(biometric_days=2)) as stand:
+    rules = RetentionSection(biometric_days=2)
+    with sealing(tmp_path, identities, place=place, retention=rules) as stand:
         at_day(stand, 0)
         early: list[Block | Peak] = [pulse(1), beat(2), pulse(3, **days(300))]
         await stand.ingest(site.batch(declared(), *early))
@@ -115,11 +117,11 @@ async def test_sealed_messages_go_by_the_earlier_of_their_time_and_their_coming(
 
 
 async def test_what_is_left_of_an_erased_subject_is_removed_whatever_its_age(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, place: Place
 ) -> None:
     site = Site(tmp_path)
     bo = site.vault.create("Bo")
-    with sealing(tmp_path, identities) as stand:
+    with sealing(tmp_path, identities, place=place) as stand:
         await stand.ingest(site.batch(declared(), *(pulse(n) for n in range(1, 20))))
         await stand.ingest(site.batch(pulse(20), subject=bo))
         gone = {"subject": site.ada.pseudonym, "erased": 1}
@@ -131,9 +133,11 @@ async def test_what_is_left_of_an_erased_subject_is_removed_whatever_its_age(
         assert [why["reason"] for why in rows(stand, removals)] == ["erasure"]
 
 
-async def test_ingest_goes_on_between_the_steps(tmp_path: Path, identities: Identities) -> None:
+async def test_ingest_goes_on_between_the_steps(
+    tmp_path: Path, identities: Identities, place: Place
+) -> None:
     rules = RetentionSection(days=1, at_once=10, every_s=0.05)
-    with standing(tmp_path, identities, retention=rules) as stand:
+    with standing(tmp_path, identities, place=place, retention=rules) as stand:
         await stand.ingest(batch(*(block(n) for n in range(200))))
         at_day(stand, 3)
         stopping = asyncio.Event()

@@ -27,6 +27,7 @@ from tests.cloud.sealing import (
     ask,
     beat,
     declared,
+    kept,
     keyed,
     physician,
     pulse,
@@ -38,12 +39,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from cloud.store.place import Place
     from eskin.messages import Block, Peak
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
 pytestmark = pytest.mark.anyio
 SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
+EMPTY = {"start": START + 100 * DT, "end": START + 100 * DT}
 WIDE = {"start": START - SECOND, "end": START + 3600 * SECOND}
 
 
@@ -53,8 +56,8 @@ def site(tmp_path: Path) -> Site:
 
 
 @pytest.fixture
-def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]:
-    with keyed(tmp_path, identities, site) as made:
+def stand(tmp_path: Path, identities: Identities, site: Site, place: Place) -> Iterator[Stand]:
+    with keyed(tmp_path, identities, site, place=place) as made:
         yield made
 
 
@@ -81,6 +84,8 @@ async def test_sealed_channel_answers_as_the_same_channel_in_the_clear(
         ("", WIDE | {"points": 1000}),
         ("", WIDE | {"points": 7}),
         ("", {"start": START + 100 * DT, "end": START + 300 * DT, "points": 3}),
+        ("", EMPTY),
+        ("/time", EMPTY | {"above": 0.5}),
         ("/threshold", WIDE | {"above": 0.5}),
         ("/threshold", WIDE | {"below": 0.0, "limit": 3}),
         ("/comparison", WIDE | {"other": "twin/t01.capacitance"}),
@@ -154,9 +159,9 @@ async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, si
 
 
 async def test_cloud_without_keys_says_so(
-    tmp_path: Path, identities: Identities, site: Site
+    tmp_path: Path, identities: Identities, site: Site, place: Place
 ) -> None:
-    with sealing(tmp_path, identities, keys=False) as stand:
+    with sealing(tmp_path, identities, place=place, keys=False) as stand:
         await stand.ingest(site.batch(declared(), pulse(1)))
         said = problem(await ask(stand, physician(stand), SERIES), 403)
     assert "holds no keys" in said
@@ -184,8 +189,8 @@ async def test_biometric_block_in_the_clear_is_refused_and_none_of_it_is_kept(
     with stand.cloud.store.read() as connection:
         assert connection.execute(select(dead_letters.c.data)).scalars().all() == [b""]
         assert count(connection) == 1
-    for message in told:
-        assert message.encode()[-24:] not in remains(tmp_path)
+    held = remains(tmp_path) + kept(stand.cloud.store)
+    assert all(message.encode()[-24:] not in held for message in told)
 
 
 async def test_channel_that_tells_of_nobody_cannot_be_sealed(stand: Stand, site: Site) -> None:
@@ -225,6 +230,9 @@ async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, si
     found = (await ask(stand, token, "/api/v1/events", **inside, limit=100)).json()["items"]
     lasting = [m for m in told if m.channel == CHANNEL and m.time[1] >= inside["start"]]
     assert len(found) == sum(m.time[0] < inside["end"] for m in lasting)
+    for message in lasting[:2]:
+        moment = {"start": message.time[0] + 1, "end": message.time[0] + 1}
+        assert (await ask(stand, token, "/api/v1/events", **moment)).json()["items"] == []
 
 
 async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site: Site) -> None:
@@ -258,7 +266,7 @@ async def test_nothing_that_is_opened_touches_the_disk(
     waves = [wave(number) for number in range(1, 9)]
     await stand.ingest(site.batch(declared(), *waves))
     await ask(stand, physician(stand), SERIES, **WIDE, points=5)
-    held = remains(tmp_path)
+    held = remains(tmp_path) + kept(stand.cloud.store)
     for told in waves:
         data = told.encode()
         assert all(data[at : at + 16] not in held for at in range(100, len(data) - 16, 16))

@@ -5,25 +5,37 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Any
 
-import cbor2
 import pytest
 
 from cloud.access import Scope
 from cloud.live.feed import read_entries
 from cloud.privacy import erasures, keyholder
 from cloud.service import make_cloud
+from cloud.store import Store
 from eskin.errors import NoKeyError, PrivacyError, StoreError
 from eskin.moment import SECOND
 from eskin.settings import KeysSection
-from tests.cloud.clouds import Stand, problem, warrant
+from tests.cloud.clouds import Stand, problem
 from tests.cloud.messages import START
-from tests.cloud.sealing import CHANNEL, NODE, Site, ask, beat, declared, physician, pulse, sealing
+from tests.cloud.sealing import (
+    CHANNEL,
+    NODE,
+    Site,
+    ask,
+    beat,
+    declared,
+    notice,
+    physician,
+    pulse,
+    sealing,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from cloud.store.entry import Entry
+    from cloud.store.place import Place
     from eskin.privacy import Vault
     from tests.identities import Identities
 
@@ -39,35 +51,24 @@ def site(tmp_path: Path) -> Site:
 
 
 @pytest.fixture
-def first(tmp_path: Path, identities: Identities) -> Iterator[Stand]:
-    with sealing(tmp_path, identities) as stand:
+def first(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Stand]:
+    with sealing(tmp_path, identities, place=place) as stand:
         yield stand
 
 
 @pytest.fixture
-def second(tmp_path: Path, first: Stand) -> Stand:
+def second(tmp_path: Path, first: Stand, place: Place) -> Iterator[Stand]:
     own = KeysSection(directory=tmp_path / "other-keys")
     settings = first.cloud.settings.model_copy(update={"keys": own})
-    cloud = make_cloud(settings, first.cloud.store, clock=first.clock, dashboard=tmp_path)
-    return Stand(cloud, first.clock, first.gateway, first.token)
+    with Store(place, clock=first.clock) as store:
+        cloud = make_cloud(settings, store, clock=first.clock, dashboard=tmp_path)
+        yield Stand(cloud, first.clock, first.gateway, first.token)
 
 
 def keys_of(stand: Stand) -> Vault:
     vault = stand.cloud.keyholder.vault
     assert vault is not None
     return vault
-
-
-async def notice(stand: Stand, worn: list[Any], erased: list[str]) -> Any:
-    body = cbor2.dumps({"worn": worn, "erased": erased})
-    headers = {
-        "Authorization": f"Bearer {warrant(stand.gateway, body, stand.clock())}",
-        "Content-Type": "application/cbor",
-    }
-    async with stand.ingest_client() as client:
-        answer = await client.post("/api/v1/subjects", content=body, headers=headers)
-    assert answer.status_code == 200, answer.text
-    return [item["result"] for item in answer.json()["items"]]
 
 
 async def wear(stand: Stand, site: Site) -> Any:

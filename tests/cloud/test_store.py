@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from dataclasses import replace
-from pathlib import Path
 from random import Random
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event, select, update
 
@@ -29,13 +28,15 @@ from cloud.store.tiles import stale
 from eskin.messages import ResetCause
 from eskin.moment import SECOND
 from eskin.sequences import SequenceRanges
-from tests.cloud.clouds import Clock, put, put_items
+from tests.cloud.clouds import Clock, emptied, put, put_items
 from tests.cloud.messages import CHANNEL, NODE, START, block, gap, lying, peak, status
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from sqlalchemy import Connection, Table
+
+    from cloud.store.place import Place
 
 
 def rows(store: Store, table: Table) -> list[dict[str, Any]]:
@@ -75,23 +76,27 @@ def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
     }
 
 
-@settings(max_examples=50, deadline=None)
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(
-    st.lists(st.lists(st.tuples(st.integers(1, 2), st.integers(0, 12)), max_size=8), max_size=6),
-    st.booleans(),
+    batches=st.lists(
+        st.lists(st.tuples(st.integers(1, 2), st.integers(0, 12)), max_size=8), max_size=6
+    ),
+    reopen=st.booleans(),
 )
 def test_each_message_is_stored_once_in_any_order_also_after_reopening(
+    place: Place,
     batches: list[list[tuple[int, int]]],
     reopen: bool,  # noqa: FBT001 - drawn by hypothesis
 ) -> None:
     seen: set[tuple[int, int]] = set()
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "s.sqlite"
-        store = Store(path)
+    with ExitStack() as stack:
+        store = emptied(stack.enter_context(Store(place)))
         for keys in batches:
             if reopen:
-                store.close()
-                store = Store(path)
+                stack.close()
+                store = stack.enter_context(Store(place))
             outcome = put(store, *(block(sequence, boot=boot) for boot, sequence in keys))
             for key, result in zip(keys, results(outcome), strict=True):
                 assert result == ("duplicate" if key in seen else "stored")
@@ -103,16 +108,13 @@ def test_each_message_is_stored_once_in_any_order_also_after_reopening(
             assert sorted(kept) == list(expected)
         cursors = sorted(row["cursor"] for row in rows(store, blocks))
         assert cursors == list(range(1, len(seen) + 1))
-        store.close()
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_batch_leaves_what_its_messages_leave_one_by_one(seed: int, tmp_path: Path) -> None:
+def test_batch_leaves_what_its_messages_leave_one_by_one(seed: int, place: Place) -> None:
     """Whatever nodes, boots, channels, units and moments follow each other."""
     items = list(drawn_items(Random(seed)))  # noqa: S311 - no secret
-    assert left_by(tmp_path / "batch", [items]) == left_by(
-        tmp_path / "single", [[item] for item in items]
-    )
+    assert left_by(place, [items]) == left_by(place, [[item] for item in items])
 
 
 def drawn_items(draw: Random) -> Iterator[Item]:
@@ -136,10 +138,11 @@ def drawn_items(draw: Random) -> Iterator[Item]:
             yield Item.read(node, status(sequence + 20, boot=boot).encode())
 
 
-def left_by(path: Path, batches: list[list[Item]]) -> list[Any]:
+def left_by(place: Place, batches: list[list[Item]]) -> list[Any]:
     """What a store tells of batches, and holds after them; parts of it are built and packed."""
     late = {"built": START + 5 * SECOND, "packed": START + 4 * SECOND}
-    with Store(path, clock=Clock(START + 3600 * SECOND)) as store:
+    with Store(place, clock=Clock(START + 3600 * SECOND)) as store:
+        emptied(store)
         for node in ("n1", "n2"):
             put(store, block(99, channel="t01.a"), node=node)
         store.write(lambda connection: connection.execute(update(channels), late)).result()
