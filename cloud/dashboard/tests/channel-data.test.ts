@@ -183,23 +183,17 @@ describe("silence", () => {
     expect(data.rolling.lo[at - 1]).toBe(1);
   });
 
-  test("of a channel is told, also while others of its node go on", () => {
-    const edge = new LiveEdge();
-    const data = dataOf(channel(1000), [], "sample", edge);
-    data.take(series(1000, 1250), 0, 0);
-    for (let at = 250; at <= 8000; at += 250) edge.observe((1250 + at) * MS, at);
-    expect(edge.silence(8000)).toBe(0);
-    expect(data.silentSince(8000)).toBe(1250 * MS);
-    data.take(series(9000, 9250), 8000, 0);
-    expect(data.silentSince(8100)).toBeNull();
-  });
-
-  test("of a node is told as before", () => {
+  test("of a node is told, and of a channel also while others of its node go on", () => {
     const edge = new LiveEdge();
     const data = dataOf(channel(1000), [], "sample", edge);
     expect(data.silentSince(0)).toBeNull();
     data.take(series(1000, 1250), 0, 0);
     expect([data.silentSince(3900), data.silentSince(4100)]).toEqual([null, 1249 * MS]);
+    for (let at = 250; at <= 8000; at += 250) edge.observe((1250 + at) * MS, at);
+    expect(edge.silence(8000)).toBe(0);
+    expect(data.silentSince(8000)).toBe(1250 * MS);
+    data.take(series(9000, 9250), 8000, 0);
+    expect(data.silentSince(8100)).toBeNull();
   });
 
   test("the pauses of a channel that measures in bursts are asked for once", async () => {

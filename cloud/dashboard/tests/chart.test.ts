@@ -138,13 +138,18 @@ describe("peaks that lie too close", () => {
   });
 });
 
-describe("answers to a question", () => {
-  const told = (x0: number, x1: number, verdict: Segment["verdict"], error: number): Segment => ({ x0, x1, verdict, error });
-  const columns = (lane: Uint8Array): number[] => [...lane.keys()].filter((column) => lane[column] === 1);
+function told(x0: number, x1: number, verdict: Segment["verdict"], error: number): Segment {
+  return { x0, x1, verdict, error };
+}
 
+function touched(lane: Uint8Array): number[] {
+  return [...lane.keys()].filter((column) => lane[column] === 1);
+}
+
+describe("answers to a question", () => {
   test("are certain where they are so wherever their true moments lie, else possible", () => {
     const { certain, possible } = lanesOf(MAP, [told(200, 400, "certain", 50), told(700, 720, "possible", 30)]);
-    const all = columns(certain);
+    const all = touched(certain);
     expect(all.length).toBeGreaterThanOrEqual(20);
     for (const begin of [150, 187, 250]) {
       for (const end of [350, 411, 450]) {
@@ -162,14 +167,14 @@ describe("answers to a question", () => {
   test("are possible where nobody knows when they were, and certain in a column that holds all of that", () => {
     const short = [told(500, 502, "certain", 50)];
     const fine = lanesOf(MAP, short);
-    expect([columns(fine.certain), columns(fine.possible).length]).toEqual([[], 22]);
+    expect([touched(fine.certain), touched(fine.possible).length]).toEqual([[], 22]);
     const coarse = lanesOf({ ...MAP, xMax: 200_000 }, short);
-    expect([columns(coarse.certain), columns(coarse.possible)]).toEqual([[0], []]);
+    expect([touched(coarse.certain), touched(coarse.possible)]).toEqual([[0], []]);
   });
 
   test("are painted to the last column where their times are right", () => {
-    expect(columns(lanesOf(MAP, [told(500, 500, "certain", 0)]).certain)).toEqual([99, 100]);
-    expect(columns(lanesOf(MAP, [told(-50, -20, "certain", 0), told(1020, 1050, "possible", 0)]).certain)).toEqual([]);
+    expect(touched(lanesOf(MAP, [told(500, 500, "certain", 0)]).certain)).toEqual([99, 100]);
+    expect(touched(lanesOf(MAP, [told(-50, -20, "certain", 0), told(1020, 1050, "possible", 0)]).certain)).toEqual([]);
   });
 
   test("tell how far their moments may be wrong", () => {
