@@ -25,8 +25,9 @@ async def keep_packed(cloud: Cloud, stopping: asyncio.Event) -> None:
 
 
 async def _catch_up(cloud: Cloud, stopping: asyncio.Event) -> None:
-    # What a live stream may be resumed from stays as it came.
-    store, behind = cloud.store, cloud.settings.live.backlog
+    # What a live stream may be resumed from stays as it came; and as much again, for one at the
+    # edge reads on while others store.
+    store, behind = cloud.store, 2 * cloud.settings.live.backlog
     if not cloud.settings.packing.on:
         return
     for place in await asyncio.to_thread(find_packable, store, behind):

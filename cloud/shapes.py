@@ -194,9 +194,13 @@ def lag_shape(row: Row) -> Json | None:
     return None if row["lag_lo"] is None else {"lo_ns": row["lag_lo"], "hi_ns": row["lag_hi"]}
 
 
-def health_shape(judged: NodesSection, silence: float) -> str:
-    """The verdict on who has been silent for so many seconds."""
-    if silence >= judged.silence_s:
+def health_shape(judged: NodesSection, silence: float, *, ahead: float = 0.0) -> str:
+    """The verdict on who has been silent for so many seconds.
+
+    Whoever was heard so many seconds ahead was heard before the clock was set back: that says
+    nothing of now.
+    """
+    if silence >= judged.silence_s or ahead >= judged.silence_s:
         return "offline"
     return "online" if silence < judged.late_s else "late"
 

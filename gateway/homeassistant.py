@@ -28,13 +28,16 @@ _KINDS: Final = {
 }
 """UCUM code: Home Assistant's device class and its unit. It knows no class for F, H and J."""
 _UNITS: Final = {"m2": "m²", "1": None}
+_SLACK_S: Final = 60
+_LATE: Final = f"{{% set late = as_timestamp(now()) - as_timestamp(value_json.t1) > {_SLACK_S} %}}"
+"""Whether a block waited, while its node was away: Home Assistant would take it for the present."""
 _MIDDLE: Final = (
-    "{% set lo, hi = value_json.lo, value_json.hi %}"
-    "{{ none if lo is none or hi is none else lo + (hi - lo) / 2 }}"
+    _LATE + "{% set lo, hi = value_json.lo, value_json.hi %}"
+    "{{ none if late or lo is none or hi is none else lo + (hi - lo) / 2 }}"
 )
 """Where the state is drawn. The claim is the interval in the attributes ``lo`` and ``hi``."""
+_ATTRIBUTES: Final = _LATE + "{{ ({} if late else value_json) | tojson }}"
 _ONLINE: Final = "{{ 'online' if value_json.online else 'offline' }}"
-_SLACK_S: Final = 60
 
 
 def config_topic(prefix: str, node: str, channel: str) -> str:
@@ -60,6 +63,7 @@ def config(node: str, status: Status, channel: ChannelInfo) -> bytes:
         "state_topic": topic,
         "value_template": _MIDDLE,
         "json_attributes_topic": topic,
+        "json_attributes_template": _ATTRIBUTES,
         "state_class": "measurement",
         "expire_after": _expiry(channel),
         "availability_topic": live_topic(node, "status"),

@@ -120,8 +120,7 @@ def _opened(rows: Sequence[Any]) -> tuple[list[_Head], tuple[Floats, Floats]]:
             found.append(read_bounds(data))
             continue
         pack, (_, dt, _, _, coverage) = Pack.read(data), head
-        first = (pack.column("t_lo") + pack.column("t_hi")) // 2
-        each = zip(first.tolist(), pack.n.tolist(), pack.errors.tolist(), strict=True)
+        each = zip(pack.first_moments.tolist(), pack.n.tolist(), pack.errors.tolist(), strict=True)
         heads += [_Head(t, dt, n, error, coverage) for t, n, error in each]
         found.append(pack.bounds())
     lo, hi = (np.concatenate([each[side] for each in found]) for side in (0, 1))

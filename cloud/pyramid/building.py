@@ -18,6 +18,7 @@ from sqlalchemy import bindparam, case, delete, select, tuple_
 from cloud.pyramid.blocks import Buckets, read_folded
 from cloud.pyramid.levels import write_levels
 from cloud.query.places import find_channel
+from cloud.query.span import before
 from cloud.query.window import Window
 from cloud.store.grid import CHUNK, MOST_CHUNKS, Comb
 from cloud.store.schema import blocks, channels
@@ -127,7 +128,8 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
     messages = case((b.t_end - b.t >= wide, b.packed))
     query = select(b.t, b.dt, b.n, messages).where(b.node == place[0], b.channel == place[1])
     if row["built"] is not None:
-        query = query.where(b.t >= row["built"] - row["longest"], b.t_end >= row["built"])
+        earliest = before(row["built"], row["longest"])
+        query = query.where(b.t >= earliest, b.t_end >= row["built"])
     rows = connection.execute(query.order_by(b.t).limit(_PAGE))
     page = [Comb(t, dt, n, packed or 1) for t, dt, n, packed in rows]
     found = page[: bisect(list(accumulate(map(_most_marks, page))), _MARKS)]

@@ -6,16 +6,18 @@ from typing import TYPE_CHECKING, Final
 
 from cloud.pyramid.blocks import Buckets, read_buckets
 from cloud.pyramid.reading import Stretch, read_stretch
+from cloud.query.window import Window
 from cloud.store.grid import STEP, TOP
+from eskin.moment import SECOND
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from cloud.pyramid.pieces import Pieces
-    from cloud.query.window import Window
 
 EXACT: Final = 2**53
 """JavaScript keeps integers up to here."""
+_LIMIT: Final = 2**63 - 1
 _TILES: Final = 1024
 """A window is as many tiles long at least, where there are any: its ends move by less than that."""
 
@@ -42,6 +44,16 @@ def read_hulls(
     buckets = Buckets(first << level, each << level, count)
     stretch = Stretch(level, first, first + each * count)
     return read_stretch(connection, channel, stretch), buckets
+
+
+def reach(window: Window) -> Window:
+    """All that the buckets of a window may span, whatever its channel's tiles are.
+
+    They are 1024 at least, of which one may begin before the window, and fewer than their number's
+    root end behind it. Where buckets are no tiles, they reach over its end by less than a second.
+    """
+    margin = (window.span >> 4) + SECOND
+    return Window(max(window.start - margin, -_LIMIT), min(window.end + margin, _LIMIT))
 
 
 def bucket_width(span: int, points: int) -> int:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 import numpy as np
 from sqlalchemy import and_, case, or_, select, tuple_
 
-from cloud.query.span import clip, count, touching
+from cloud.query.span import before, clip, count, touching
 from cloud.store.schema import blocks, channels
 from eskin.messages import Block
 from eskin.messages.pack import Pack
@@ -176,7 +176,7 @@ class Export:
         where: list[ColumnElement[bool]] = [touching(channel, self.window)]
         if after is not None:
             reaching = and_(b.packed.is_not(None), b.t_end >= after.t)
-            where += [b.t >= after.t - channel["longest"], or_(key > after[1:], reaching)]
+            where += [b.t >= before(after.t, channel["longest"]), or_(key > after[1:], reaching)]
         if until is not None and until.channel == index:
             where += [b.t <= until.t, key <= until[1:]]
         data = b.data if whole else case((b.packed.is_not(None), b.data), else_=None)

@@ -45,6 +45,11 @@ def longest_step(dt: NDArray[np.int64]) -> NDArray[np.int64]:
     return dt + dt // 2
 
 
+def before(moment: int, span: int) -> int:
+    """A moment and so much before it, UTC ns, down to the first that a store can hold."""
+    return max(moment - span, -(2**63))
+
+
 TOUCHING: Final = and_(
     blocks.c.node == bindparam("node"),
     blocks.c.channel == bindparam("channel"),
@@ -66,7 +71,7 @@ def near(channel: RowMapping, window: Window) -> dict[str, str | int]:
     return {
         "node": channel["node"],
         "channel": channel["channel"],
-        "earliest": max(window.start - channel["longest"], -(2**63) + 1),
+        "earliest": before(window.start, channel["longest"]),
         "end": window.end,
         "start": window.start,
     }
@@ -91,7 +96,7 @@ def find_next(connection: Connection, channel: RowMapping, window: Window) -> in
     """
     b, end = blocks.c, window.end
     here = and_(b.node == channel["node"], b.channel == channel["channel"])
-    earliest = max(end - channel["longest"], -(2**63) + 1)
+    earliest = before(end, channel["longest"])
     over = select(func.max(b.error)).where(here, b.t >= earliest, b.t < end, b.t_end >= end)
     reaching: int | None = connection.execute(over).scalar_one()
     begun = select(b.t, b.error).where(here, b.t >= end).order_by(b.t, b.error.desc()).limit(1)

@@ -87,5 +87,7 @@ def _shape(cloud: Cloud, row: Row) -> Json:
 
 def _health(cloud: Cloud, row: Row) -> str:
     """As nodes are judged; but while it waits for an answer, its silence is as it should be."""
-    silence = (cloud.clock() - max(row["last_heard"], row["due"])) / SECOND
-    return health_shape(cloud.settings.nodes, silence)
+    now = cloud.clock()
+    silence = (now - max(row["last_heard"], row["due"])) / SECOND
+    ahead = (row["last_heard"] - now) / SECOND
+    return health_shape(cloud.settings.nodes, silence, ahead=ahead)

@@ -91,5 +91,5 @@ def get_taxels(
 
 def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
-    health = health_shape(cloud.settings.nodes, silence)
+    health = health_shape(cloud.settings.nodes, silence, ahead=-silence)
     return node_shape(row, channels=channels, health=health)

@@ -28,6 +28,7 @@ from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, Moment, PageDocument
 from cloud.routes.series_documents import OccupancyDocument, SegmentDocument
 from cloud.routes.windows import WindowQuery, opened, paged, window_of
 from cloud.shapes import occupancy_shape, page, segment_shape
+from cloud.store.channels import UNKNOWN
 from eskin.errors import IntervalError, QueryError
 from eskin.interval import Interval
 from eskin.moment import format_moment
@@ -87,13 +88,18 @@ class PredictionDocument(BaseModel):
     responses=REFUSALS_OF_PLACE,
 )
 def get_prediction(
-    cloud: CloudState, _: Reader, node: str, channel: str, query: Annotated[TubeQuery, Query()]
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[TubeQuery, Query()],
 ) -> Response:
     """What a model predicts for the channel: the hull of each of ``points`` buckets at most."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
-    window = window_of(cloud, row, query)
-    prediction = _prediction(query, row, window.start)
+        window = window_of(cloud, row, query)
+        with opened(cloud, access, connection, row, window) as (_, known):
+            prediction = _prediction(query, known, window.start)
     width = bucket_width(window.span, query.points)
     t = width * np.arange(-(-window.span // width), dtype=np.int64)
     begun = window.start + t
@@ -103,7 +109,7 @@ def get_prediction(
             "node": node,
             "channel": channel,
             "model": query.model,
-            "unit": row["unit"],
+            "unit": known["unit"],
             "origin": format_moment(prediction.origin),
             "t0": format_moment(window.start),
             "t": t,
@@ -131,12 +137,12 @@ def get_anomalies(
         row = find_channel(connection, node, channel)
         if query.cursor is None:
             window = window_of(cloud, row, query)
-            prediction = _prediction(query, row, window.start)
+            origin = window.start
         else:
             start, end, origin = read_numbers(query.cursor, 3)
             window = make_window(start, end)
-            prediction = _prediction(query, row, origin)
         with opened(cloud, access, connection, row, window) as (source, known):
+            prediction = _prediction(query, known, origin)
             runs = merge(find_anomalies(source, known, window, prediction))
             found, following = paged(_told(runs), window, query.limit, prediction.origin)
     return as_json(page([segment_shape(run, known) for run in found], following))
@@ -158,8 +164,8 @@ def get_anomalies_time(
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
-        prediction = _prediction(query, row, window.start)
         with opened(cloud, access, connection, row, window) as (source, known):
+            prediction = _prediction(query, known, window.start)
             runs = find_anomalies(source, known, window, prediction)
             found = sum_up(runs, window, find_next(source, known, window))
     return as_json(occupancy_shape(found, window, known))
@@ -170,7 +176,14 @@ def _told(runs: Iterator[Run]) -> Iterator[Run]:
 
 
 def _prediction(query: PredictionQuery, row: RowMapping, start: int) -> Prediction:
+    """What is asked for; of a sealed channel the row is that of its opened blocks."""
     model = MODELS[query.model]
+    if row["unit"] == UNKNOWN:
+        raise QueryError(
+            "start",
+            f"to end hold no block of {row['node']}/{row['channel']}, and nothing else tells its "
+            "unit, which a prediction needs; ask where it has samples",
+        )
     if model.unit is not None and model.unit != row["unit"]:
         raise QueryError(
             "model",

@@ -9,6 +9,7 @@ from starlette.responses import Response
 from cloud.dependencies import CloudState, Reader
 from cloud.negotiation import choose
 from cloud.problems import ProblemError, documented
+from cloud.pyramid.hulls import reach
 from cloud.query.occupancy import measure_occupancy
 from cloud.query.places import find_channel
 from cloud.query.question import Question
@@ -99,7 +100,7 @@ def get_series(
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
-        with opened(cloud, access, connection, row, window) as (source, known):
+        with opened(cloud, access, connection, row, reach(window)) as (source, known):
             series = read_series(source, known, window, points=query.points)
     return Response(WRITERS[media](series), media_type=media, headers={"Vary": "Accept"})
 

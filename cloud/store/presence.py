@@ -97,8 +97,10 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
     Returns:
         News for the live feed.
     """
-    # A last_seen that lies ahead comes from before the clock was set back: it says nothing.
-    gone = (nodes.c.last_seen < silent_since) | (nodes.c.last_seen > now)
+    # A last_seen that lies far ahead comes from before the clock was set back: it says nothing.
+    # Clocks of several clouds on one store differ somewhat.
+    ahead = nodes.c.last_seen > now + (now - silent_since)
+    gone = (nodes.c.last_seen < silent_since) | ahead
     silent = select(nodes.c.node).where(nodes.c.online == 1, gone)
     entries = []
     for node in connection.execute(silent.order_by(nodes.c.node)).scalars().all():

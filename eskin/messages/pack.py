@@ -103,9 +103,16 @@ class Pack:
         return self.column("n")
 
     @property
+    def first_moments(self) -> NDArray[np.int64]:
+        """The middle of each block's first sample's time enclosure, UTC ns, rounded down."""
+        earliest, latest = self.column("t_lo"), self.column("t_hi")
+        # Their sum may need 65 bits.
+        return (earliest & latest) + ((earliest ^ latest) >> 1)
+
+    @property
     def errors(self) -> NDArray[np.int64]:
-        """How far a moment of each block may lie from its middle, in ns."""
-        return (self.column("t_hi") - self.column("t_lo") + 1) // 2
+        """How far a moment of each block may lie from its middle, in ns, rounded up."""
+        return self.column("t_hi") - self.first_moments
 
     def column(self, name: str) -> NDArray[np.int64]:
         """Of all blocks: ``sequence``, ``cursor``, ``received``, ``t_lo``, ``t_hi`` or ``n``."""

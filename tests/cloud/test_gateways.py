@@ -166,3 +166,11 @@ def test_latest_word_of_each_gateway_is_kept(
         row |= {} if condition is None else {"told": k, **condition._asdict()}
     with store.read() as connection:
         assert list_gateways(connection) == [expected[name] for name in sorted(expected)]
+
+
+async def test_who_was_heard_before_the_clock_was_set_back_is_not_online(stand: Stand) -> None:
+    await stand.ingest(batch(status(0)))
+    for seconds, health in ((-1, "online"), (-3600, "offline")):
+        stand.clock.turn(seconds)
+        (node,) = (await stand.get("/api/v1/nodes")).json()["items"]
+        assert (node["health"], (await listed(stand))[0]["health"]) == (health, health)

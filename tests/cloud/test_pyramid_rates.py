@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 
 from cloud.pyramid.building import build
+from cloud.query.export import Export, Source
+from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.grid import MOST_CHUNKS
 from tests.cloud.brute_force import (
@@ -22,7 +24,7 @@ from tests.cloud.brute_force import (
     remove_before,
 )
 from tests.cloud.clouds import put
-from tests.cloud.messages import START, block
+from tests.cloud.messages import CHANNEL, NODE, START, block
 
 if TYPE_CHECKING:
     from cloud.store import Store
@@ -74,3 +76,24 @@ def test_rate_a_thousand_times_lower_keeps_the_tiles(store: Store) -> None:
     put(store, block(2, *values, time=(START + 2 * 10**9,) * 2, dt=1_000_000_000))
     assert count_marked(store) > 0, "the second one is late"
     assert lowest_level(store) == grain
+
+
+def test_channel_at_the_beginning_of_time_is_built_and_exported(store: Store) -> None:
+    first, ms = -(2**63) + 1, 10**6
+    fast = [
+        block(k, np.zeros(1000), np.ones(1000), time=(first + k * ms, first + k * ms), dt=1000)
+        for k in range(40)
+    ]
+    slow = block(40, [0.0, 0.0], [2.0, 3.0], time=(first, first), dt=10**12)
+    later = block(41, [0.0], [4.0], time=(first + 3 * 10**12,) * 2, dt=1000)
+    put(store, *fast, slow)
+    build(store)
+    put(store, later)
+    build(store)
+    window = Window(first, first + 4 * 10**12)
+    compare(ask(store, window, 7), Truth([*fast, slow, later]), window, 7)
+    with store.read() as connection:
+        sources = [Source(find_channel(connection, NODE, CHANNEL), store.read)]
+    mark = Export(sources, window, None).find_end(1)
+    rest = [b for part in Export(sources, window, mark).read(None) for b in part.blocks]
+    assert len(rest) == 41

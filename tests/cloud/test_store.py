@@ -240,6 +240,21 @@ def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
     assert told[0]["t_lo"] == START
 
 
+def test_nobody_is_silent_as_the_clock_of_another_cloud_is_ahead(
+    store: Store, clock: Clock
+) -> None:
+    put(store, block(0))
+
+    def judge(connection: Connection) -> int:
+        silent_since = clock() - 15 * SECOND
+        return len(give_up(connection, store.ledger, silent_since=silent_since, now=clock()))
+
+    clock.turn(-0.05)
+    assert store.write(judge).result(20) == 0
+    clock.turn(-3600)  # set back: that it was heard then says nothing of now
+    assert store.write(judge).result(20) == 1
+
+
 def test_gap_and_peak_are_events(store: Store) -> None:
     put(store, gap(0), peak(1))
     first, second = rows(store, events)

@@ -33,7 +33,7 @@ function channel(end: number, samples = end): ChannelItem {
 }
 
 /** A channel whose store answers with the samples of the given stretches. */
-function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[], resolution: "sample" | "hull" = "sample"): ChannelData {
+function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[], resolution: "sample" | "hull" = "sample", edge = new LiveEdge()): ChannelData {
   const answer = (url: string): SeriesAnswer => {
     const query = new URL(url, "http://cloud").searchParams;
     const [start, end] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
@@ -45,7 +45,7 @@ function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[
     fetch: (url) => Promise.resolve(Response.json(answer(String(url)))),
     onUnauthorised: () => undefined,
   });
-  return new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge: new LiveEdge() });
+  return new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge });
 }
 
 async function fill(data: ChannelData, hole: { x0: number; x1: number } | null): Promise<void> {
@@ -183,6 +183,19 @@ describe("silence", () => {
     expect(data.rolling.lo[at - 1]).toBe(1);
   });
 
+  test("of a node is told, and of a channel also while others of its node go on", () => {
+    const edge = new LiveEdge();
+    const data = dataOf(channel(1000), [], "sample", edge);
+    expect(data.silentSince(0)).toBeNull();
+    data.take(series(1000, 1250), 0, 0);
+    expect([data.silentSince(3900), data.silentSince(4100)]).toEqual([null, 1249 * MS]);
+    for (let at = 250; at <= 8000; at += 250) edge.observe((1250 + at) * MS, at);
+    expect(edge.silence(8000)).toBe(0);
+    expect(data.silentSince(8000)).toBe(1250 * MS);
+    data.take(series(9000, 9250), 8000, 0);
+    expect(data.silentSince(8100)).toBeNull();
+  });
+
   test("the pauses of a channel that measures in bursts are asked for once", async () => {
     const data = dataOf(channel(1040, 80), [[1000, 1040]]);
     expect(data.facts.bursts).toBe(true);
@@ -213,6 +226,28 @@ describe("history", () => {
     expect(data.holds(within)).toBe(true);
     expect(data.holds({ x0: 150 * MS, x1: 401 * MS })).toBe(false);
     expect(data.holds({ x0: 99 * MS, x1: 300 * MS })).toBe(false);
+  });
+
+  test("takes in what may lie in a window, wherever its moments are in their error of time", async () => {
+    const asked: string[] = [];
+    const client = new Client({
+      fetch: (url) => {
+        const query = new URL(String(url), "http://cloud").searchParams;
+        const [from, to] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
+        asked.push(`${from} ${to}`);
+        const told = series(Math.max(0, from!), Math.min(1000, to!));
+        const spike = 520 - Math.max(0, from!);
+        return Promise.resolve(Response.json({ ...told, time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
+      },
+      onUnauthorised: () => undefined,
+    });
+    const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() });
+    await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
+    expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
+    expect(asked).toEqual(["500 510", "470 540"]);
+    expect([data.holds({ x0: 500 * MS, x1: 510 * MS }), data.holds({ x0: 500 * MS, x1: 511 * MS })]).toEqual([true, false]);
+    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked.slice(2)).toEqual(["570 640"]);
   });
 
   test("what is not over yet is asked for again, and so is what a late block belongs to", async () => {

@@ -2,8 +2,9 @@ import { describe, expect, test } from "vitest";
 import { halfMarkFor, OPEN_BOTTOM, OPEN_TOP, reduceToColumns } from "../src/chart/columns";
 import { groupPeaks, type PeakMark } from "../src/chart/peak-groups";
 import { enclosingBox, xPixel, yPixel, type PlotMap } from "../src/chart/plot-map";
-import { missingStretches, withoutPauses } from "../src/chart/segments";
+import { lanesOf, missingStretches, readSegment, withoutPauses, type Segment } from "../src/chart/segments";
 import { calmRange, finiteExtent } from "../src/chart/value-range";
+import { Timeline } from "../src/time/timeline";
 import type { Entries } from "../src/tube/entries";
 
 const MAP: PlotMap = { width: 200, height: 100, xMin: 0, xMax: 1000, yMin: 0, yMax: 10 };
@@ -87,6 +88,20 @@ describe("scale and stretches", () => {
     expect(finiteExtent(entries([[0, 0, 1, Infinity], [10, 0, -Infinity, 3]]), 0, 100)).toEqual({ min: 1, max: 3 });
   });
 
+  test("the extent takes in what is painted in the window, as its time may be wrong", () => {
+    expect(finiteExtent(entries([[0, 0, 1, 9], [50, 0, 2, 3]], 20), 15, 100)).toEqual({ min: 1, max: 9 });
+    expect(finiteExtent(entries([[0, 0, 1, 9], [50, 0, 2, 3]], 10), 15, 100)).toEqual({ min: 2, max: 3 });
+    expect(finiteExtent(entries([[50, 0, 2, 3], [120, 0, 1, 9]], 20), 15, 100)).toEqual({ min: 1, max: 9 });
+  });
+
+  test("numbers too large to subtract run to the edges, and are marked", () => {
+    const huge = entries([[250, 0, -1.7e308, 1.7e308], [750, 0, 1, 2]]);
+    const { min, max } = calmRange(null, finiteExtent(huge, 0, 1000));
+    const columns = reduceToColumns(huge, { ...MAP, yMin: min, yMax: max }, STYLE);
+    expect([columns.top[50], columns.bottom[50], columns.open[50]]).toEqual([0, 100, OPEN_TOP | OPEN_BOTTOM]);
+    expect(columns.bottom[150]).toBeGreaterThan(0);
+  });
+
   test("the scale grows at once and shrinks late", () => {
     const first = calmRange(null, { min: 0, max: 10 });
     expect(calmRange(first, { min: 1, max: 9 })).toBe(first);
@@ -120,5 +135,51 @@ describe("peaks that lie too close", () => {
       ["possible", 1, 0, 1],
     ]);
     expect([groups[0]?.x0, groups[0]?.x1, groups[0]?.lo, groups[0]?.hi]).toEqual([0, 7, 0, 6]);
+  });
+});
+
+function told(x0: number, x1: number, verdict: Segment["verdict"], error: number): Segment {
+  return { x0, x1, verdict, error };
+}
+
+function touched(lane: Uint8Array): number[] {
+  return [...lane.keys()].filter((column) => lane[column] === 1);
+}
+
+describe("answers to a question", () => {
+  test("are certain where they are so wherever their true moments lie, else possible", () => {
+    const { certain, possible } = lanesOf(MAP, [told(200, 400, "certain", 50), told(700, 720, "possible", 30)]);
+    const all = touched(certain);
+    expect(all.length).toBeGreaterThanOrEqual(20);
+    for (const begin of [150, 187, 250]) {
+      for (const end of [350, 411, 450]) {
+        for (const column of all) expect(5 * (column + 1) >= begin && 5 * column <= end).toBe(true);
+        for (let x = begin; x <= end; x += 1) {
+          const column = Math.floor(xPixel(MAP, x));
+          expect(certain[column]! + possible[column]!).toBe(1);
+        }
+      }
+    }
+    for (let x = 670; x < 750; x += 1) expect(possible[Math.floor(xPixel(MAP, x))]).toBe(1);
+    expect(possible[132]! + possible[151]!).toBe(0);
+  });
+
+  test("are possible where nobody knows when they were, and certain in a column that holds all of that", () => {
+    const short = [told(500, 502, "certain", 50)];
+    const fine = lanesOf(MAP, short);
+    expect([touched(fine.certain), touched(fine.possible).length]).toEqual([[], 22]);
+    const coarse = lanesOf({ ...MAP, xMax: 200_000 }, short);
+    expect([touched(coarse.certain), touched(coarse.possible)]).toEqual([[0], []]);
+  });
+
+  test("are painted to the last column where their times are right", () => {
+    expect(touched(lanesOf(MAP, [told(500, 500, "certain", 0)]).certain)).toEqual([99, 100]);
+    expect(touched(lanesOf(MAP, [told(-50, -20, "certain", 0), told(1020, 1050, "possible", 0)]).certain)).toEqual([]);
+  });
+
+  test("tell how far their moments may be wrong", () => {
+    const timeline = new Timeline(BigInt(Date.parse("2026-01-31T12:00:00Z")) * 1_000_000n);
+    const item = { id: "s", start: "2026-01-31T12:00:00.000000005Z", end: "2026-01-31T12:00:00.000000025Z", verdict: "certain", time_error: 7 } as const;
+    expect(readSegment(item, timeline)).toEqual({ x0: 5, x1: 25, verdict: "certain", error: 7 });
   });
 });

@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import { Client } from "../src/api/client";
 import type { OccupancyAnswer } from "../src/api/contract";
-import { readSums } from "../src/view/occupancy-answer";
+import { readSums, timeDoubt } from "../src/view/occupancy-answer";
 
 const WINDOW = { x0: -1e6, x1: 2e7 };
 const NONE = { lo: 0, hi: 0 };
@@ -22,6 +22,11 @@ describe("how long a threshold was passed", () => {
     const found = await client.thresholdTime(place, { above: 5e-12, start: 1n, end: 9n }, new AbortController().signal);
     expect(asked).toEqual(["/api/v1/series/n/t01.capacitance/time?above=5e-12&start=1&end=9"]);
     expect(readSums(found, WINDOW)).toEqual({ certain: 2e6, atMost: 3e6, unknown: 18e6 });
+  });
+
+  test("comes with how far its moments may be wrong", () => {
+    expect(timeDoubt({ ...answer(0, 0, 0), time_error: 2_000_001 })).toBe(" Its moments are known to ± 2.001 ms.");
+    expect(timeDoubt(answer(0, 0, 0))).toBe("");
   });
 
   test("has no answer where nothing is known", () => {

@@ -4,13 +4,21 @@ import type { ModelItem } from "../src/api/contract";
 import { reduceToColumns } from "../src/chart/columns";
 import { readPrediction } from "../src/chart/predicted";
 import { finiteExtentOf } from "../src/chart/value-range";
-import { parseTyped, printTyped } from "../src/interval/typed";
+import { parseTyped, printTyped, shortTyped } from "../src/interval/typed";
 import { Timeline } from "../src/time/timeline";
 import { NOTHING } from "../src/tube/entries";
 
 const ORIGIN = 1_795_229_398_000_000_000n;
 
 describe("what is typed", () => {
+  test("a number cut short is the very one that its text names", () => {
+    for (let i = 1; i < 1000; i += 1) {
+      const { text, value } = shortTyped(i * 1.2345e-14, -12, 3);
+      expect(value).toBe(Number(`${text}e-12`));
+      expect(parseTyped(text, -12)).toBe(value);
+    }
+  });
+
   test("is read in its prefix", () => {
     expect(parseTyped("12.5", -12)).toBe(12.5e-12);
     expect(parseTyped(" −0,5 ", -3)).toBe(-0.5e-3);

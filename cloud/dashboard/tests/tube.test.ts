@@ -20,6 +20,20 @@ describe("reading series", () => {
     expect([...entries.hi]).toEqual([2, 3, Number.NaN, Infinity]);
   });
 
+  test("far from the timeline's origin, an error of time covers what numbers leave out", () => {
+    const start = BigInt(Date.parse(answer.t0));
+    for (const days of [0n, 100n, 105n, 400n, 40_000n]) {
+      const far = new Timeline(start * 1_000_000n - days * 86_400_000_000_000n);
+      const { t, error } = readSeries(answer, far);
+      answer.t.forEach((offset, i) => {
+        const exact = start * 1_000_000n + 5n + BigInt(offset) - far.origin;
+        const off = exact - BigInt(t[i]!);
+        expect(Number(off < 0n ? -off : off)).toBeLessThanOrEqual(error[i]!);
+        expect(error[i]! > 0).toBe(days > 104n);
+      });
+    }
+  });
+
   test("a sample has no width, a hull that of its bucket", () => {
     expect(readSeries(answer, timeline).width[0]).toBe(0);
     expect(readSeries({ ...answer, resolution: "hull" }, timeline).width[0]).toBe(10);

@@ -34,13 +34,15 @@ async def judge(asked: dict[str, Any]) -> dict[str, Any]:
         value = MqttValueTemplate(template, hass=hass)
         return [value.async_render_with_possible_json_value(each) for each in payloads]
 
-    told = {key for state in asked["states"] for key in json.loads(state)}
+    attributes = rendered(config["json_attributes_template"], asked["states"])
     return {
         **found.groupdict(),
         "device_class": kind,
         "unit": unit,
         "states": rendered(config["value_template"], asked["states"]),
-        "attributes": sorted(told - MQTT_SENSOR_ATTRIBUTES_BLOCKED),
+        "attributes": [
+            sorted({*json.loads(each)} - MQTT_SENSOR_ATTRIBUTES_BLOCKED) for each in attributes
+        ],
         "available": [
             {config["payload_available"]: True, config["payload_not_available"]: False}[each]
             for each in rendered(config["availability_template"], asked["statuses"])

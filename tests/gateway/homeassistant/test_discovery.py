@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from eskin.identity import IdentityKind
-from eskin.messages import ChannelInfo, Status
+from eskin.messages import Block, ChannelInfo, Encoding, Status
 from eskin.messages.head import CHANNEL as CHANNEL_NAME
 from eskin.topics import Stream, live_topic
 from gateway import public
@@ -70,6 +70,14 @@ def now_status(sequence: int, *channels: ChannelInfo, boot: int = 1) -> Status:
     return replace(told, channels=channels) if channels else told
 
 
+def now_block(sequence: int) -> Block:
+    """A block that ends at this moment."""
+    old = block(sequence)
+    now = time.time_ns() - len(old.tube) * old.tube.dt
+    tube = replace(old.tube, time=(now, now))
+    return Block.pack(old.position, old.channel, old.ticks, tube, Encoding.F32)
+
+
 @pytest.fixture
 def gateway(settings: GatewaySettings) -> Iterator[Gateway]:
     running = Gateway(settings.model_copy(update={"public": PublicSection(homeassistant=True)}))
@@ -88,9 +96,10 @@ def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_avai
     personal = ChannelInfo("t03.bioelectric", "V", 10**6, 1.0)
     with Listener(client, broker.client_port) as hearing:
         node.say(Stream.STATUS, now_status(0, *both, personal))
-        node.say(Stream.BLOCKS, block(1))
+        node.say(Stream.BLOCKS, now_block(1))
+        node.say(Stream.BLOCKS, block(3))
         state = live_topic("fingertip", CHANNEL)
-        wait_until(lambda: bool(hearing.on(state)), "the hull is public")
+        wait_until(lambda: len(hearing.on(state)) > 1, "both hulls are public")
         statuses = live_topic("fingertip", "status")
         wait_until(lambda: len(hearing.on(statuses)) > 1, "silent, so offline")
         heard = hearing.on(state), hearing.on(statuses)
@@ -101,7 +110,9 @@ def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_avai
         (one,) = judged(asked(TOPIC, late.on(TOPIC)[0], states=heard[0], statuses=heard[1]))
         lo, hi = block(1).bounds
         assert lo <= float(one["states"][0]) <= hi
-        assert {"lo", "hi", "t0", "t1", "coverage", "unit"} <= set(one["attributes"])
+        assert {"lo", "hi", "t0", "t1", "coverage", "unit"} <= set(one["attributes"][0])
+        # What waited for long tells nothing of now.
+        assert (one["states"][1:], one["attributes"][1:]) == (["None"], [[]])
         assert one["available"] == [True, False]
         assert (one["component"], one["node_id"], one["unit"]) == ("sensor", "fingertip", "F")
         assert one["expire_after"] == 61
@@ -113,7 +124,7 @@ def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_avai
 
 
 def test_home_assistant_knows_every_unit_and_tells_unknown_sides() -> None:
-    body = json.loads(public.live("n", summary(block(0)))[1])
+    body = json.loads(public.live("n", summary(now_block(0)))[1])
     open_above = json.dumps(body | {"hi": None}).encode()
     channels = [ChannelInfo("t01.humidity", unit, 10**6, 1.0) for unit in UNITS]
     topic = config_topic("homeassistant", "n", "t01.humidity")
@@ -123,6 +134,7 @@ def test_home_assistant_knows_every_unit_and_tells_unknown_sides() -> None:
     assert [one["unit"] for one in answers] == [told.get(unit, unit) for unit in UNITS]
     # Its word for a state that is not known; the attributes still hold the other bound.
     assert [one["states"] for one in answers] == [["None"]] * len(UNITS)
+    assert all("lo" in one["attributes"][0] for one in answers)
 
 
 names = st.builds(

@@ -1,5 +1,6 @@
-import { firstReaching, type Entries } from "../tube/entries";
+import { firstReaching, worstError, type Entries } from "../tube/entries";
 import { bottomRow, leftColumn, rightColumn, topRow, xPixel, type PlotMap } from "./plot-map";
+import { GREATEST } from "./value-range";
 
 export const OPEN_TOP = 1;
 export const OPEN_BOTTOM = 2;
@@ -27,12 +28,6 @@ function emptyColumns(width: number): Columns {
   };
 }
 
-function largest(values: Float64Array): number {
-  let most = 0;
-  for (let i = 0; i < values.length; i += 1) if (values[i]! > most) most = values[i]!;
-  return most;
-}
-
 /**
  * Half the width of a sample's mark. An interval holds at the sampling instants only, so that marks grow
  * with their distance but never meet once there is room between them.
@@ -49,7 +44,7 @@ export function reduceToColumns(entries: Entries, map: PlotMap, style: MarkStyle
   const columns = emptyColumns(map.width);
   const perPixel = (map.xMax - map.xMin) / map.width;
   const { t, width, lo, hi, error } = entries;
-  const margin = largest(error) + style.halfMark * perPixel;
+  const margin = worstError(entries) + style.halfMark * perPixel;
   for (let i = firstReaching(entries, map.xMin - margin); i < t.length; i += 1) {
     if (t[i]! - margin > map.xMax) break;
     if (Number.isNaN(lo[i]!)) continue;
@@ -67,9 +62,10 @@ export function reduceToColumns(entries: Entries, map: PlotMap, style: MarkStyle
 
 function include(columns: Columns, map: PlotMap, reach: [number, number], bounds: [number, number]): void {
   const [lo, hi] = bounds;
-  const top = hi === Infinity ? 0 : topRow(map, hi);
-  const bottom = lo === -Infinity ? map.height : bottomRow(map, lo);
-  const open = (hi === Infinity ? OPEN_TOP : 0) | (lo === -Infinity ? OPEN_BOTTOM : 0);
+  const [above, below] = [hi > GREATEST, lo < -GREATEST];
+  const top = above ? 0 : topRow(map, hi);
+  const bottom = below ? map.height : bottomRow(map, lo);
+  const open = (above ? OPEN_TOP : 0) | (below ? OPEN_BOTTOM : 0);
   const right = Math.min(map.width, Math.max(reach[1], reach[0] + 1));
   for (let column = Math.max(0, reach[0]); column < right; column += 1) {
     if (top < columns.top[column]!) columns.top[column] = top;

@@ -1,4 +1,6 @@
-import type { Verdict } from "../api/contract";
+import type { SegmentItem, Verdict } from "../api/contract";
+import { parseInstant } from "../time/instant";
+import type { Timeline } from "../time/timeline";
 import { firstReaching, type Entries } from "../tube/entries";
 import type { Canvas } from "./paint-band";
 import { leftColumn, rightColumn, yPixel, type PlotMap } from "./plot-map";
@@ -8,6 +10,20 @@ export interface Segment {
   readonly x0: number;
   readonly x1: number;
   readonly verdict: Verdict;
+  /** How far the true moments may lie from both ends, in ns. */
+  readonly error: number;
+}
+
+/** Which pixel columns the answers of a question touch. */
+export interface Lanes {
+  readonly certain: Uint8Array;
+  readonly possible: Uint8Array;
+}
+
+/** Reads a segment as the cloud tells it. */
+export function readSegment({ start, end, verdict, time_error }: SegmentItem, timeline: Timeline): Segment {
+  const [x0, x1] = [timeline.toX(parseInstant(start)), timeline.toX(parseInstant(end))];
+  return { x0, x1, verdict, error: time_error + timeline.slip(Math.max(Math.abs(x0), Math.abs(x1))) };
 }
 
 /** A stretch of time of which nothing is known. */
@@ -57,16 +73,27 @@ export function paintMissing(canvas: Canvas, map: PlotMap, stretches: readonly S
   }
 }
 
-/** Which pixel columns the segments of a verdict touch, rounded outward. */
-function touchedColumns(map: PlotMap, segments: readonly Segment[], verdict: Verdict): Uint8Array {
-  const touched = new Uint8Array(map.width);
-  for (const segment of segments) {
-    if (segment.verdict !== verdict || segment.x1 < map.xMin || segment.x0 > map.xMax) continue;
-    const left = Math.max(0, leftColumn(map, segment.x0));
-    const right = Math.min(map.width, Math.max(left + 1, rightColumn(map, segment.x1)));
-    touched.fill(1, left, right);
+/** The columns [left, right) that [x0, x1] touches; of a reversed one, those that hold all of it. */
+function columnsOf(map: PlotMap, x0: number, x1: number): [left: number, right: number] {
+  const clamp = (column: number): number => Math.max(0, Math.min(map.width, column));
+  return [clamp(leftColumn(map, x0)), clamp(rightColumn(map, x1))];
+}
+
+/**
+ * Which pixel columns the segments touch, rounded outward. A certain one is so wherever its true moments lie only
+ * from its latest begin to its earliest end; around that, as far as its times may be wrong, it is possible.
+ */
+export function lanesOf(map: PlotMap, segments: readonly Segment[]): Lanes {
+  const [certain, possible] = [new Uint8Array(map.width), new Uint8Array(map.width)];
+  for (const { x0, x1, verdict, error } of segments) {
+    if (verdict === "certain") certain.fill(1, ...columnsOf(map, x0 + error, x1 - error));
   }
-  return touched;
+  for (const { x0, x1, verdict, error } of segments) {
+    const [left, right] = columnsOf(map, x0 - error, x1 + error);
+    if (verdict === "possible") possible.fill(1, left, right);
+    else for (let column = left; column < right; column += 1) possible[column]! |= 1 - certain[column]!;
+  }
+  return { certain, possible };
 }
 
 /** Calls for every run of touched columns. */
@@ -87,8 +114,7 @@ export function paintSegments(canvas: Canvas, map: PlotMap, segments: readonly S
   const { context, palette, ratio } = canvas;
   const lane = Math.round(LANE_HEIGHT * ratio);
   const top = map.height - 2 * lane;
-  const certain = touchedColumns(map, segments, "certain");
-  const possible = touchedColumns(map, segments, "possible");
+  const { certain, possible } = lanesOf(map, segments);
   eachRun(certain, (left, width) => {
     context.fillStyle = palette.colour("segment-certain");
     context.fillRect(left, 0, width, top);

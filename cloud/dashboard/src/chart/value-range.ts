@@ -1,4 +1,4 @@
-import { firstReaching, type Entries } from "../tube/entries";
+import { eachWithin, type Entries } from "../tube/entries";
 
 export interface ValueRange {
   readonly min: number;
@@ -10,18 +10,20 @@ const ROOM_ABOVE = 0.18;
 /** A range may be so many times too wide before it is drawn in again: a calm scale is easier to read. */
 const CALM = 1.6;
 
-/** The finite extent of the entries in a window; null where no bound is finite. */
+/** What is greater is painted as unbounded: sums and differences of such numbers may be none. */
+export const GREATEST = 1e307;
+
+/** The finite extent of the entries that are painted in a window; null where no bound is finite. */
 export function finiteExtent(entries: Entries, from: number, to: number): ValueRange | null {
   let min = Infinity;
   let max = -Infinity;
-  const { t, lo, hi } = entries;
-  for (let i = firstReaching(entries, from); i < t.length && t[i]! <= to; i += 1) {
-    for (const side of [lo[i]!, hi[i]!]) {
+  eachWithin(entries, from, to, (i) => {
+    for (const side of [entries.lo[i]!, entries.hi[i]!]) {
       if (!Number.isFinite(side)) continue;
-      if (side < min) min = side;
-      if (side > max) max = side;
+      min = Math.min(min, side);
+      max = Math.max(max, side);
     }
-  }
+  });
   return min <= max ? { min, max } : null;
 }
 
@@ -40,9 +42,14 @@ function withRoom(extent: ValueRange): ValueRange {
   return { min: extent.min - ROOM_BELOW * span, max: extent.max + ROOM_ABOVE * span };
 }
 
+function paintable(value: number): number {
+  return Math.max(-GREATEST, Math.min(GREATEST, value));
+}
+
 /** The next range to show: grows at once, and shrinks only when it has become far too wide. */
-export function calmRange(shown: ValueRange | null, extent: ValueRange | null): ValueRange {
-  if (extent === null) return shown ?? { min: 0, max: 1 };
+export function calmRange(shown: ValueRange | null, found: ValueRange | null): ValueRange {
+  if (found === null) return shown ?? { min: 0, max: 1 };
+  const extent = { min: paintable(found.min), max: paintable(found.max) };
   const wanted = withRoom(extent);
   if (shown === null) return wanted;
   const inside = extent.min >= shown.min && extent.max <= shown.max - 0.1 * (shown.max - shown.min);

@@ -9,6 +9,12 @@ export function parseTyped(text: string, exponent: number): number | null {
   return Number.isFinite(value) ? value : null;
 }
 
+/** A number cut short: to so many digits in multiples of 10^exponent, and the very number that they name. */
+export function shortTyped(value: number, exponent: number, digits: number): { text: string; value: number } {
+  const short = Number(value.toPrecision(digits));
+  return { text: printTyped(short, exponent), value: short };
+}
+
 /** Writes a number in multiples of 10^exponent, so that it reads back as the very same number. */
 export function printTyped(value: number, exponent: number): string {
   if (value === 0) return "0";

@@ -19,6 +19,8 @@ const MOST_MARKS = 4_000;
 const PAUSE_SLACK = 1.5;
 /** A stretch of which this share is silent holds no burst. */
 const QUIET_SHARE = 0.9;
+/** Nodes that say nothing for so long are silent. */
+const STALE_MS = 4_000;
 /** A channel that is sampled for less than this share of the time measures in bursts. */
 const BURST_SHARE = 0.5;
 
@@ -39,6 +41,10 @@ function bounded<Item>(kept: Map<string, Item>): void {
     if (kept.size <= MOST_MARKS) return;
     kept.delete(key);
   }
+}
+
+function widened({ x0, x1 }: Range, by: number): Range {
+  return { x0: x0 - by, x1: x1 + by };
 }
 
 /** One entry that says: nothing is known here. */
@@ -70,6 +76,10 @@ export class ChannelData {
   /** Up to here the stream may have told of samples: the last bucket of a block may claim more than it has. */
   private heard: number | null;
   private readonly fillings = new Set<Filling>();
+  /** The longest block that the stream told, in ns. */
+  private longest = 0;
+  /** How far moments in the stretch of history that was loaded last may be wrong, in ns. */
+  private error = 0;
   /** Of a channel that measures in bursts, the shortest silence in which the store has nothing either. */
   private pause = Infinity;
 
@@ -112,6 +122,18 @@ export class ChannelData {
     return [...this.gapMarks.values()];
   }
 
+  /** Where its data end, if more should have come by now: from the node, or from this channel of it; else null. */
+  silentSince(at: number): number | null {
+    const { edge } = this.options;
+    const newest = edge.newest();
+    if (newest === null) return null;
+    const end = Math.min(newest, this.heard ?? newest);
+    const patience = Math.max(STALE_MS, 4 * edge.rhythm());
+    const usual = Math.max(this.longest + 3 * this.latest.dt, this.usualPause);
+    const silent = edge.silence(at) > patience || newest - end > edge.timeIn(patience) + usual;
+    return silent ? end : null;
+  }
+
   /** The first and last instant that the channel has data of, or null for an empty channel. */
   get extent(): Range | null {
     const { timeline } = this.options;
@@ -138,14 +160,14 @@ export class ChannelData {
     // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
     this.told = Math.max(before, hull ? run.t.at(-1)! : end + block.dt);
     this.heard = Math.max(this.heard ?? start, hull ? end : end + block.dt);
+    this.longest = Math.max(this.longest, end - start);
     this.options.edge.observe(end, at);
     if (grain === null) return { block: null, hole: null };
     const seen = thin(run, grain);
     this.tube.merge(seen);
     for (const { range, runs } of this.fillings) if (!apart(range, { x0: start, x1: end })) runs.push(seen);
     const silence = start - before;
-    const usual = this.pause === Infinity ? 0 : PAUSE_SLACK * this.pause;
-    const hole = silence > Math.max(2 * run.reach, 3 * this.latest.dt, usual);
+    const hole = silence > Math.max(2 * run.reach, 3 * this.latest.dt, this.usualPause);
     return { block: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
   }
 
@@ -174,18 +196,28 @@ export class ChannelData {
     if (this.facts.bursts && quiet > QUIET_SHARE * (range.x1 - range.x0)) this.pause = Math.min(this.pause, quiet);
   }
 
-  /** Loads a stretch of history. */
+  /**
+   * Loads a stretch of history, and around it whatever may lie in it, too: samples are listed by moments that may be
+   * wrong by as much as the answer says.
+   */
   async load(range: Range, points: number, signal: AbortSignal): Promise<void> {
-    const answer = await this.ask(range, points, signal);
+    let wide = widened(range, this.error);
+    let answer = await this.ask(wide, points, signal);
+    if (answer.time_error > this.error) {
+      wide = widened(range, answer.time_error);
+      answer = await this.ask(wide, points, signal);
+    }
+    this.error = answer.time_error;
     this.resolution = answer.resolution;
     this.history = readSeries(answer, this.options.timeline);
-    this.loaded = answer.resolution === "sample" ? range : null;
+    this.loaded = answer.resolution === "sample" ? wide : null;
   }
 
   /** Whether history has every sample of a window that is over: then there is nothing to ask for. */
   holds(range: Range): boolean {
-    const { loaded } = this;
-    return loaded !== null && range.x0 >= loaded.x0 && range.x1 <= loaded.x1 && this.told !== null && range.x1 < this.told;
+    const { loaded, told } = this;
+    const { x0, x1 } = widened(range, this.error);
+    return loaded !== null && x0 >= loaded.x0 && x1 <= loaded.x1 && told !== null && x1 < told;
   }
 
   /** Starts history with what the rolling window shows, until the store has answered. */
@@ -226,6 +258,11 @@ export class ChannelData {
       this.gapMarks.set(event.id, gap);
       bounded(this.gapMarks);
     }
+  }
+
+  /** The longest silence that is none; 0 of a channel that measures all the time. */
+  private get usualPause(): number {
+    return this.pause === Infinity ? 0 : PAUSE_SLACK * this.pause;
   }
 
   private storedEnd(): number | null {

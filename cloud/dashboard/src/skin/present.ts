@@ -1,4 +1,4 @@
-import type { LagJson, SeriesAnswer } from "../api/contract";
+import type { SeriesAnswer } from "../api/contract";
 import { readInterval, type Interval } from "../interval/interval";
 import type { LiveEdge } from "../live/edge";
 import { parseInstant } from "../time/instant";
@@ -13,6 +13,8 @@ interface Told {
   readonly interval: Interval | null;
   /** When the block's last sample was taken. */
   readonly end: number;
+  /** When the last one of which something is known was taken; as the block's last where none is. */
+  readonly known: number;
   /** When the block came, in ms of the page's clock. */
   readonly at: number;
 }
@@ -37,30 +39,32 @@ export class Present {
   private readonly latest = new Map<string, Told>();
   /** Of all blocks, that with the newest samples. */
   private newest: Told | null = null;
-  /** What is added to the page's clock (ns) gives the cloud's; null before it is known, -Infinity where none tells. */
+  /** What is added to the page's clock (ns) gives the cloud's at least; null before it is known. */
   private offset: number | null = null;
 
   constructor(private readonly timeline: Timeline, private readonly edge: LiveEdge) {}
 
   /** Takes a live block, that came at a moment of the page's clock (ms). */
   take(block: SeriesAnswer, at: number): void {
-    const end = this.timeline.toX(parseInstant(block.t0)) + (block.t.at(-1) ?? 0);
+    const begin = this.timeline.toX(parseInstant(block.t0));
+    const end = begin + (block.t.at(-1) ?? 0);
     const held = this.latest.get(block.channel);
     if (held && end <= held.end) return;
-    const told = { interval: hullOf(block), end, at };
+    const last = block.t.findLastIndex((_, i) => (block.lo[i] ?? block.hi[i] ?? null) !== null);
+    const told = { interval: hullOf(block), end, known: last < 0 ? end : begin + block.t[last]!, at };
     this.latest.set(block.channel, told);
     if (this.newest === null || end > this.newest.end) this.newest = told;
   }
 
-  /** Takes what the cloud says by its own clock: how old the node's latest block was when it was stored. */
-  takeLag(lag: LagJson | null): void {
-    if (lag === null) this.offset = -Infinity;
-    else if (this.newest !== null) this.offset = lag.lo_ns - (this.newest.at * MS - this.newest.end);
+  /** Takes when by its own clock the cloud heard the node, which was before the page was told (ms of its clock). */
+  takeHeard(moment: string, at: number): void {
+    const least = this.timeline.toX(parseInstant(moment)) - at * MS;
+    this.offset = Math.max(this.offset ?? least, least);
   }
 
   /** How old the newest samples were at least (ns) when they came, if that was too old: the node brings what waited. */
   get age(): number | null {
-    const age = this.newest === null || this.offset === null ? 0 : this.ageOf(this.newest, this.offset);
+    const age = this.newest === null || this.offset === null ? 0 : this.ageOf(this.newest, this.newest.end, this.offset);
     return age > STALE_MS * MS ? age : null;
   }
 
@@ -68,20 +72,19 @@ export class Present {
   of(channel: string, at: number): Interval | null {
     const told = this.latest.get(channel);
     if (!told || this.offset === null || at - told.at >= STALE_MS) return null;
-    if (this.ageOf(told, this.offset) > STALE_MS * MS) return null;
+    if (this.ageOf(told, told.known, this.offset) > STALE_MS * MS) return null;
     // A simulated node's clock may run faster than ours: then as much more of its time passes.
-    const behind = (this.edge.newest() ?? told.end) - told.end;
+    const behind = Math.max(this.edge.newest() ?? told.end, told.end) - told.known;
     return behind > this.edge.timeIn(STALE_MS) ? null : told.interval;
   }
 
-  /** How old its samples were at least when it came, in ns. */
-  private ageOf(told: Told, offset: number): number {
-    return told.at * MS - told.end + offset;
+  /** How old one of its samples was at least when it came, in ns. */
+  private ageOf({ at }: Told, taken: number, offset: number): number {
+    return at * MS - taken + offset;
   }
 
   clear(): void {
     this.latest.clear();
     this.newest = null;
-    this.offset = null;
   }
 }

@@ -12,6 +12,12 @@ export class Timeline {
     return Number(instant - this.origin);
   }
 
+  /** How far a number at most may lie from the instant that it was read from, in ns: 0 near the origin. */
+  slip(x: number): number {
+    const bits = Math.floor(Math.log2(Math.max(1, Math.abs(x)))) - 52;
+    return bits > 0 ? 2 ** bits : 0;
+  }
+
   /** The instant at x, cut to whole nanoseconds. */
   toInstant(x: number): Instant {
     return this.origin + BigInt(Math.floor(x));

@@ -20,6 +20,8 @@ export function readSeries(answer: SeriesAnswer, timeline: Timeline): Entries {
   const hull = answer.resolution === "hull";
   const width = new Float64Array(count).fill(hull ? answer.dt : 0);
   const doubt = new Float64Array(count).fill(1 - answer.coverage);
-  const error = new Float64Array(count).fill(answer.time_error);
+  // Far from the timeline's origin, the numbers that times are painted by leave nanoseconds out.
+  const slip = timeline.slip(Math.max(Math.abs(start), Math.abs(t.at(-1) ?? start)));
+  const error = new Float64Array(count).fill(answer.time_error + slip);
   return { t, width, lo, hi, doubt, error, reach: (hull ? 0.5 : 1.5) * answer.dt };
 }

@@ -82,16 +82,32 @@ export function clipEnd(entries: Entries, x: number): Entries {
   return { ...part(entries, 0, count), width };
 }
 
-/** The hull of the known entries that touch [from, to]; NaN where there is none. */
+/** The greatest error of time of a run, in ns. */
+export function worstError({ error }: Entries): number {
+  let most = 0;
+  for (let i = 0; i < error.length; i += 1) if (error[i]! > most) most = error[i]!;
+  return most;
+}
+
+/** Calls for each known entry that may touch [from, to], wherever in its error of time its moments lie. */
+export function eachWithin(entries: Entries, from: number, to: number, found: (index: number) => void): void {
+  const { t, width, lo, error } = entries;
+  const margin = worstError(entries);
+  for (let i = firstReaching(entries, from - margin); i < t.length && t[i]! - margin <= to; i += 1) {
+    const touches = t[i]! - error[i]! <= to && t[i]! + width[i]! + error[i]! >= from;
+    if (touches && !Number.isNaN(lo[i]!)) found(i);
+  }
+}
+
+/** The hull of the known entries that may touch [from, to]; NaN where there is none. */
 export function hullWithin(entries: Entries, from: number, to: number): { lo: number; hi: number; count: number } {
   let lo = Infinity;
   let hi = -Infinity;
   let count = 0;
-  for (let i = firstReaching(entries, from); i < entries.t.length && entries.t[i]! <= to; i += 1) {
-    if (Number.isNaN(entries.lo[i]!)) continue;
+  eachWithin(entries, from, to, (i) => {
     lo = Math.min(lo, entries.lo[i]!);
     hi = Math.max(hi, entries.hi[i]!);
     count += 1;
-  }
+  });
   return count === 0 ? { lo: Number.NaN, hi: Number.NaN, count } : { lo, hi, count };
 }

@@ -29,7 +29,6 @@ export interface PanelOptions {
 
 const REFRESH_MS = 2_000;
 const MOST_POINTS = 20_000;
-const STALE_MS = 4_000;
 
 /** One channel: its name, its present interval, and its chart, live or in history. */
 export class ChannelPanel {
@@ -285,11 +284,10 @@ export class ChannelPanel {
     const interval = last < 0 ? null : { lo: lo[last]!, hi: hi[last]! };
     setText(this.value, interval ? formatInterval(interval, this.data.facts.unit) : "–");
     setTitle(this.value, "The newest interval");
-    const { edge, context } = this.options;
-    const newest = edge.newest();
-    if (newest !== null && edge.silence(at) > Math.max(STALE_MS, 4 * edge.rhythm())) {
-      this.notices.say("stale", `No data after ${printClock(context.timeline.toInstant(newest), 0)}`, "");
-    } else this.notices.clear();
+    const silent = this.data.silentSince(at);
+    const { timeline } = this.options.context;
+    if (silent === null) this.notices.clear();
+    else this.notices.say("stale", `No data after ${printClock(timeline.toInstant(silent), 0)}`, "");
   }
 
   private fail(error: unknown, again: () => void): void {

@@ -12,6 +12,8 @@ export function heardAgo(moment: string, now: bigint): string {
   const seen = parseInstant(moment);
   const ago = Number(now - seen);
   const clock = now - seen > 86_400_000_000_000n ? `${printDay(seen)} ${printClock(seen, 0)}` : printClock(seen, 0);
+  // By the page's clock, which may be behind the cloud's: then nobody knows how long ago it was.
+  if (ago < -2e9) return clock;
   return ago < 2e9 ? `${clock}, now` : `${clock}, ${formatDuration(Math.floor(ago / 1e9) * 1e9)} ago`;
 }
 

@@ -1,4 +1,5 @@
 import { decimalExponent } from "../interval/decimal";
+import { parseTyped, shortTyped } from "../interval/typed";
 import { choosePrefix, findUnit } from "../interval/unit";
 import { element } from "./element";
 
@@ -13,11 +14,10 @@ export class LevelField {
   constructor(onChange: () => void) {
     this.root = element("span", { class: "with-unit" }, this.input, this.unit);
     this.input.addEventListener("input", () => {
-      const typed = Number(this.input.value.trim().replace(",", "."));
-      const valid = this.input.value.trim() !== "" && Number.isFinite(typed);
-      this.input.setAttribute("aria-invalid", String(!valid));
-      if (!valid) return;
-      this.value = typed * 10 ** this.exponent;
+      const typed = parseTyped(this.input.value, this.exponent);
+      this.input.setAttribute("aria-invalid", String(typed === null));
+      if (typed === null) return;
+      this.value = typed;
       onChange();
     });
   }
@@ -28,9 +28,9 @@ export class LevelField {
     const prefix = choosePrefix(unit, level === 0 ? 0 : decimalExponent(Math.abs(level)));
     this.exponent = prefix.exponent;
     // Three digits are shown, and those are meant.
-    const shown = Number((level / 10 ** prefix.exponent).toPrecision(3));
-    this.value = shown * 10 ** prefix.exponent;
-    this.input.value = String(shown);
+    const { text, value } = shortTyped(level, prefix.exponent, 3);
+    this.value = value;
+    this.input.value = text;
     this.input.setAttribute("aria-invalid", "false");
     this.unit.textContent = `${prefix.symbol}${unit.symbol}`;
   }

@@ -1,8 +1,8 @@
 import type { PredictionQuery } from "../api/client";
-import type { ModelItem, SegmentItem } from "../api/contract";
+import type { ModelItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import { readPrediction } from "../chart/predicted";
-import type { Segment } from "../chart/segments";
+import { readSegment, type Segment } from "../chart/segments";
 import { readInterval, type Interval } from "../interval/interval";
 import { printGiven, type Given, type ModelQuestion } from "../state/place";
 import type { Range } from "../state/window";
@@ -237,7 +237,7 @@ export class ModelForm {
       predicted = readPrediction(tube, timeline);
       this.mark(predicted, this.anomalies);
       const [segments, time] = await Promise.all([client.anomalies(place, query, signal), client.anomaliesTime(place, query, signal)]);
-      this.mark(predicted, segments.items.map((item) => this.read(item)));
+      this.mark(predicted, segments.items.map((item) => readSegment(item, timeline)));
       this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: WORDING, complete: segments.complete }));
     } catch (error) {
       if (isAbort(error)) return;
@@ -250,10 +250,5 @@ export class ModelForm {
   private mark(predicted: Entries, anomalies: readonly Segment[]): void {
     this.anomalies = anomalies;
     this.options.onAnswer(predicted, anomalies);
-  }
-
-  private read(item: SegmentItem): Segment {
-    const { timeline } = this.options.context;
-    return { x0: timeline.toX(parseInstant(item.start)), x1: timeline.toX(parseInstant(item.end)), verdict: item.verdict };
   }
 }

@@ -37,6 +37,11 @@ export function readSums({ time_s, unknown_s }: OccupancyAnswer, { x0, x1 }: Ran
   return { certain: nanoseconds(time_s.lo), atMost: nanoseconds(time_s.hi), unknown };
 }
 
+/** Says how far the moments of an answer may be wrong, if they may. */
+export function timeDoubt({ time_error }: Pick<OccupancyAnswer, "time_error">): string {
+  return time_error > 0 ? ` Its moments are known to ± ${formatDuration(time_error, "up")}.` : "";
+}
+
 /** Says for how long a channel was in a state: certainly, possibly at most, and how long nobody knows. */
 export function occupancyAnswer(
   found: OccupancyAnswer,
@@ -49,7 +54,8 @@ export function occupancyAnswer(
   const window = formatDuration(range.x1 - range.x0);
   const rest = unknown > 0 ? `, unknown for ${formatDuration(unknown, "up")}` : "";
   const silent = element("strong", { "data-testid": `${wording.name}-unknown`, "data-ns": unknown }, rest);
-  if (found.samples.hi === 0) return [element("strong", {}, wording.never), `: ${wording.because(window)}`, silent, "."];
+  const doubt = element("span", { "data-testid": `${wording.name}-error`, "data-ns": found.time_error }, timeDoubt(found));
+  if (found.samples.hi === 0) return [element("strong", {}, wording.never), `: ${wording.because(window)}`, silent, ".", doubt];
   const times = formatCount(found.entries);
   return [
     `${wording.state}: `,
@@ -58,6 +64,7 @@ export function occupancyAnswer(
     element("strong", { "data-testid": `${wording.name}-possible`, "data-ns": atMost }, `possibly up to ${formatDuration(atMost, "up")}`),
     silent,
     `, of ${window}; it began ${times} ${times === "1" ? "time" : "times"}.`,
+    doubt,
     complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
   ];
 }

@@ -1,13 +1,11 @@
 import type { ThresholdQuery } from "../api/client";
-import type { SegmentItem } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
-import type { Segment } from "../chart/segments";
+import { readSegment, type Segment } from "../chart/segments";
 import { decimalExponent } from "../interval/decimal";
 import { parseTyped, printTyped } from "../interval/typed";
 import { choosePrefix, findUnit } from "../interval/unit";
 import type { ThresholdQuestion } from "../state/place";
 import type { Range } from "../state/window";
-import { parseInstant } from "../time/instant";
 import { AskClock } from "./ask-clock";
 import type { Context } from "./context";
 import { button, element } from "./element";
@@ -137,7 +135,7 @@ export class ThresholdForm {
     const query: ThresholdQuery = { ...side, start: context.timeline.toInstant(range.x0), end: context.timeline.toInstant(Math.ceil(range.x1)) };
     try {
       const [segments, time] = await Promise.all([context.client.threshold(place, query, signal), context.client.thresholdTime(place, query, signal)]);
-      this.options.onSegments(segments.items.map((item) => this.read(item)));
+      this.options.onSegments(segments.items.map((item) => readSegment(item, context.timeline)));
       this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: this.wording(question), complete: segments.complete }));
     } catch (error) {
       if (isAbort(error)) return;
@@ -145,12 +143,6 @@ export class ThresholdForm {
       this.options.onSegments([]);
       this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
     }
-  }
-
-  private read(item: SegmentItem): Segment {
-    const { timeline } = this.options.context;
-    const x0 = timeline.toX(parseInstant(item.start));
-    return { x0, x1: timeline.toX(parseInstant(item.end)), verdict: item.verdict };
   }
 
   private wording(question: ThresholdQuestion): Wording {
