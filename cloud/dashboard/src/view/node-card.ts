@@ -27,7 +27,7 @@ export function batteryText({ charge, self_sustaining, shedding }: EnergyJson): 
 function battery({ energy }: NodeItem): HTMLElement[] {
   if (energy === null) return [];
   const warn = energy.self_sustaining === "impossible" || energy.shedding !== "none";
-  const text = element("span", { class: warn ? "warn" : "", "data-testid": "node-energy" }, batteryText(energy));
+  const text = element("span", { class: warn ? "sentence warn" : "sentence", "data-testid": "node-energy" }, batteryText(energy));
   return fact("battery", text);
 }
 
@@ -46,7 +46,7 @@ function broken({ faults }: NodeItem): HTMLElement[] {
   const possible = faults.map(({ taxel, dead, stuck }) => `${taxel}: dead ${dead}, stuck ${stuck}`).join("\n");
   return fact(
     "broken",
-    element("span", { class: warn ? "warn" : "", title: possible, "data-testid": "node-faults" }, faultsText(faults)),
+    element("span", { class: warn ? "sentence warn" : "sentence", title: possible, "data-testid": "node-faults" }, faultsText(faults)),
   );
 }
 
@@ -70,7 +70,7 @@ export function nodeCard(
     element("strong", {}, node.id),
     element("span", { class: `badge ${health}`, "data-testid": "node-health" }, health),
   );
-  const gaps = element("span", { class: node.gaps > 0 ? "warn" : "" }, String(node.gaps));
+  const gaps = element("span", { class: node.gaps > 0 ? "warn" : "", "data-testid": "node-gaps" }, node.gaps.toLocaleString("en"));
   const facts = element(
     "dl",
     { class: "facts" },
