@@ -22,6 +22,8 @@ PREDICTED = "red - blue > 20"
 CERTAIN = "red - blue > 150 && green < 90"
 POSSIBLE = "blue - red > 50 && green < 60"
 MISSING = "blue - red > 10 && blue - red < 30 && green < 170"
+COVERED = "blue > 40 && red < 200"
+"""Band, also where the box of a peak lies behind it; a gap's hatching, too."""
 _MASKS = """
 (wanted) => {
   const root = document.querySelector("[data-testid=chart]");

@@ -46,6 +46,10 @@ def listen(visit: Visit) -> list[Spoken]:
     ]
 
 
-def nameless(heard: list[Spoken]) -> list[Spoken]:
-    """What should have a name and has none: by its role, or as the focus comes to it."""
-    return [one for one in heard if not one.name and (one.focusable or one.role in NAMED)]
+def nameless(heard: list[Spoken]) -> dict[str, str]:
+    """What should have a name and has none, by its role or as the focus comes to it; after what."""
+    return {
+        f"{one.role} {index}": f"after {heard[index - 1].role} {heard[index - 1].name!r}"
+        for index, one in enumerate(heard)
+        if not one.name and (one.focusable or one.role in NAMED)
+    }

@@ -12,6 +12,7 @@ from tests.dashboard.browsing import history
 from tests.dashboard.pixels import (
     BAND,
     CERTAIN,
+    COVERED,
     FINE,
     MISSING,
     POSSIBLE,
@@ -54,7 +55,7 @@ def test_live_pixels_enclose_the_samples(
         lambda: int(visit.chart()["xMax"]) > begin + 2 * SECOND, "the stream has followed the store"
     )
     for _ in range(3):
-        plot = read_plot(visit)
+        plot = read_plot(visit, COVERED)
         assert plot.newest is not None
         series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
         told = range(plot.start, min(plot.newest - UNTOLD, plot.end))
@@ -126,7 +127,8 @@ def test_gap_is_painted_as_a_gap_and_never_as_band(
     held: list[Route] = []
     visit.page.route("**/api/v1/events*", lambda route: tell(route, gap, told_by))
     visit.page.route("**/api/v1/series/**", lambda route: cut(route, gap, told_by))
-    visit.page.route("**/api/v1/live?*", held.append)  # nothing follows what the store knows
+    # Nothing follows what the store knows.
+    visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
     place = f"{GENTLE}?live=30s" if mode == "live" else history(GENTLE, last - 5 * SECOND, last)
     visit.open(place)
     visit.wait_for_chart(mode=mode)

@@ -57,6 +57,10 @@ function lagOf({ lag }: NodeItem): HTMLElement {
   return element("span", { "data-testid": "node-lag", title }, sealed ? `${formatLag(lag)}, sealed` : formatLag(lag));
 }
 
+function uptime({ uptime_ns }: NodeItem): string {
+  return uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(uptime_ns / 1e9) * 1e9)}`;
+}
+
 /** A node at a glance: health by shape and text, last seen, outbox and gaps. */
 export function nodeCard(
   node: NodeItem,
@@ -80,7 +84,7 @@ export function nodeCard(
     ...fact("gaps", gaps),
     ...battery(node),
     ...broken(node),
-    ...fact("boot", `${node.boot} · ${node.uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(node.uptime_ns / 1e9) * 1e9)}`}`),
+    ...fact("boot", element("span", { class: "sentence" }, `${node.boot} · ${uptime(node)}`)),
   );
   return element(
     "a",
