@@ -68,7 +68,7 @@ class Colour:
     def read(cls, text: str) -> Colour:
         """``#rrggbb`` or ``rgb(r g b / a%)``."""
         if text.startswith("#"):
-            red, green, blue = bytes.fromhex(text[1:])
+            red, green, blue = (float(byte) for byte in bytes.fromhex(text[1:]))
             return cls((red, green, blue), 1.0)
         red, green, blue, percent = (float(number) for number in re.findall(r"[\d.]+", text))
         return cls((red, green, blue), percent / 100)
