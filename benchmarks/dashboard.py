@@ -93,7 +93,7 @@ _WATCH: Final = """
 
 def measure_dashboard(folder: Path, *, seconds: float, samples: int) -> list[Row]:
     """Frames of 20 live channels, gestures over months, bytes and time of the first picture."""
-    rows = [_script()]
+    rows = [measure_script()]
     with Stage(folder, live=_CHANNELS, stored=samples, dt=_DT) as stage, _browser() as browser:
         rows += _first_picture(browser, stage)
         rows += _frames(browser, stage, seconds)
@@ -118,7 +118,8 @@ def _visit(browser: Browser, stage: Stage, width: int, height: int) -> Iterator[
         assert visit.troubles == [], visit.troubles
 
 
-def _script() -> Row:
+def measure_script() -> Row:
+    """How much JavaScript a browser loads, gzipped."""
     total = sum(len(gzip.compress(file.read_bytes())) for file in DASHBOARD.rglob("*.js")) / 1e3
     return at_most("dashboard: JavaScript, gzipped", total, "kB", _SCRIPT_KB)
 

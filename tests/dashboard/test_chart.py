@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.dashboard.browsing import CHART, history
-from tests.dashboard.pixels import read_plot, samples_of
+from tests.dashboard.pixels import FINE, read_plot, samples_of, without_events
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Route
-
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
 
@@ -44,12 +42,6 @@ PICTURES = """
   requestAnimationFrame(frame);
 })
 """
-FINE = {"device_scale_factor": 1.5}
-
-
-def without_events(route: Route) -> None:
-    """Peaks would be painted over the band."""
-    route.fulfill(json={"items": [], "next": None})
 
 
 @pytest.mark.parametrize(

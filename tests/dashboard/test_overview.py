@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -27,6 +27,32 @@ PANELS = """
 })
 """
 TALL = {"viewport": {"width": 1280, "height": 3200}, "reduced_motion": "no-preference"}
+CARDS = """
+() => [...document.querySelectorAll("[data-testid=node]")].map((card) => {
+  const names = [...card.querySelectorAll("dt")];
+  const inner = (fact) => fact.lastElementChild ?? fact;
+  const facts = names.map(({ textContent, nextElementSibling: fact }) =>
+    [textContent, [fact.textContent, getComputedStyle(inner(fact)).color]]);
+  const tight = ({ nextElementSibling: fact }) => fact.scrollWidth > fact.clientWidth;
+  const cut = names.filter(tight).map((name) => name.textContent);
+  return { node: card.dataset.node, cut, ...Object.fromEntries(facts) };
+})
+"""
+"""Of each node's card its facts: what is written, and in which colour."""
+CHARGE = {"stored": {"lo": 0.2, "hi": 0.3}, "charge": {"lo": 0.509, "hi": 0.601}}
+WHOLE: dict[str, Any] = {"energy": None, "gaps": 0}
+DRAINED: dict[str, Any] = {
+    "fingertip": {
+        "energy": CHARGE | {"self_sustaining": "possible", "shedding": "none"},
+        "gaps": 3,
+    },
+    "palm": {
+        "energy": CHARGE
+        | {"charge": {"lo": None, "hi": 0.063}, "self_sustaining": "impossible"}
+        | {"shedding": "peaks"},
+        "gaps": 12345,
+    },
+}
 PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 
@@ -63,6 +89,31 @@ def test_gateway_and_store_are_shown_beside_all_nodes(demo: RunningDemo, visit: 
     assert 1 < float(each.removesuffix(" B")) < 1000
     visit.page.locator("[data-testid=node]").first.click()
     card.wait_for(state="hidden")
+
+
+@pytest.mark.parametrize("options", [{"viewport": {"width": 1280, "height": 800}}, PHONE])
+def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
+    def drain(route: Route) -> None:
+        answer = route.fetch()
+        items = answer.json()["items"]
+        told = [{**item, **DRAINED.get(item["id"], WHOLE)} for item in items]
+        route.fulfill(response=answer, json={"items": told, "next": None})
+
+    visit.page.route("**/api/v1/nodes", drain)
+    visit.open("")
+    visit.page.get_by_test_id("node-energy").nth(1).wait_for()
+    facts = {card["node"]: card for card in visit.evaluate(CARDS)}
+    _, plain = facts["forearm"]["gaps"]
+    _, warning = facts["fingertip"]["gaps"]
+    assert warning != plain, "what is wrong is told by its colour, too"
+    assert facts["palm"]["battery"] == ["0–7 % · discharges · sheds to peaks", warning]
+    assert facts["palm"]["gaps"] == ["12,345", warning]
+    assert facts["fingertip"]["battery"] == ["50–61 % · may sustain itself", plain]
+    assert facts["fingertip"]["gaps"] == ["3", warning]
+    assert facts["forearm"]["gaps"] == ["0", plain]
+    assert "battery" not in facts["forearm"]
+    assert [card["cut"] for card in facts.values()] == [[], [], []]
+    visit.page.unroute_all(behavior="ignoreErrors")
 
 
 @pytest.mark.parametrize("options", [TALL])

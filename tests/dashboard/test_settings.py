@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
+from tests.dashboard.spoken import listen, nameless
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ def test_what_is_desired_and_what_is_reported_stand_side_by_side(visit: Visit) -
     assert not settings.locator("table").is_visible()
     settings.locator("summary").click()
     assert settings.locator("table").is_visible()
+    assert nameless(listen(visit)) == {}
     assert visit.evaluate(ROWS) == [
         ["whole node", "rate", "50", "100not yet"],
         ["t01", "mode", "–", "samples"],

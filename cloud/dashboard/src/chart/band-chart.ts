@@ -76,6 +76,8 @@ export class BandChart {
     this.labels = new AxisLabels(options.timeline, (unit) => setText(this.unitLabel, unit));
     root.append(this.host, this.unitLabel);
     this.plot = new uPlot(this.plotOptions(), [[0], [null]], this.host);
+    // What it shows has a name on the root, a value in the panel's head, and buttons over its peaks.
+    this.plot.ctx.canvas.setAttribute("aria-hidden", "true");
     this.tooltip = new Tooltip(root);
     this.gestures = new Gestures({
       area: this.plot.over,

@@ -126,6 +126,8 @@ export class App {
   }
 
   private openPage(): void {
+    // Who opened it by key goes on from its beginning, not from that of the document.
+    const focused = this.page?.root.contains(document.activeElement) ?? false;
     this.page?.destroy();
     this.page = new Page({
       context: this.context,
@@ -136,6 +138,7 @@ export class App {
       },
     });
     this.options.root.append(this.page.root);
+    if (focused) this.page.root.focus({ preventScroll: true });
     if (this.nodes) this.page.showNodes(this.nodes);
     scrollTo(0, 0);
   }

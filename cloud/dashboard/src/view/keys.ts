@@ -32,7 +32,7 @@ export function operateByKeys(root: HTMLElement, options: KeyOptions): void {
       l: () => go({ ...place(), view: { kind: "live", span: view.kind === "live" ? view.span : DEFAULT_SPAN } }),
       Enter: () => go({ ...place(), ...options.place, question: null }),
     };
-    const action = actions[event.key];
+    const action = actions[event.key === "L" ? "l" : event.key];
     if (!action) return;
     event.preventDefault();
     action();

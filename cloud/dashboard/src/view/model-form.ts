@@ -66,7 +66,7 @@ export class ModelForm {
     const origin = element("label", { class: "interval-field" }, element("span", { class: "name" }, "time 0"), this.origin);
     const key = element("span", { class: "key" }, element("i", { class: "swatch predicted" }), "predicted");
     this.form.append(element("div", { class: "fields" }, this.model, key), this.about, this.parameters, element("div", { class: "fields" }, origin, compare, clear));
-    this.root = element("details", { class: "compare", "data-testid": "compare" }, element("summary", {}, "Compare with a model"), this.form, this.answer);
+    this.root = element("details", { class: "compare", "data-testid": "compare", "aria-label": "models" }, element("summary", {}, "Compare with a model"), this.form, this.answer);
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
       this.submit();

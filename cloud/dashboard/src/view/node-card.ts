@@ -27,7 +27,7 @@ export function batteryText({ charge, self_sustaining, shedding }: EnergyJson): 
 function battery({ energy }: NodeItem): HTMLElement[] {
   if (energy === null) return [];
   const warn = energy.self_sustaining === "impossible" || energy.shedding !== "none";
-  const text = element("span", { class: warn ? "warn" : "", "data-testid": "node-energy" }, batteryText(energy));
+  const text = element("span", { class: warn ? "sentence warn" : "sentence", "data-testid": "node-energy" }, batteryText(energy));
   return fact("battery", text);
 }
 
@@ -46,7 +46,7 @@ function broken({ faults }: NodeItem): HTMLElement[] {
   const possible = faults.map(({ taxel, dead, stuck }) => `${taxel}: dead ${dead}, stuck ${stuck}`).join("\n");
   return fact(
     "broken",
-    element("span", { class: warn ? "warn" : "", title: possible, "data-testid": "node-faults" }, faultsText(faults)),
+    element("span", { class: warn ? "sentence warn" : "sentence", title: possible, "data-testid": "node-faults" }, faultsText(faults)),
   );
 }
 
@@ -55,6 +55,10 @@ function lagOf({ lag }: NodeItem): HTMLElement {
   const sealed = lag !== null && lag.hi_ns - lag.lo_ns >= MINUTE_NS;
   const title = sealed ? "Its blocks are sealed: of their times only the minutes are known" : null;
   return element("span", { "data-testid": "node-lag", title }, sealed ? `${formatLag(lag)}, sealed` : formatLag(lag));
+}
+
+function uptime({ uptime_ns }: NodeItem): string {
+  return uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(uptime_ns / 1e9) * 1e9)}`;
 }
 
 /** A node at a glance: health by shape and text, last seen, outbox and gaps. */
@@ -70,7 +74,7 @@ export function nodeCard(
     element("strong", {}, node.id),
     element("span", { class: `badge ${health}`, "data-testid": "node-health" }, health),
   );
-  const gaps = element("span", { class: node.gaps > 0 ? "warn" : "" }, String(node.gaps));
+  const gaps = element("span", { class: node.gaps > 0 ? "warn" : "", "data-testid": "node-gaps" }, node.gaps.toLocaleString("en"));
   const facts = element(
     "dl",
     { class: "facts" },
@@ -80,7 +84,7 @@ export function nodeCard(
     ...fact("gaps", gaps),
     ...battery(node),
     ...broken(node),
-    ...fact("boot", `${node.boot} · ${node.uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(node.uptime_ns / 1e9) * 1e9)}`}`),
+    ...fact("boot", element("span", { class: "sentence" }, `${node.boot} · ${uptime(node)}`)),
   );
   return element(
     "a",

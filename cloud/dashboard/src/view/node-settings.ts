@@ -38,9 +38,9 @@ export class NodeSettings {
     private readonly node: string,
   ) {
     const titles = ["of", "setting", "desired", "reported"].map((title) => element("th", { scope: "col" }, title));
-    const table = element("table", {}, element("thead", {}, element("tr", {}, ...titles)), this.body);
+    const table = element("table", { "aria-label": "settings" }, element("thead", {}, element("tr", {}, ...titles)), this.body);
     const head = element("summary", {}, element("h2", { class: "section-head" }, "Settings"), this.note);
-    const folded = element("details", {}, head, element("div", { class: "settings-table" }, table));
+    const folded = element("details", { "aria-label": "settings" }, head, element("div", { class: "settings-table" }, table));
     this.root = element("section", { class: "node-settings", "data-testid": "settings", "aria-label": `settings of ${node}`, hidden: true }, folded);
   }
 

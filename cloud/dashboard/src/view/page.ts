@@ -36,7 +36,7 @@ const POINTS: readonly (readonly [number, number])[] = [[10e9, 100], [60e9, 50],
 
 /** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
 export class Page {
-  readonly root = element("main", { class: "page" });
+  readonly root = element("main", { class: "page", tabindex: -1 });
   private readonly sections = new Map<string, NodeSection>();
   private readonly column = element("div", { class: "column" });
   private readonly list: EventList;
@@ -55,6 +55,7 @@ export class Page {
     const { context } = options;
     const place = context.place();
     this.scope = { node: place.node, channel: place.channel };
+    this.root.setAttribute("aria-label", [place.node ?? "All nodes", place.channel].filter(Boolean).join(" "));
     this.list = new EventList(context, this.scope);
     this.root.append(this.column, this.list.root);
     if (place.node !== null) this.addSection(place.node);

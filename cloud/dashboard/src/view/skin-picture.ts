@@ -42,6 +42,7 @@ export class SkinPicture {
 
   constructor(private readonly context: Context, private readonly node: string, edge: LiveEdge) {
     this.view = context.place().view;
+    this.root.setAttribute("aria-label", `skin of ${node}`);
     this.present = new Present(context.timeline, edge);
     this.level = new LevelField(() => this.paint());
     this.choice.addEventListener("change", () => this.choose());
