@@ -6,13 +6,11 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.dashboard.browsing import CHART, history
+from tests.dashboard.browsing import CHART, history, without_events
 from tests.dashboard.pixels import read_plot, samples_of
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Route
-
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
 
@@ -45,11 +43,6 @@ PICTURES = """
 })
 """
 FINE = {"device_scale_factor": 1.5}
-
-
-def without_events(route: Route) -> None:
-    """Peaks would be painted over the band."""
-    route.fulfill(json={"items": [], "next": None})
 
 
 @pytest.mark.parametrize(

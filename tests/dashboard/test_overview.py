@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.dashboard.browsing import visiting
+from tests.dashboard.browsing import PHONE, visiting
 from tests.dashboard.conftest import NODES
 from tests.processes import wait_until
 
@@ -27,7 +27,6 @@ PANELS = """
 })
 """
 TALL = {"viewport": {"width": 1280, "height": 3200}, "reduced_motion": "no-preference"}
-PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 
 def test_login_url_opens_the_dashboard(demo: RunningDemo, session: Session) -> None:

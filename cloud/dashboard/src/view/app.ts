@@ -96,7 +96,7 @@ export class App {
     });
     const tools = element("span", { class: "tools" }, theme, logout);
     const bar = element("div", { class: "bar" }, brand, this.status.root, this.timebar.root, tools);
-    return element("header", { class: "top" }, bar, legend());
+    return element("header", { class: "top" }, bar, this.timebar.form.root, legend());
   }
 
   private go(place: Place, how: "push" | "replace"): void {
