@@ -128,7 +128,8 @@ export class ChannelPanel {
     if (!this.visible) return;
     if (this.notices.retryDue(at)) this.again();
     if (this.view.kind === "history" && this.dirty) this.showHistory();
-    if (this.view.kind === "history") return;
+    // A live picture stands still while somebody drags on it, so that they get the stretch that they see.
+    if (this.view.kind === "history" || this.chart.busy) return;
     const { span } = this.view;
     const x1 = this.options.edge.at(at, span);
     if (x1 === null) return;
