@@ -5,18 +5,18 @@ from __future__ import annotations
 import shutil
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Final
-from urllib.parse import urlsplit
+from urllib.parse import parse_qs, urlsplit
 
 import pytest
 from playwright.sync_api import Error as PlaywrightError
 
-from eskin.moment import format_moment
+from eskin.moment import format_moment, parse_moment
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Playwright
+    from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Playwright, Route
 
 ARGUMENTS: Final = (
     "--no-sandbox",
@@ -28,6 +28,7 @@ ARGUMENTS: Final = (
     "--no-first-run",
 )
 CHART: Final = "[data-testid=chart]"
+PHONE: Final = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 _VIOLATIONS: Final = """
 addEventListener("securitypolicyviolation", (event) =>
   console.error(`CSP violation: ${event.violatedDirective} ${event.blockedURI}`));
@@ -46,6 +47,11 @@ def launch(playwright: Playwright) -> Browser:
 def history(place: str, start: int, end: int) -> str:
     """The address of a stretch of time (ns since 1970) of a place."""
     return f"{place}?from={format_moment(start)}&to={format_moment(end)}"
+
+
+def without_events(route: Route) -> None:
+    """Answer that there are none: peaks are painted over the band, and can be pointed at."""
+    route.fulfill(json={"items": [], "next": None})
 
 
 class Visit:
@@ -71,10 +77,10 @@ class Visit:
         if message.type == "error":
             self.troubles.append(message.text)
 
-    def open(self, fragment: str) -> None:
-        """Go to a place of the dashboard."""
+    def open(self, fragment: str, *, shows: str = CHART) -> None:
+        """Go to a place of the dashboard, and wait for what it shows there."""
         self.page.goto(f"{self.url}/#/{fragment}")
-        self.page.locator(CHART).first.wait_for()
+        self.page.locator(shows).first.wait_for()
 
     def chart(self) -> dict[str, str]:
         """What the first chart says of itself."""
@@ -94,6 +100,28 @@ class Visit:
         self.page.locator(".panel.busy").wait_for(state="detached")
         self.page.evaluate(_FRAMES)
         return self.chart()
+
+    def window(self) -> tuple[int, int] | None:
+        """The stretch of time (ns since 1970) that the address names; a live one has none."""
+        # Asked of the page itself: `page.url` follows events that nobody pumps while we wait.
+        query = parse_qs(self.page.evaluate("location.hash").partition("?")[2])
+        if "from" not in query:
+            return None
+        return parse_moment(query["from"][0]), parse_moment(query["to"][0])
+
+    def wait_for_window(self, before: tuple[int, int] | None) -> tuple[int, int]:
+        """Wait until the address names another window, and the first chart has painted it."""
+        wait_until(lambda: self.window() not in (None, before), f"another window than {before}")
+
+        def settled() -> bool:
+            said = self.chart()
+            window = self.window()
+            return window is not None and window == (int(said["xMin"]), int(said["xMax"]))
+
+        wait_until(settled, "the chart paints the window of the address")
+        window = self.window()
+        assert window is not None
+        return window
 
     def wait_for_path(self, path: str) -> None:
         """Wait until the address has this path; a page that is just leaving answers nothing."""

@@ -11,8 +11,6 @@ from eskin.moment import parse_moment
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from playwright.sync_api import Route
-
     from tests.dashboard.browsing import Visit
 
 FINE = {"device_scale_factor": 1.5}
@@ -114,11 +112,6 @@ def read_plot(visit: Visit, colours: str = BAND) -> Plot:
     """The pixels of the first chart that have such colours."""
     (plot,) = read_plots(visit, colours)
     return plot
-
-
-def without_events(route: Route) -> None:
-    """Peaks would be painted over the band."""
-    route.fulfill(json={"items": [], "next": None})
 
 
 def samples_of(series: Mapping[str, Any]) -> Iterator[tuple[int, float, float]]:

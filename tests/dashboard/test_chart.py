@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.dashboard.browsing import CHART, history
-from tests.dashboard.pixels import FINE, read_plot, samples_of, without_events
+from tests.dashboard.browsing import CHART, history, without_events
+from tests.dashboard.pixels import FINE, read_plot, samples_of
 from tests.processes import wait_until
 
 if TYPE_CHECKING:

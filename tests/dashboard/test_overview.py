@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.dashboard.browsing import visiting
+from tests.dashboard.browsing import PHONE, visiting
 from tests.dashboard.conftest import NODES
 from tests.processes import wait_until
 
@@ -53,7 +53,6 @@ DRAINED: dict[str, Any] = {
         "gaps": 12345,
     },
 }
-PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 
 def test_login_url_opens_the_dashboard(demo: RunningDemo, session: Session) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from eskin.moment import format_moment, parse_moment
-from tests.dashboard.browsing import history
+from tests.dashboard.browsing import history, without_events
 from tests.dashboard.pixels import (
     BAND,
     CERTAIN,
@@ -19,7 +19,6 @@ from tests.dashboard.pixels import (
     read_plot,
     read_plots,
     samples_of,
-    without_events,
 )
 from tests.processes import wait_until
 

@@ -2,7 +2,7 @@
 export type Instant = bigint;
 
 const RFC_3339 = /^(\d{4}-\d\d-\d\d)[Tt](\d\d:\d\d:\d\d)(?:\.(\d{1,}))?([Zz]|[+-]\d\d:\d\d)$/;
-const NS_PER_MS = 1_000_000n;
+export const NS_PER_MS = 1_000_000n;
 export const NS_PER_SECOND = 1_000_000_000n;
 
 /** Reads an RFC 3339 time (any number of decimals; beyond nanoseconds they are cut). */

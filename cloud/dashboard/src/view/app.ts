@@ -9,7 +9,7 @@ import type { Range } from "../state/window";
 import { Beat } from "../time/beat";
 import type { Timeline } from "../time/timeline";
 import type { Context } from "./context";
-import { button, element, icon } from "./element";
+import { button, element, icon, setText } from "./element";
 import { legend } from "./legend";
 import { LiveStatus } from "./live-status";
 import { NodeStrip } from "./node-strip";
@@ -96,7 +96,7 @@ export class App {
     });
     const tools = element("span", { class: "tools" }, theme, logout);
     const bar = element("div", { class: "bar" }, brand, this.status.root, this.timebar.root, tools);
-    return element("header", { class: "top" }, bar, legend());
+    return element("header", { class: "top" }, bar, this.timebar.form.root, legend());
   }
 
   private go(place: Place, how: "push" | "replace"): void {
@@ -165,9 +165,9 @@ export class App {
     } catch (error) {
       if (isAbort(error)) return;
       const again = (): void => void this.poll();
-      this.page?.showFailure(messageOf(error), again);
-      this.banner.replaceChildren(`${messageOf(error).replace(/[.!]?$/, ".")} What is shown may be out of date; trying again every 2 s.`);
-      this.banner.hidden = this.nodes === null;
+      // What stands there already is left in peace, or screen readers would read it out every 2 s.
+      setText(this.banner, `${messageOf(error).replace(/[.!]?$/, ".")} What is shown may be out of date; trying again every 2 s.`);
+      this.banner.hidden = this.page?.showFailure(messageOf(error), again) ?? false;
       this.reachable = false;
       this.showStrip();
     }

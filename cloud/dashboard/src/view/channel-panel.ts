@@ -1,4 +1,4 @@
-import { messageOf, isAbort } from "../api/failure";
+import { isAbort } from "../api/failure";
 import type { ChannelItem, SeriesAnswer } from "../api/contract";
 import { Turns } from "../api/turns";
 import { BandChart, NO_ANSWERS, type Answers } from "../chart/band-chart";
@@ -7,15 +7,15 @@ import { formatInterval } from "../interval/format";
 import { describeHull } from "../chart/reading";
 import { ChannelData } from "../live/channel-data";
 import type { LiveEdge } from "../live/edge";
+import { Filler } from "../live/filler";
 import type { View } from "../state/place";
 import type { Range } from "../state/window";
 import { Beat, TEXT_MS } from "../time/beat";
-import { printClock } from "../time/instant";
 import { hullWithin } from "../tube/entries";
+import { ChannelNotices } from "./channel-notices";
 import type { Context } from "./context";
 import { element, setText, setTitle } from "./element";
 import { operateByKeys } from "./keys";
-import { NoticeBoard } from "./notice";
 import { chartRoot, panelHead } from "./panel-head";
 
 export interface PanelOptions {
@@ -38,16 +38,15 @@ export class ChannelPanel {
   private readonly chart: BandChart;
   private readonly chartRoot: HTMLElement;
   private readonly value = element("span", { class: "value", "data-testid": "channel-value" });
-  private readonly notices = new NoticeBoard();
+  private readonly notices = new ChannelNotices();
   private view: View;
   private visible = false;
-  private filling = new AbortController();
+  private readonly filler: Filler;
   private readonly turns = new Turns({ ask: (signal) => this.load(signal), onIdle: () => this.settle(), now: () => performance.now() });
   private drawnEdge = Number.NaN;
   private dirty = true;
   private readonly texts = new Beat(TEXT_MS);
   private reloadAt = 0;
-  private loaded = false;
   private readonly watcher: IntersectionObserver;
 
   constructor(private readonly options: PanelOptions) {
@@ -55,6 +54,16 @@ export class ChannelPanel {
     this.chartRoot = chartRoot(node, channel.id);
     this.view = context.place().view;
     this.data = new ChannelData({ client: context.client, timeline: context.timeline, node, channel, edge });
+    this.filler = new Filler({
+      data: this.data,
+      edge,
+      width: () => this.chart.width,
+      onFilled: () => {
+        this.dirty = true;
+        this.notices.shown();
+      },
+      onFailure: (error) => this.fail(error),
+    });
     this.root = element("section", { class: "panel", "data-testid": "channel", "data-channel": channel.id }, panelHead({ context, node, channel, alone: options.alone, value: this.value }), element("div", { class: "chart-frame" }, this.chartRoot, this.notices.root));
     this.chart = new BandChart({
       root: this.chartRoot,
@@ -86,7 +95,10 @@ export class ChannelPanel {
       if (before.kind !== "live" || before.span !== view.span) this.startLive();
       return;
     }
-    if (before.kind === "live") this.data.freeze();
+    if (before.kind === "live") {
+      this.filler.stop();
+      this.data.freeze();
+    }
     this.look();
   }
 
@@ -96,8 +108,9 @@ export class ChannelPanel {
     if (!this.visible) return;
     if (this.view.kind === "live") {
       this.dirty = true;
-      this.notices.clear();
-      if (hole) this.fillHole(hole);
+      this.notices.arrived();
+      // After a failure the whole window is asked for again.
+      if (hole && !this.notices.failed) this.filler.fillHole(hole, this.view.span);
     } else if (range && this.touchesView(range) && at - this.reloadAt > REFRESH_MS) {
       this.reloadAt = at;
       this.ask();
@@ -112,8 +125,10 @@ export class ChannelPanel {
   /** Paints the window, if its marks have changed or a live one has moved by a pixel. */
   frame(at: number): void {
     if (!this.visible) return;
+    if (this.notices.retryDue(at)) this.again();
     if (this.view.kind === "history" && this.dirty) this.showHistory();
-    if (this.view.kind === "history") return;
+    // A live picture stands still while somebody drags on it, so that they get the stretch that they see.
+    if (this.view.kind === "history" || this.chart.busy) return;
     const { span } = this.view;
     const x1 = this.options.edge.at(at, span);
     if (x1 === null) return;
@@ -146,7 +161,7 @@ export class ChannelPanel {
   destroy(): void {
     this.watcher.disconnect();
     this.turns.stop();
-    this.filling.abort();
+    this.filler.stop();
     this.chart.destroy();
   }
 
@@ -165,8 +180,7 @@ export class ChannelPanel {
 
   private stopLive(): void {
     this.turns.stop();
-    this.filling.abort();
-    this.filling = new AbortController();
+    this.filler.stop();
     this.settle();
     this.data.clear();
     this.drawnEdge = Number.NaN;
@@ -175,31 +189,15 @@ export class ChannelPanel {
   /** Starts the live window afresh from the store. */
   startLive(): void {
     if (!this.visible || this.view.kind !== "live") return;
-    const { end } = this.data;
     this.stopLive();
     this.chart.resetValues();
     this.chartRoot.dataset["mode"] = "live";
-    if (end === null) {
-      this.notices.say("empty", "No data yet", `${this.options.channel.id} has not sent a block so far. It appears here as soon as one arrives.`);
+    if (this.data.end === null) {
+      this.notices.noData(this.options.channel.id);
       return;
     }
-    this.notices.say("loading", "Loading…", "");
-    this.fillHole({ x0: end - this.view.span, x1: end });
-  }
-
-  private fillHole(hole: Range): void {
-    if (this.view.kind !== "live") return;
-    const { span } = this.view;
-    const range = { x0: Math.max(hole.x0, hole.x1 - span), x1: hole.x1 };
-    const points = Math.max(2, Math.ceil((this.chart.width * (range.x1 - range.x0)) / span));
-    this.data.backfill(range, points, this.filling.signal).then(
-      () => {
-        this.options.edge.observe(range.x1, performance.now());
-        this.dirty = true;
-        this.notices.clear();
-      },
-      (error: unknown) => this.fail(error, () => this.startLive()),
-    );
+    this.notices.loading();
+    this.filler.fillWindow(this.view.span);
   }
 
   private showHistory(): void {
@@ -220,6 +218,7 @@ export class ChannelPanel {
       this.settle();
       this.present(range);
     } else {
+      this.notices.asking();
       this.ask();
       this.showHistory();
     }
@@ -246,25 +245,20 @@ export class ChannelPanel {
   private async load(signal: AbortSignal): Promise<void> {
     const range = this.range();
     if (range === null || this.view.kind !== "history") return;
-    if (!this.loaded) this.notices.say("loading", "Loading…", "");
     try {
       await this.data.load(range, this.width, signal);
       if (this.view.kind !== "history") return;
-      this.loaded = true;
       this.present(range);
     } catch (error) {
-      this.fail(error, () => this.ask());
+      this.fail(error);
     }
   }
 
   private sayWhatIsThere(range: Range): void {
     const { extent } = this.data;
-    if (hullWithin(this.data.history, range.x0, range.x1).count > 0) this.notices.clear();
-    else if (extent === null) this.notices.say("empty", "No data yet", "This channel has not sent a block so far.");
-    else {
-      const all = { label: "Show all data", act: () => this.options.context.showRange(extent) };
-      this.notices.say("empty", "No samples in this window", "", all);
-    }
+    if (hullWithin(this.data.history, range.x0, range.x1).count > 0) this.notices.shown();
+    else if (extent === null) this.notices.noData(this.options.channel.id);
+    else this.notices.noSamples(() => this.options.context.showRange(extent));
   }
 
   private touchesView(range: Range): boolean {
@@ -285,14 +279,16 @@ export class ChannelPanel {
     setText(this.value, interval ? formatInterval(interval, this.data.facts.unit) : "–");
     setTitle(this.value, "The newest interval");
     const silent = this.data.silentSince(at);
-    const { timeline } = this.options.context;
-    if (silent === null) this.notices.clear();
-    else this.notices.say("stale", `No data after ${printClock(timeline.toInstant(silent), 0)}`, "");
+    this.notices.silent(silent === null ? null : this.options.context.timeline.toInstant(silent));
   }
 
-  private fail(error: unknown, again: () => void): void {
-    if (isAbort(error)) return;
-    this.notices.clear();
-    this.notices.say("error", "This channel could not be loaded", messageOf(error), { label: "Try again", act: again });
+  private fail(error: unknown): void {
+    if (!isAbort(error)) this.notices.fail(error, () => this.again());
+  }
+
+  /** Asks again for what could not be had. */
+  private again(): void {
+    if (this.view.kind === "live") this.filler.fillWindow(this.view.span);
+    else this.ask();
   }
 }

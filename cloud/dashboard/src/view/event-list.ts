@@ -6,7 +6,7 @@ import { parseInstant } from "../time/instant";
 import type { Context } from "./context";
 import { button, element, setText } from "./element";
 import { eventRow, type EventScope } from "./event-row";
-import { notice } from "./notice";
+import { NoticeBoard } from "./notice";
 
 interface Filter {
   kind: string;
@@ -25,6 +25,7 @@ export class EventList {
   private readonly rows = element("ol", { class: "events", "data-testid": "events" });
   private readonly note = element("p", { class: "events-note", role: "status", "data-testid": "events-note" });
   private readonly foot = element("div", { class: "events-foot" });
+  private readonly notices = new NoticeBoard(this.foot);
   private readonly filter: Filter = { kind: "", verdict: "" };
   private readonly known = new Set<string>();
   private waiting: EventItem[] = [];
@@ -68,9 +69,9 @@ export class EventList {
   /** Says that events could not be loaded, and offers to try again. */
   fail(error: unknown): void {
     const again = { label: "Try again", act: () => void this.load() };
-    this.foot.replaceChildren(notice("error", "Events could not be loaded", messageOf(error), again));
+    this.notices.say("error", "Events could not be loaded", messageOf(error), again);
     if (this.retry !== null) clearTimeout(this.retry);
-    this.retry = setTimeout(() => void this.load(), RETRY_MS);
+    this.retry = setTimeout(() => void this.reload(), RETRY_MS);
   }
 
   destroy(): void {
@@ -118,10 +119,16 @@ export class EventList {
       last?.remove();
       this.cursor = null;
     }
-    if (this.rows.children.length > 0) this.foot.querySelector(".notice")?.remove();
+    if (this.rows.children.length > 0 && this.notices.kind === "empty") this.notices.clear();
   }
 
   private async load(): Promise<void> {
+    this.notices.say("loading", "Loading events…", "");
+    await this.reload();
+  }
+
+  /** Asks for the latest events, without a word before the answer. */
+  private async reload(): Promise<void> {
     if (this.retry !== null) clearTimeout(this.retry);
     this.retry = null;
     this.loading.abort();
@@ -129,7 +136,6 @@ export class EventList {
     this.known.clear();
     this.waiting = [];
     this.cursor = null;
-    this.foot.replaceChildren(notice("loading", "Loading events…", ""));
     await this.more();
   }
 
@@ -154,9 +160,11 @@ export class EventList {
   private showFoot(): void {
     if (this.rows.children.length === 0) {
       const filtered = this.filter.kind !== "" || this.filter.verdict !== "";
-      this.foot.replaceChildren(notice("empty", filtered ? "No event passes the filters" : "No events yet", ""));
-    } else if (this.cursor !== null && this.rows.children.length < MOST_ROWS) {
-      this.foot.replaceChildren(button("Older events", { class: "plain" }, () => void this.more()));
-    } else this.foot.replaceChildren();
+      this.notices.say("empty", filtered ? "No event passes the filters" : "No events yet", "");
+      return;
+    }
+    this.notices.clear();
+    const older = this.cursor !== null && this.rows.children.length < MOST_ROWS;
+    this.foot.replaceChildren(...(older ? [button("Older events", { class: "plain" }, () => void this.more())] : []));
   }
 }

@@ -7,7 +7,7 @@ import type { Range } from "../state/window";
 import { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
 import { element } from "./element";
-import { notice } from "./notice";
+import { NoticeBoard } from "./notice";
 import { SkinPicture } from "./skin-picture";
 
 export interface SectionOptions {
@@ -29,6 +29,8 @@ export class NodeSection {
   readonly panels = new Map<string, ChannelPanel>();
   channels: readonly ChannelItem[] = [];
   private readonly grid = element("div", { class: "grid" });
+  /** Speaks in the place of panels, as long as there are none. */
+  private readonly notices = new NoticeBoard(this.grid);
   private readonly edge = new LiveEdge();
   private readonly picture: SkinPicture | null;
   private readonly loading = new AbortController();
@@ -41,7 +43,7 @@ export class NodeSection {
     this.picture = channel === null ? new SkinPicture(context, node, this.edge) : null;
     const head = channel === null ? element("h2", { class: "section-head" }, element("a", { href }, node)) : null;
     this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.picture?.root, this.grid);
-    this.grid.append(notice("loading", "Loading channels…", ""));
+    this.notices.say("loading", "Loading channels…", "");
     void this.load();
   }
 
@@ -128,10 +130,7 @@ export class NodeSection {
       this.channels = await context.client.channels(node, this.loading.signal);
     } catch (error) {
       if (isAbort(error)) return;
-      const again = { label: "Try again", act: () => this.loadAgain(0) };
-      if (this.panels.size === 0) {
-        this.grid.replaceChildren(notice("error", `The channels of ${node} could not be loaded`, messageOf(error), again));
-      }
+      if (this.panels.size === 0) this.sayFailure(messageOf(error));
       this.loadAgain(RETRY_MS);
       return;
     }
@@ -139,12 +138,20 @@ export class NodeSection {
     this.showPanels();
   }
 
+  private sayFailure(message: string): void {
+    const act = (): void => {
+      this.notices.say("loading", "Loading channels…", "");
+      this.loadAgain(0);
+    };
+    this.notices.say("error", `The channels of ${this.options.node} could not be loaded`, message, { label: "Try again", act });
+  }
+
   private showPanels(): void {
     const { channel: only, node } = this.options;
     const wanted = this.channels.filter((channel) => only === null || channel.id === only);
     this.picture?.show(this.channels);
     const fresh = wanted.filter((channel) => !this.panels.has(channel.id));
-    if (this.panels.size === 0) this.grid.replaceChildren();
+    if (wanted.length > 0) this.notices.clear();
     for (const channel of wanted) {
       const panel = this.panels.get(channel.id);
       if (panel) panel.data.channel = channel;
@@ -155,9 +162,9 @@ export class NodeSection {
       this.panels.set(channel.id, panel);
       this.grid.append(panel.root);
     }
-    if (wanted.length === 0) {
+    if (this.panels.size === 0) {
       const title = only === null ? `${node} has no channels yet` : `${node} has no channel "${only}"`;
-      this.grid.replaceChildren(notice("empty", title, "Channels appear with the first block that a node sends."));
+      this.notices.say("empty", title, "Channels appear with the first block that a node sends.");
       this.loadAgain(3_000);
     }
     this.options.onPanels(fresh.length > 0);

@@ -16,21 +16,31 @@ export function notice(kind: NoticeKind, title: string, detail: string, action?:
   return box;
 }
 
-/** The place over a chart where one notice at a time is shown. */
+/** A place where one notice at a time is shown; one that stands there already is left in peace, with its focus. */
 export class NoticeBoard {
-  readonly root = element("div", { class: "overlay" });
   private shown = "";
+  private said: NoticeKind | null = null;
+
+  /** @param root what has nothing else in it while a notice is shown */
+  constructor(readonly root: HTMLElement) {}
+
+  /** Of which kind the notice is, if there is one. */
+  get kind(): NoticeKind | null {
+    return this.said;
+  }
 
   say(kind: NoticeKind, title: string, detail: string, action?: NoticeAction): void {
     const key = `${kind} ${title} ${detail}`;
     if (key === this.shown) return;
     this.shown = key;
+    this.said = kind;
     this.root.replaceChildren(notice(kind, title, detail, action));
   }
 
   clear(): void {
     if (this.shown === "") return;
     this.shown = "";
+    this.said = null;
     this.root.replaceChildren();
   }
 }

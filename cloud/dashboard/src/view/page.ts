@@ -15,7 +15,7 @@ import { element } from "./element";
 import { EventList } from "./event-list";
 import { NodeSection } from "./node-section";
 import { NodeSettings } from "./node-settings";
-import { notice } from "./notice";
+import { NoticeBoard } from "./notice";
 
 export interface PageOptions {
   readonly context: Context;
@@ -39,6 +39,7 @@ export class Page {
   readonly root = element("main", { class: "page", tabindex: -1 });
   private readonly sections = new Map<string, NodeSection>();
   private readonly column = element("div", { class: "column" });
+  private readonly notices = new NoticeBoard(this.column);
   private readonly list: EventList;
   private readonly scope: { readonly node: string | null; readonly channel: string | null };
   private questions: ChannelQuestions | null = null;
@@ -59,7 +60,7 @@ export class Page {
     this.list = new EventList(context, this.scope);
     this.root.append(this.column, this.list.root);
     if (place.node !== null) this.addSection(place.node);
-    else this.column.append(notice("loading", "Loading nodes…", ""));
+    else this.notices.say("loading", "Loading nodes…", "");
     if (place.node !== null && place.channel !== null) {
       this.column.prepend(crumbs(context, place.node, place.channel));
     }
@@ -77,10 +78,15 @@ export class Page {
     for (const { id, last_seen } of nodes) this.sections.get(id)?.takeHeard(last_seen, at);
   }
 
-  /** Says that the nodes could not be loaded. */
-  showFailure(message: string, again: () => void): void {
-    if (this.sections.size > 0) return;
-    this.column.replaceChildren(notice("error", "The nodes could not be loaded", message, { label: "Try again", act: again }));
+  /** Says that the nodes could not be loaded, and whether it had the room to say so. */
+  showFailure(message: string, again: () => void): boolean {
+    if (this.sections.size > 0) return false;
+    const act = (): void => {
+      this.notices.say("loading", "Loading nodes…", "");
+      again();
+    };
+    this.notices.say("error", "The nodes could not be loaded", message, { label: "Try again", act });
+    return true;
   }
 
   /** Takes over a change of the window or the question. */
@@ -137,10 +143,10 @@ export class Page {
   private showAll(nodes: readonly NodeItem[]): void {
     if (nodes.length === 0) {
       const detail = "Nodes appear here with their first message. Start one with: eskin node --config node.toml, or try eskin demo.";
-      if (this.sections.size === 0) this.column.replaceChildren(notice("empty", "No node has reported yet", detail));
+      if (this.sections.size === 0) this.notices.say("empty", "No node has reported yet", detail);
       return;
     }
-    if (this.sections.size === 0) this.column.replaceChildren();
+    this.notices.clear();
     for (const node of nodes) if (!this.sections.has(node.id)) this.addSection(node.id);
   }
 

@@ -24,7 +24,7 @@ export class StackStrip {
   }
 
   show(now: bigint, reachable: boolean): void {
-    const state = JSON.stringify([this.gateways, this.storage, this.failure, reachable, Number(now / 1_000_000_000n)]);
+    const state = JSON.stringify([this.gateways, this.storage, this.failure, reachable, this.gateways && Number(now / 1_000_000_000n)]);
     if (state === this.drawn) return;
     this.drawn = state;
     this.root.replaceChildren(...this.cards(now, reachable));

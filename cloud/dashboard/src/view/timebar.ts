@@ -6,6 +6,7 @@ import { decimalsFor, printClock, printDay } from "../time/instant";
 import type { Context } from "./context";
 import { button, element, icon, setText } from "./element";
 import { ICONS } from "./symbol";
+import { TimeForm } from "./time-form";
 
 export interface TimebarOptions {
   readonly context: Context;
@@ -17,6 +18,8 @@ export interface TimebarOptions {
 /** Live or history, how long a window, and moving through time by buttons. */
 export class Timebar {
   readonly root: HTMLElement;
+  /** Stands below the bar, where there is room. */
+  readonly form: TimeForm;
   private readonly live = button("Live", { "data-testid": "go-live", title: "Follow the newest data (L)" }, () => this.goLive());
   private readonly span = element("select", { "aria-label": "length of the live window", "data-testid": "live-span" });
   private readonly text = element("span", { class: "window-text", "data-testid": "window-text" });
@@ -31,10 +34,12 @@ export class Timebar {
       this.goLive();
     });
     this.panMode = button("Pan", { "aria-pressed": "false", title: "Drag pans instead of selecting (or hold Shift)", "data-testid": "pan-mode" }, () => this.togglePan());
+    this.form = new TimeForm(options);
     this.root = element(
       "div",
       { class: "timebar", role: "toolbar", "aria-label": "time" },
       element("span", { class: "group" }, this.live, this.span),
+      this.form.toggle,
       element(
         "span",
         { class: "group" },
@@ -54,6 +59,7 @@ export class Timebar {
     if (view.kind === "live") this.lastSpan = view.span;
     this.span.value = String(this.lastSpan);
     this.live.setAttribute("aria-pressed", String(view.kind === "live"));
+    this.form.apply(view);
     this.texts.reset();
   }
 

@@ -1,0 +1,99 @@
+import { Failure, messageOf } from "../api/failure";
+import { printClock, printDay, type Instant } from "../time/instant";
+import { element } from "./element";
+import { NoticeBoard } from "./notice";
+
+const RETRY_MS = 5_000;
+
+/** Whether the same question may be answered later: the cloud is away, busy or broken, and not the question wrong. */
+function passes(error: unknown): boolean {
+  return !(error instanceof Failure) || error.status === null || error.status === 429 || error.status >= 500;
+}
+
+/**
+ * What is said over a channel's chart. That it is loading, or could not be loaded, stays until what was asked for has
+ * come, whatever else comes in meanwhile.
+ */
+export class ChannelNotices {
+  private readonly board = new NoticeBoard(element("div", { class: "overlay" }));
+  private state: "unasked" | "loading" | "failed" | "empty" | "shown" = "unasked";
+  private retryAt = Infinity;
+
+  get root(): HTMLElement {
+    return this.board.root;
+  }
+
+  get failed(): boolean {
+    return this.state === "failed";
+  }
+
+  /** Something is asked for of which nothing is shown yet. */
+  loading(): void {
+    this.become("loading");
+    this.board.say("loading", "Loading…", "");
+  }
+
+  /** Something else is asked for; what is shown stays for so long. */
+  asking(): void {
+    if (this.state === "shown") this.board.clear();
+    else this.loading();
+  }
+
+  /** What was asked for is there. */
+  shown(): void {
+    this.become("shown");
+    this.board.clear();
+  }
+
+  /** A live block came in. */
+  arrived(): void {
+    if (this.state === "empty" || this.state === "shown") this.shown();
+  }
+
+  /** The channel has no data at all. */
+  noData(channel: string): void {
+    this.become("empty");
+    this.board.say("empty", "No data yet", `${channel} has not sent a block so far. It appears here as soon as one arrives.`);
+  }
+
+  /** The channel has data, though not in this window. */
+  noSamples(showAll: () => void): void {
+    this.become("empty");
+    this.board.say("empty", "No samples in this window", "", { label: "Show all data", act: showAll });
+  }
+
+  /** Tells since when nothing has come, or that it comes (null). */
+  silent(since: Instant | null): void {
+    if (this.state !== "shown") return;
+    if (since === null) {
+      this.board.clear();
+      return;
+    }
+    const day = printDay(since);
+    const today = printDay(BigInt(Date.now()) * 1_000_000n);
+    this.board.say("stale", `No data after ${day === today ? "" : `${day} `}${printClock(since, 0)}`, "");
+  }
+
+  /** What was asked for could not be had. */
+  fail(error: unknown, again: () => void): void {
+    this.become("failed");
+    if (passes(error)) this.retryAt = performance.now() + RETRY_MS;
+    const act = (): void => {
+      this.loading();
+      again();
+    };
+    this.board.say("error", "This channel could not be loaded", messageOf(error), { label: "Try again", act });
+  }
+
+  /** Whether it is time to ask again for what could not be had; once for each failure. */
+  retryDue(at: number): boolean {
+    if (at < this.retryAt) return false;
+    this.retryAt = Infinity;
+    return true;
+  }
+
+  private become(state: "loading" | "failed" | "empty" | "shown"): void {
+    this.state = state;
+    this.retryAt = Infinity;
+  }
+}
