@@ -14,14 +14,10 @@ function block(end: number, { lo, hi }: { lo: number; hi: number }, name = "c"):
   return { node: "n", channel: name, unit: "F", coverage: 1, resolution: "sample", t0, t: [0, 1e6], lo: [lo, lo], hi: [hi, hi], dt: 1e6, time_error: 0 };
 }
 
-function iso(ms: number): string {
-  return new Date(START + ms).toISOString();
-}
-
-/** Long ago the cloud heard the node, which tells of nothing, unless a test says more. */
+/** Nobody tells how late what the node says is, unless a test does. */
 function presentOf(edge = new LiveEdge()): Present {
   const present = new Present(new Timeline(BigInt(START) * 1_000_000n), edge);
-  present.takeHeard(iso(-1e10), 0);
+  present.takeLag(null);
   return present;
 }
 
@@ -72,7 +68,7 @@ describe("the present of a node that comes back", () => {
   test("is unknown while a node brings what waited, by the cloud's clock", () => {
     const present = presentOf();
     present.take(block(1_000, touched), 500_000);
-    present.takeHeard(iso(3_601_000), 500_000);
+    present.takeLag({ lo_ns: 3600e9, hi_ns: 3601e9 });
     expect([present.of("c", 500_010), present.age]).toEqual([null, 3600e9]);
     present.take(block(3_601_100, idle), 500_200);
     expect([present.of("c", 500_210), present.age]).toEqual([idle, null]);
@@ -81,27 +77,19 @@ describe("the present of a node that comes back", () => {
   test("is unknown at once where a node falls silent and comes back with the past", () => {
     const present = presentOf();
     present.take(block(1_000, idle), 500_000);
-    present.takeHeard(iso(1_031), 500_000);
+    present.takeLag({ lo_ns: 31e6, hi_ns: 35e6 });
     expect(present.of("c", 500_010)).toEqual(idle);
     present.take(block(1_250, touched), 600_000);
     expect([present.of("c", 600_010), present.age]).toEqual([null, 99_781e6]);
   });
 
-  test("is unknown also where the block that was stored last, and has not come yet, is of now", () => {
+  test("is not known before the cloud has said how late a block was", () => {
     const present = presentOf();
-    present.take(block(1_000, touched), 500_000);
-    present.takeHeard(iso(3_601_000), 500_100);
-    expect(present.of("c", 500_110)).toBeNull();
-    // A word of before, which is told late, takes nothing back.
-    present.takeHeard(iso(1_100), 500_200);
-    expect(present.of("c", 500_210)).toBeNull();
-  });
-
-  test("is not known before the cloud has said when it heard the node", () => {
-    const present = new Present(new Timeline(BigInt(START) * 1_000_000n), new LiveEdge());
+    present.clear();
+    present.takeLag({ lo_ns: 0, hi_ns: 1 });
     present.take(block(1_000, touched), 0);
     expect(present.of("c", 10)).toBeNull();
-    present.takeHeard(iso(1_031), 0);
+    present.takeLag({ lo_ns: 31e6, hi_ns: 35e6 });
     expect(present.of("c", 20)).toEqual(touched);
   });
 });

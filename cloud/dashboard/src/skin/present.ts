@@ -1,4 +1,4 @@
-import type { SeriesAnswer } from "../api/contract";
+import type { LagJson, SeriesAnswer } from "../api/contract";
 import { readInterval, type Interval } from "../interval/interval";
 import type { LiveEdge } from "../live/edge";
 import { parseInstant } from "../time/instant";
@@ -39,7 +39,7 @@ export class Present {
   private readonly latest = new Map<string, Told>();
   /** Of all blocks, that with the newest samples. */
   private newest: Told | null = null;
-  /** What is added to the page's clock (ns) gives the cloud's at least; null before it is known. */
+  /** What is added to the page's clock (ns) gives the cloud's; null before it is known, -Infinity where none tells. */
   private offset: number | null = null;
 
   constructor(private readonly timeline: Timeline, private readonly edge: LiveEdge) {}
@@ -56,10 +56,10 @@ export class Present {
     if (this.newest === null || end > this.newest.end) this.newest = told;
   }
 
-  /** Takes when by its own clock the cloud heard the node, which was before the page was told (ms of its clock). */
-  takeHeard(moment: string, at: number): void {
-    const least = this.timeline.toX(parseInstant(moment)) - at * MS;
-    this.offset = Math.max(this.offset ?? least, least);
+  /** Takes what the cloud says by its own clock: how old the node's latest block was when it was stored. */
+  takeLag(lag: LagJson | null): void {
+    if (lag === null) this.offset = -Infinity;
+    else if (this.newest !== null) this.offset = lag.lo_ns - (this.newest.at * MS - this.newest.end);
   }
 
   /** How old the newest samples were at least (ns) when they came, if that was too old: the node brings what waited. */
@@ -86,5 +86,6 @@ export class Present {
   clear(): void {
     this.latest.clear();
     this.newest = null;
+    this.offset = null;
   }
 }

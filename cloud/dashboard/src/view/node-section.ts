@@ -1,4 +1,4 @@
-import type { ChannelItem, EventItem, SeriesAnswer } from "../api/contract";
+import type { ChannelItem, EventItem, LagJson, SeriesAnswer } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import type { PeakMark } from "../chart/peak-groups";
 import { LiveEdge } from "../live/edge";
@@ -74,9 +74,9 @@ export class NodeSection {
     else if (this.options.channel === null && this.retry === null) this.loadAgain(1_000);
   }
 
-  /** Takes when the cloud heard the node last, of which the page was told at a moment of its clock (ms). */
-  takeHeard(moment: string, at: number): void {
-    this.picture?.takeHeard(moment, at);
+  /** Takes how old the node's latest block was when it came. */
+  takeLag(lag: LagJson | null): void {
+    this.picture?.takeLag(lag);
   }
 
   takeEvent(event: EventItem): void {

@@ -74,8 +74,7 @@ export class Page {
   /** Takes over how the nodes are; the overview shows all of them, a page of one node keeps to it. */
   showNodes(nodes: readonly NodeItem[]): void {
     if (this.scope.node === null) this.showAll(nodes);
-    const at = performance.now();
-    for (const { id, last_seen } of nodes) this.sections.get(id)?.takeHeard(last_seen, at);
+    for (const { id, lag } of nodes) this.sections.get(id)?.takeLag(lag);
   }
 
   /** Says that the nodes could not be loaded, and whether it had the room to say so. */

@@ -1,4 +1,4 @@
-import type { ChannelItem, SeriesAnswer, TaxelItem } from "../api/contract";
+import type { ChannelItem, LagJson, SeriesAnswer, TaxelItem } from "../api/contract";
 import { isAbort } from "../api/failure";
 import { formatInterval } from "../interval/format";
 import type { Interval } from "../interval/interval";
@@ -71,9 +71,9 @@ export class SkinPicture {
     if (this.view.kind === "live") this.present.take(block, at);
   }
 
-  /** Takes when the cloud heard the node last, of which the page was told at a moment of its clock (ms). */
-  takeHeard(moment: string, at: number): void {
-    this.present.takeHeard(moment, at);
+  /** Takes how old the node's latest block was when it came. */
+  takeLag(lag: LagJson | null): void {
+    this.present.takeLag(lag);
   }
 
   frame(at: number): void {
