@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 _BATCH: Final = 50
 _FASTER: Final = 1.5
 _BEHIND: Final = 1.2
-"""Where a step takes so many times as long as it should, it is we who cannot send any faster."""
+"""Where a step takes so many times as long, it is we who cannot send any faster, or it who answers
+slowly; then there is nothing more to find."""
 _CONNECTIONS: Final = 200
 _TIMEOUT_S: Final = 120.0
 _REFUSALS: Final = (429, 503)
@@ -126,7 +127,9 @@ class Gateways:
         return answer.status_code
 
 
-async def find_capacity(service: Service, *, rate: float, seconds: float, steps: int) -> Found:
+async def find_capacity(
+    service: Service, *, rate: float, seconds: float, steps: int, behind: float = _BEHIND
+) -> Found:
     """Raise the rate until something is refused.
 
     Args:
@@ -134,6 +137,7 @@ async def find_capacity(service: Service, *, rate: float, seconds: float, steps:
         rate: Blocks a second to begin with.
         seconds: How long each rate lasts.
         steps: Rates at most.
+        behind: How many times as long as it should a step may take.
     """
     found, gateways = Found(), Gateways(service)
     refused: list[bytes] = []
@@ -144,7 +148,7 @@ async def find_capacity(service: Service, *, rate: float, seconds: float, steps:
             refused = await gateways.bring(bodies, step, every_s=_BATCH / rate)
             found.steps.append(step)
             found.sent += len(bodies) * _BATCH
-            if step.reached * _BEHIND < rate and not refused:
+            if step.reached * behind < rate and not refused:
                 break
             rate *= _FASTER
         await gateways.bring_again(refused)
@@ -186,8 +190,8 @@ def main() -> None:
         place = stack.enter_context(Cluster()).fresh() if server else None
         identities = Identities(folder / "pki")
         service = stack.enter_context(Service(folder / "cloud", identities, place=place))
-        given = {"rate": options.rate, "seconds": options.seconds, "steps": options.steps}
-        found = asyncio.run(find_capacity(service, **given))
+        given = {"rate": options.rate, "seconds": options.seconds}
+        found = asyncio.run(find_capacity(service, steps=options.steps, **given))
     Console().print(_table(found))
     target = Path("build/capacity.json")
     target.parent.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ as many sockets as the process may open.
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 from collections import Counter
 from typing import TYPE_CHECKING, Any, Final
@@ -118,10 +119,9 @@ def bind(section: str, host: str, port: int) -> socket.socket:
     except OSError as error:
         unknown = isinstance(error, socket.gaierror)
         name = f"{section}.host" if unknown else f"{section}.port"
+        why = error.strerror if unknown else os.strerror(error.errno or 0)
         remedy = "" if unknown else "; choose another port, or 0 for any free one"
-        raise SettingsError(
-            name, f"{host}:{port} cannot be listened on: {error.strerror}{remedy}"
-        ) from error
+        raise SettingsError(name, f"{host}:{port} cannot be listened on: {why}{remedy}") from error
     # What is accepted inherits it. asyncio sets it for sockets alone that name their protocol, and
     # without it the body of each answer waits 40 ms for the peer to acknowledge its head.
     bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import inf
 from typing import TYPE_CHECKING
 
 import pytest
@@ -26,7 +27,7 @@ async def test_rate_is_raised_until_the_first_refusal_and_nothing_is_lost(
 ) -> None:
     few = "[limits]\nrequests_per_s = 1\n"  # so ten at once, whatever the machine can do
     with Service(tmp_path / "cloud", identities, more=few) as service:
-        found = await find_capacity(service, rate=400.0, seconds=0.5, steps=9)
+        found = await find_capacity(service, rate=400.0, seconds=0.5, steps=9, behind=inf)
     first, *_, last = found.steps
     assert first.refused == {}
     assert set(last.refused) == {429}
