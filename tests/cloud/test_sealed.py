@@ -270,33 +270,3 @@ async def test_nothing_that_is_opened_touches_the_disk(
     for told in waves:
         data = told.encode()
         assert all(data[at : at + 16] not in held for at in range(100, len(data) - 16, 16))
-
-
-async def lag_of(stand: Stand) -> Any:
-    return (await stand.get(f"/api/v1/nodes/{NODE}")).json()["lag"]
-
-
-async def test_lag_of_a_node_that_seals_is_told_to_its_minutes(stand: Stand, site: Site) -> None:
-    moment = START + 90 * SECOND
-    stand.clock.now = moment + 5 * SECOND
-    await stand.ingest(site.batch(declared(), beat(1, time=(moment, moment))))
-    assert await lag_of(stand) is None, "a peak would tell when it came"
-    await stand.ingest(site.batch(pulse(2, time=(moment, moment))))
-    told = await lag_of(stand)
-    assert told == {"lo_ns": -25 * SECOND, "hi_ns": 35 * SECOND}
-    assert told["lo_ns"] <= 5 * SECOND <= told["hi_ns"]
-    stand.clock.turn(7)
-    await stand.ingest(site.batch(beat(3, time=(moment, moment))))
-    assert await lag_of(stand) == told
-
-
-async def test_lag_of_a_block_in_the_clear_is_not_widened_by_sealed_ones(
-    stand: Stand, site: Site
-) -> None:
-    moment = START + 90 * SECOND
-    stand.clock.now = moment + 5 * SECOND
-    await stand.ingest(site.batch(pulse(1, time=(moment, moment))))
-    clear = block(2, [1.0], [2.0], time=(moment, moment), channel="t01.capacitance")
-    await stand.ingest(cbor2.dumps([[NODE, clear.encode()]]))
-    await stand.ingest(site.batch(pulse(3, time=(moment, moment))))
-    assert await lag_of(stand) == {"lo_ns": 5 * SECOND, "hi_ns": 5 * SECOND}
