@@ -24,7 +24,7 @@ import httpx
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.ingest import say
+from benchmarks.said import say
 from eskin.identity import client_context
 from eskin.messages import Encoding
 from tests.cloud.service import Service

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import cbor2
 import httpx
-import numpy as np
 
 from benchmarks.report import Row
 from benchmarks.row_stores import (
@@ -26,12 +25,13 @@ from benchmarks.row_stores import (
     PostgreSQLRows,
     SQLiteRows,
 )
+from benchmarks.said import SAMPLES, say
 from cloud.store import Store
 from cloud.store.intake import take_in
 from cloud.store.item import Item
 from eskin.identity import client_context
 from eskin.messages import Encoding
-from tests.cloud.messages import START, block
+from tests.cloud.messages import START
 from tests.cloud.service import Service
 from tests.identities import Identities
 from tests.postgresql import Cluster
@@ -40,11 +40,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
+    from benchmarks.said import Said
     from cloud.store.place import Place
 
-_SAMPLES: Final = 500
 _BATCH: Final = 500
-_CHANNELS: Final = 4
 _ROUNDS: Final = 3
 _STORED: Final = 10.0
 _POSTED: Final = 5.0
@@ -58,8 +57,6 @@ _TARGETS: Final[dict[type, float | None]] = {
     BareFile: None,
 }
 """How many times as fast as each peer."""
-
-Said = list[tuple[str, bytes]]
 
 
 class Subject(Protocol):
@@ -101,7 +98,7 @@ class Stored:
             for future in [store.write(keep(batch)) for batch in batches]:
                 future.result(600)
 
-        return _rate(work, len(said) * _SAMPLES)
+        return _rate(work, len(said) * SAMPLES)
 
 
 class Posted:
@@ -133,7 +130,7 @@ class Posted:
         def work() -> None:
             assert {answer.status_code for answer in self._pool.map(self._post, bodies)} == {200}
 
-        return _rate(work, len(said) * _SAMPLES)
+        return _rate(work, len(said) * SAMPLES)
 
     def _post(self, body: bytes) -> httpx.Response:
         headers = {
@@ -171,26 +168,6 @@ def measure_ingest(folder: Path, *, blocks: int) -> list[Row]:
             BareFile(folder, _F32_BYTES, stack),
         ]
         return _rows(subjects, peers, *_take_turns(subjects, peers))
-
-
-def say(encoding: Encoding, blocks: int, *, boot: int) -> Said:
-    """What a node says in one boot: blocks of four channels in turn."""
-    random = np.random.default_rng(boot)
-    said = []
-    for number in range(blocks):
-        lo = random.random(_SAMPLES)
-        first = START + (boot * blocks + number) // _CHANNELS * _SAMPLES * 1_000_000
-        one = block(
-            number,
-            lo,
-            lo + 1e-3,
-            boot=boot,
-            time=(first, first),
-            channel=f"t{number % _CHANNELS:02}.capacitance",
-            encoding=encoding,
-        )
-        said.append(("fingertip", one.encode()))
-    return said
 
 
 def _take_turns(
