@@ -66,7 +66,7 @@ def test_service_goes_on_after_the_watchdog_and_stays_connected(
     with Peer(identities, broker.gateway_port) as peer, serving(given):
 
         def second() -> list[object]:
-            return [m for p, m in sorted(peer.messages.items()) if p.boot == 2]
+            return [m for p, m in sorted(peer.messages.copy().items()) if p.boot == 2]
 
         # Nothing says that they come in the order in which they were recorded.
         wait_until(
