@@ -104,7 +104,7 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
             receiver.wait_for(lambda: refused in receiver.output(), "it is refused", seconds=5)
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(300)
 def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> None:
     pki, names = tmp_path / "pki", numbered("skin", 2)
     own = Identities(pki)
@@ -124,7 +124,7 @@ def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> 
             tmp_path / "fleet", pki, port=broker.node_port, count=2, renewal=renewal
         )
         with gateway(tmp_path, own, broker, cloud.url, str(renewal["url"])), fleet:
-            wait_until(lambda: heard() == set(names), "both are heard")
+            wait_until(lambda: heard() == set(names), "both are heard", seconds=150)
             renewals(own, 1, names)
             cloud.stored.clear()
             wait_until(lambda: heard() == set(names), "both are heard under their next names")
