@@ -10,6 +10,7 @@ from sqlalchemy import URL
 from cloud.store import Store
 from tests.cloud.clouds import Clock, Stand, standing
 from tests.cloud.messages import START
+from tests.cloud.sealing import Site
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,6 +65,12 @@ def store(place: Place, clock: Clock) -> Iterator[Store]:
     """An empty store."""
     with Store(place, clock=clock) as opened:
         yield opened
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    """A gateway's key store, and what it brings."""
+    return Site(tmp_path)
 
 
 @pytest.fixture

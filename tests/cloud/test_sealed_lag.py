@@ -23,11 +23,6 @@ pytestmark = pytest.mark.anyio
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Site:
-    return Site(tmp_path)
-
-
-@pytest.fixture
 def stand(tmp_path: Path, identities: Identities, site: Site, place: Place) -> Iterator[Stand]:
     with keyed(tmp_path, identities, site, place=place) as made:
         yield made

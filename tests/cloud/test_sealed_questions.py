@@ -26,11 +26,6 @@ TWIN = "/api/v1/series/twin/t01.capacitance"
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Site:
-    return Site(tmp_path)
-
-
-@pytest.fixture
 def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]:
     with keyed(tmp_path, identities, site) as made:
         yield made

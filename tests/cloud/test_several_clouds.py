@@ -46,11 +46,6 @@ ALLOWED = [Scope.READ, Scope.BIOMETRIC]
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Site:
-    return Site(tmp_path)
-
-
-@pytest.fixture
 def first(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Stand]:
     with sealing(tmp_path, identities, place=place) as stand:
         yield stand
