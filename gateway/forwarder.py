@@ -11,6 +11,7 @@ import httpx
 
 from eskin.errors import CloudError, SpoolError
 from eskin.memory import Thrift
+from gateway.aside import Aside
 from gateway.batch import DeadLetter
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_TOO_LARGE: Final = httpx.codes.REQUEST_ENTITY_TOO_LARGE
 _TICK_S: Final = 0.25
 _DRAIN_S: Final = 5.0
 _FEW: Final = range(8, 64)
@@ -62,11 +64,17 @@ class Forwarder:
         self._counters = counters
         self._now = now
         self._most = settings.batch_messages
+        self._aside = Aside()
         self._thrift = Thrift()
         self._stopping = Event()
         self.reachable: bool | None = None
         self.fault: str | None = None
         self._thread = Thread(target=self._run, name="forwarder", daemon=True)
+
+    @property
+    def left_out(self) -> int:
+        """Messages in the spool that the cloud fails at, and that nothing waits behind."""
+        return len(self._aside)
 
     def start(self) -> None:
         """Work in a thread."""
@@ -110,32 +118,53 @@ class Forwarder:
             CloudError: The cloud did not answer as agreed.
             SpoolError: The spool cannot be read or written.
         """
-        stored = self._spool.take(self._most, self._settings.batch_bytes)
+        alone = self._aside.due()
+        stored = [alone] if alone is not None else self._next()
         if not stored:
             return 0
         self._counters.forwarded.inc(len(stored))
         try:
             answers = self._cloud.send([(message.node, message.body) for message in stored])
         except CloudError as error:
-            if error.status is None:  # slow, perhaps: what it cannot do in time, it does twice
-                self._most = max(1, len(stored) // 2)
-            if error.status != httpx.codes.REQUEST_ENTITY_TOO_LARGE:
-                raise
-            return self._shrink(stored, error)
+            return self._divide(stored, error)
+        self._aside.taken(stored)
         self._note_success()
         self._thrift.take(sum(len(message.body) for message in stored))
         self._settle(stored, answers)
         self._most = min(self._most * 2, self._settings.batch_messages)
         return len(stored)
 
-    def _shrink(self, stored: list[Stored], error: CloudError) -> int:
-        """The cloud finds the request too large: send less, or give up one message alone."""
-        if len(stored) > 1:
+    def _next(self) -> list[Stored]:
+        """The oldest messages but those that are left out.
+
+        Raises:
+            CloudError: Nothing else is there to tell whose fault it is that it failed.
+        """
+        size = self._settings.batch_bytes
+        stored = self._spool.take(self._most, size, besides=self._aside.ids)
+        if not stored and self._aside.release_suspects():
+            raise CloudError("the cloud fails at each message that waits")
+        return stored
+
+    def _divide(self, stored: list[Stored], error: CloudError) -> int:
+        """The cloud did not take a request: send less, and find what it is that it cannot take.
+
+        Raises:
+            CloudError: There is to be a wait first.
+        """
+        halved = error.status in {None, httpx.codes.INTERNAL_SERVER_ERROR, _TOO_LARGE}
+        if halved and len(stored) > 1:  # what it cannot do in time, it does twice
             self._most = len(stored) // 2
-            raise error
-        self._bury(stored, [str(error)])
-        self._counters.cloud_rejected.inc()
-        return 1
+        elif error.status == _TOO_LARGE:
+            self._bury(stored, [str(error)])
+            self._counters.cloud_rejected.inc()
+            return 1
+        elif error.status == httpx.codes.INTERNAL_SERVER_ERROR:
+            if self._aside.hold(stored[0]):
+                self._counters.cloud_failures.inc()
+                return 1
+            self._aside.release_suspects()
+        raise error
 
     def _settle(self, stored: list[Stored], answers: list[Answer]) -> None:
         pairs = list(zip(stored, answers, strict=True))
@@ -162,7 +191,7 @@ class Forwarder:
         if not self.reachable:
             log.info("cloud reached: %s", self._settings.url)
         self.reachable = True
-        self.fault = None
+        self.fault = self._aside.fault
 
     def _note_failure(self, error: CloudError | SpoolError) -> float:
         """Tell once per change; gives the seconds to wait."""

@@ -75,6 +75,7 @@ class Health:
                 "bytes": spool.used,
                 "capacity_bytes": spool.capacity,
                 "oldest_age_s": self.oldest_age(),
+                "left_out": self._forwarder.left_out,
                 "dead_letters": spool.dead_letters,
                 "dropped_letters": spool.dropped_letters,
             },
@@ -98,6 +99,10 @@ class Health:
             "dead_letters_dropped": (
                 "dead letters that gave way to newer ones",
                 lambda: spool.statistics.dropped_letters,
+            ),
+            "spool_left_out": (
+                "messages in the spool that the cloud fails at",
+                lambda: self._forwarder.left_out,
             ),
             "inbox_messages": ("messages in the inbox", lambda: inbox.statistics.depth),
             "inbox_bytes": ("their bytes", lambda: inbox.statistics.used),

@@ -8,11 +8,11 @@ costs only sending again, which is always safe.
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import sqlite3
 import time
 from contextlib import ExitStack, closing, contextmanager
-from dataclasses import dataclass
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -25,9 +25,10 @@ from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
 from gateway.reserve import Reserve
 from gateway.schema import connect, migrate
+from gateway.spool_statistics import SpoolStatistics
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Collection, Iterator, Sequence
     from pathlib import Path
 
     from gateway.batch import Batch
@@ -37,6 +38,8 @@ log = logging.getLogger(__name__)
 RESERVE: Final = 8_000_000
 """Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
 _ADD_MESSAGE: Final = "INSERT INTO messages (node, received, body) VALUES (?, ?, ?)"
+_OLDEST: Final = """SELECT id, node, received, body FROM messages
+    WHERE id NOT IN (SELECT value FROM json_each(?)) ORDER BY id LIMIT ?"""
 _FORGET: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
 _KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?)"
 _KEEP_SENDER: Final = "INSERT OR REPLACE INTO senders VALUES (?, ?, ?, ?)"
@@ -53,25 +56,6 @@ class Stored(NamedTuple):
     node: str
     received: int
     body: bytes
-
-
-@dataclass(frozen=True, slots=True)
-class SpoolStatistics:
-    """How the spool fares.
-
-    Attributes:
-        messages: Messages waiting for the cloud.
-        used: Their bytes.
-        capacity: Most bytes.
-        dead_letters: Dead letters kept.
-        dropped_letters: Dead letters that gave way to newer ones since the start.
-    """
-
-    messages: int
-    used: int
-    capacity: int
-    dead_letters: int
-    dropped_letters: int
 
 
 class Spool:
@@ -155,12 +139,13 @@ class Spool:
         if batch.entries:
             self.filled.set()
 
-    def take(self, most: int, most_bytes: int) -> list[Stored]:
+    def take(self, most: int, most_bytes: int, *, besides: Collection[int] = ()) -> list[Stored]:
         """The oldest messages, in order; they stay until they are settled.
 
         Args:
             most: Most messages.
             most_bytes: Most bytes; one message is given in any case.
+            besides: Ids of messages that are left out.
 
         Raises:
             SpoolError: The file cannot be read.
@@ -169,9 +154,7 @@ class Spool:
         taken: list[Stored] = []
         size = 0
         try:
-            cursor = self._outlet.execute(
-                "SELECT id, node, received, body FROM messages ORDER BY id LIMIT ?", (most,)
-            )
+            cursor = self._outlet.execute(_OLDEST, (json.dumps(list(besides)), most))
             for row in cursor:
                 size += len(row[3])
                 if taken and size > most_bytes:

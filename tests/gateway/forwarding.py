@@ -24,15 +24,19 @@ MESSAGES = [("n", bytes([number])) for number in range(10)]
 
 
 class MemoryCloud:
-    """The in-memory twin: stores, or fails as told."""
+    """The in-memory twin: stores, or fails as told; ``failing`` are bodies that break it."""
 
     def __init__(self) -> None:
         self.mode = "ok"
+        self.failing: set[bytes] = set()
         self.stored: list[tuple[str, bytes]] = []
 
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
         if self.mode in {"error", "busy", "nonsense", "short"}:
-            raise CloudError("told to fail", status=500)
+            status = {"error": 500, "busy": 503}.get(self.mode)
+            raise CloudError("told to fail", status=status)
+        if any(body in self.failing for _, body in messages):
+            raise CloudError("broken by a message", status=500)
         if self.mode == "large" and len(messages) > 2:
             raise CloudError("too large", status=413)
         return [self._store(message) for message in messages]

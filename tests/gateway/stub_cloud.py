@@ -28,7 +28,7 @@ class StubCloud:
 
     ``mode``: ok, error, busy, flooded, nonsense, short, slow, reject, large. ``commands`` are given
     to the gateway, a node's id and bytes; ``held`` is what it said last that it has. ``watched`` is
-    what it says of onlookers.
+    what it says of onlookers, ``failing`` bodies that break it.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -42,6 +42,7 @@ class StubCloud:
         self.duplicates = 0
         self.requests = 0
         self.watched: object = {}
+        self.failing: set[bytes] = set()
         self.faults: list[str] = []
         self.commands: dict[str, tuple[int, bytes]] = {}
         self.held: dict[tuple[str, int], bool] = {}
@@ -96,6 +97,8 @@ class StubCloud:
         }
         if mode in refusals:
             return refusals[mode]
+        if any(body in self.failing for _, body in items):
+            return 500, b"oops"
         if mode == "large" and len(items) > 2:
             return 413, b"too large"
         if mode == "short":
