@@ -166,14 +166,17 @@ def last_cursor(connection: Connection) -> int:
 def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry]:
     """Entries with ``after < cursor <= end``."""
     b = blocks.c
-    query = select(b.cursor, b.node, b.channel, b.data)
+    query = select(b.cursor, b.node, b.channel, b.data, b.received)
     rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
-    found = [Entry(*row, None) for row in rows]
+    found = [Entry(*row[:4], None, row[4]) for row in rows]
     e = events.c
     told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
-    found += [Entry(row["cursor"], row["node"], row["channel"], None, dict(row)) for row in told]
+    found += [
+        Entry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
+        for row in told
+    ]
     v = veiled.c
-    sealed = select(v.cursor, v.node, v.channel, v.data)
+    sealed = select(v.cursor, v.node, v.channel, v.data, v.received)
     rows = connection.execute(sealed.where(v.cursor > after, v.cursor <= end))
-    found += [Entry(*row[:3], None, None, row[3]) for row in rows]
+    found += [Entry(*row[:3], None, None, row[4], row[3]) for row in rows]
     return sorted(found, key=lambda entry: entry.cursor)

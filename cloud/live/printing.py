@@ -12,11 +12,13 @@ from cloud.query.series import Series, reduce_samples, union_coverage
 from cloud.query.span import Samples
 from cloud.shapes import dump, event_shape, series_shape
 from eskin.messages import Block, BlockSummary, decode_summary
+from eskin.moment import format_moment
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from cloud.live.selection import Selection
+    from cloud.shapes import Json
     from cloud.store.entry import Entry
 
 _KEPT: Final = 512
@@ -62,7 +64,7 @@ class Press:
         if entry.block is None:
             return _of_row(entry.cursor, entry.event or {})
         write = self._kept if keep else _of_block
-        return write(entry.cursor, entry.node, entry.block, points)
+        return write(entry.cursor, entry.node, entry.block, points, entry.received)
 
 
 def event(kind: str, cursor: int, data: object) -> bytes:
@@ -74,8 +76,12 @@ def _of_row(cursor: int, row: dict[str, Any]) -> bytes:
     return event(str(row["kind"]), cursor, event_shape(row))
 
 
-def _of_block(cursor: int, node: str, data: bytes, points: int) -> bytes:
-    return event("block", cursor, series_shape(reduce_block(node, Block.decode(data), points)))
+def _of_block(cursor: int, node: str, data: bytes, points: int, received: int) -> bytes:
+    return event("block", cursor, _shape(reduce_block(node, Block.decode(data), points), received))
+
+
+def _shape(series: Series, received: int) -> Json:
+    return series_shape(series) | {"stored": format_moment(received)}
 
 
 def reduce_block(node: str, block: Block, points: int) -> Series:
@@ -114,7 +120,7 @@ def print_joined(entries: Sequence[Entry], begun: int) -> bytes:
         entries: In order of their cursors, at least one.
         begun: The cursor before them.
     """
-    told = [("block", series_shape(run.series)) for run in _runs(entries)]
+    told = [("block", _shape(run.series, run.received)) for run in _runs(entries)]
     rows = [entry.event for entry in entries if entry.block is None and entry.event]
     told += [(str(row["kind"]), event_shape(row)) for row in rows]
     cursors = [begun] * (len(told) - 1) + [entries[-1].cursor]
@@ -135,6 +141,7 @@ class Run:
         hi: The greatest of their upper bounds.
         coverage: The least of theirs.
         time_error: The greatest of theirs, in ns.
+        received: When the cloud stored the last of them, UTC ns.
     """
 
     node: str
@@ -146,15 +153,17 @@ class Run:
     hi: float
     coverage: float
     time_error: int
+    received: int
 
     @classmethod
-    def of(cls, node: str, block: BlockSummary) -> Run:
+    def of(cls, node: str, block: BlockSummary, received: int) -> Run:
         """One block."""
         earliest, latest = block.time
         start = (earliest + latest) // 2
         end = start + block.n * block.dt
         error = (latest - earliest + 1) // 2
-        return cls(node, block, start, end, block.n, *block.bounds, block.coverage, error)
+        said = *block.bounds, block.coverage
+        return cls(node, block, start, end, block.n, *said, error, received)
 
     def joined(self, other: Run) -> Run | None:
         """With those that come next; ``None`` if they do not follow at once, or are others."""
@@ -171,6 +180,7 @@ class Run:
             hi=max(self.hi, other.hi),
             coverage=min(self.coverage, other.coverage),
             time_error=max(self.time_error, other.time_error),
+            received=other.received,
         )
 
     @property
@@ -198,7 +208,7 @@ def _runs(entries: Iterable[Entry]) -> list[Run]:
         block = None if entry.block is None else decode_summary(entry.block)
         if not isinstance(block, BlockSummary):
             continue
-        run, place = Run.of(entry.node, block), (entry.node, block.channel)
+        run, place = Run.of(entry.node, block, entry.received), (entry.node, block.channel)
         at = latest.get(place)
         joined = None if at is None else found[at].joined(run)
         if at is None or joined is None:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Final
 from cloud.access import Scope
 from cloud.privacy.erasures import unheard
 from cloud.problems import ProblemError
-from cloud.store.entry import Entry
 from cloud.store.events import peak_row
 from eskin.errors import NoKeyError, PrivacyError, StoreError
 from eskin.messages import Block
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from cloud.store.entry import Entry
     from eskin.privacy import Vault
 
 log = logging.getLogger(__name__)
@@ -162,6 +162,6 @@ def _open(unveiler: Unveiler, entry: Entry, sealed: bytes) -> Entry | None:
     except PrivacyError:  # erased since, or never given
         return None
     if isinstance(message, Block):
-        return Entry(entry.cursor, entry.node, entry.channel, data, None)
+        return entry._replace(block=data, veiled=None)
     row = peak_row(entry.node, message, data) | {"cursor": entry.cursor}
-    return Entry(entry.cursor, entry.node, entry.channel, None, row)
+    return entry._replace(event=row, veiled=None)

@@ -14,6 +14,7 @@ class Entry(NamedTuple):
         channel: Of which channel; ``None`` for a gap or a status.
         block: The block's bytes; ``None`` for an event.
         event: The event's row; ``None`` for a block.
+        received: When the cloud stored it, UTC ns.
         veiled: A sealed block or peak; then there is neither of them.
     """
 
@@ -22,6 +23,7 @@ class Entry(NamedTuple):
     channel: str | None
     block: bytes | None
     event: dict[str, Any] | None
+    received: int
     veiled: bytes | None = None
 
     @property

@@ -86,7 +86,7 @@ class _Batch:
         cursor = self.ledger.next_cursor(self.connection)
         row |= {"cursor": cursor, "received": self.now}
         self.events.append(row)
-        self.entries.append(Entry(cursor, row["node"], row["channel"], None, row))
+        self.entries.append(Entry(cursor, row["node"], row["channel"], None, row, self.now))
 
 
 def take_in(
@@ -185,7 +185,7 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
     stretch.rows.append(row)
     stretch.ranges.add(sequence)
     batch.blocks.append(row)
-    batch.entries.append(Entry(cursor, node, block.channel, item.data, None))
+    batch.entries.append(Entry(cursor, node, block.channel, item.data, None, batch.now))
     return _KEPT
 
 
@@ -204,7 +204,7 @@ def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
     if isinstance(message, Veiled):
         cursor = batch.ledger.next_cursor(batch.connection)
         batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
-        batch.entries.append(Entry(cursor, node, message.channel, None, None, data))
+        batch.entries.append(Entry(cursor, node, message.channel, None, None, batch.now, data))
         add_veiled(batch.connection, batch.ledger, node, message)
         note_veiled_lag(batch.connection, batch.ledger, node, message, now=batch.now)
     elif isinstance(message, Peak):

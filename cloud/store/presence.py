@@ -116,7 +116,7 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
         cursor = ledger.next_cursor(connection)
         event |= {"cursor": cursor, "received": now}
         connection.execute(insert(events), event)
-        entries.append(Entry(cursor, node, None, None, event))
+        entries.append(Entry(cursor, node, None, None, event, now))
     if entries:
         ledger.save(connection)
     return entries

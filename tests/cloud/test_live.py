@@ -47,7 +47,19 @@ async def test_block_looks_like_a_series(stand: Stand) -> None:
     await stand.ingest(batch(block(0, [1.0, float("-inf")], [2.0, float("inf")])))
     (heard,) = await take(stand, 1)
     series = (await stand.get(f"/api/v1/series/{NODE}/{CHANNEL}")).json()
-    assert heard["data"] == series
+    assert heard["data"] == series | {"stored": format_moment(stand.clock())}
+
+
+async def test_block_tells_when_it_was_stored(stand: Stand) -> None:
+    stored = []
+    for number in range(3):
+        stand.clock.turn(1.0)
+        stored.append(format_moment(stand.clock()))
+        await stand.ingest(batch(block(number, time=(START + 10 * number * DT,) * 2)))
+    assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
+    stand.cloud.feed._recent.clear()
+    stand.cloud.feed._floor = stand.cloud.feed.last
+    assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
 
 
 @pytest.mark.parametrize("recent", [1, 1000])
@@ -118,11 +130,15 @@ async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
         assert [event["id"] for event in events_of(await anext(slow))] == ["1"]
         assert await anext(slow) == b""  # there is room, after a while
         await stand.ingest(batch(*told[:3], peak(9), other))
+        stand.clock.turn(1.0)
         await stand.ingest(batch(*told[3:]))
         heard = events_of(await anext(slow))
     hulls = [event["data"] for event in heard if event["event"] == "block"]
     assert [hull["channel"] for hull in hulls] == [CHANNEL, "t02.capacitance", CHANNEL]
     assert [event["event"] for event in heard] == ["block"] * 3 + ["peak"]
+    now, before = stand.clock(), stand.clock() - 10**9
+    latest = [format_moment(moment) for moment in (now, before, now)]
+    assert [hull["stored"] for hull in hulls] == latest
     # Whoever breaks off before the last is told all of it again.
     assert [event["id"] for event in heard] == ["1", "1", "1", "9"]
     for hull, blocks in ((hulls[0], told[:5]), (hulls[2], told[5:])):

@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import type { SeriesAnswer } from "../src/api/contract";
+import type { LiveBlock } from "../src/api/contract";
 import { LiveEdge } from "../src/live/edge";
 import { Present } from "../src/skin/present";
 import { Timeline } from "../src/time/timeline";
@@ -9,16 +9,18 @@ const touched = { lo: 5, hi: 6 };
 const idle = { lo: 1, hi: 2 };
 
 /** A block that ends so many ms after the start. */
-function block(end: number, { lo, hi }: { lo: number; hi: number }, name = "c"): SeriesAnswer {
+function block(end: number, { lo, hi }: { lo: number; hi: number }, name = "c"): LiveBlock {
   const t0 = new Date(START + end - 1).toISOString();
-  return { node: "n", channel: name, unit: "F", coverage: 1, resolution: "sample", t0, t: [0, 1e6], lo: [lo, lo], hi: [hi, hi], dt: 1e6, time_error: 0 };
+  return { node: "n", channel: name, unit: "F", coverage: 1, resolution: "sample", t0, t: [0, 1e6], lo: [lo, lo], hi: [hi, hi], dt: 1e6, time_error: 0, stored: t0 };
 }
 
-/** Nobody tells how late what the node says is, unless a test does. */
+/** The same, stored so many ms after the start by the cloud's clock. */
+function stored(said: LiveBlock, at: number): LiveBlock {
+  return { ...said, stored: new Date(START + at).toISOString() };
+}
+
 function presentOf(edge = new LiveEdge()): Present {
-  const present = new Present(new Timeline(BigInt(START) * 1_000_000n), edge);
-  present.takeLag(null);
-  return present;
+  return new Present(new Timeline(BigInt(START) * 1_000_000n), edge);
 }
 
 describe("the present", () => {
@@ -67,29 +69,36 @@ describe("the present", () => {
 describe("the present of a node that comes back", () => {
   test("is unknown while a node brings what waited, by the cloud's clock", () => {
     const present = presentOf();
-    present.take(block(1_000, touched), 500_000);
-    present.takeLag({ lo_ns: 3600e9, hi_ns: 3601e9 });
+    present.take(stored(block(1_000, touched), 3_601_000), 500_000);
     expect([present.of("c", 500_010), present.age]).toEqual([null, 3600e9]);
-    present.take(block(3_601_100, idle), 500_200);
+    present.take(stored(block(3_601_100, idle), 3_601_200), 500_200);
     expect([present.of("c", 500_210), present.age]).toEqual([idle, null]);
   });
 
   test("is unknown at once where a node falls silent and comes back with the past", () => {
     const present = presentOf();
-    present.take(block(1_000, idle), 500_000);
-    present.takeLag({ lo_ns: 31e6, hi_ns: 35e6 });
+    present.take(stored(block(1_000, idle), 1_031), 500_000);
     expect(present.of("c", 500_010)).toEqual(idle);
-    present.take(block(1_250, touched), 600_000);
+    present.take(stored(block(1_250, touched), 101_031), 600_000);
     expect([present.of("c", 600_010), present.age]).toEqual([null, 99_781e6]);
   });
 
-  test("is not known before the cloud has said how late a block was", () => {
+  test("is unknown where a broken stream brings what was stored in time, but long ago", () => {
     const present = presentOf();
-    present.clear();
-    present.takeLag({ lo_ns: 0, hi_ns: 1 });
-    present.take(block(1_000, touched), 0);
-    expect(present.of("c", 10)).toBeNull();
-    present.takeLag({ lo_ns: 31e6, hi_ns: 35e6 });
-    expect(present.of("c", 20)).toEqual(touched);
+    present.take(stored(block(1_000, idle), 1_031), 500_000);
+    present.take(stored(block(1_250, touched), 1_281), 600_000);
+    expect([present.of("c", 600_010), present.age]).toEqual([null, 99_781e6]);
+    present.take(stored(block(101_200, touched), 101_231), 600_200);
+    expect([present.of("c", 600_210), present.age]).toEqual([touched, null]);
+  });
+
+  test("is known again some blocks after the cloud's clock was set back", () => {
+    const present = presentOf();
+    present.take(stored(block(0, idle), 3_600_031), 500_000);
+    for (let k = 1; k <= 64; k += 1) {
+      expect(present.of("c", 500_000 + 50 * k)).toBeNull();
+      present.take(stored(block(50 * k, idle), 50 * k + 31), 500_000 + 50 * k);
+    }
+    expect(present.of("c", 503_210)).toEqual(idle);
   });
 });

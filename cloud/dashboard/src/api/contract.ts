@@ -114,6 +114,11 @@ export interface SeriesAnswer {
   readonly time_error: number;
 }
 
+/** A live block: a series, and when the cloud stored it by its own clock. */
+export interface LiveBlock extends SeriesAnswer {
+  readonly stored: string;
+}
+
 /** A parameter of a model; its unit is null where it is the channel's own. */
 export interface ModelParameter {
   readonly name: string;

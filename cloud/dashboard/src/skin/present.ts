@@ -1,4 +1,4 @@
-import type { LagJson, SeriesAnswer } from "../api/contract";
+import type { LiveBlock, SeriesAnswer } from "../api/contract";
 import { readInterval, type Interval } from "../interval/interval";
 import type { LiveEdge } from "../live/edge";
 import { parseInstant } from "../time/instant";
@@ -7,6 +7,8 @@ import type { Timeline } from "../time/timeline";
 /** What is older is not the present, nor what nothing followed for so long. */
 const STALE_MS = 4_000;
 const MS = 1e6;
+/** The cloud's clock is told by so many of the latest blocks. */
+const CLOCKS = 64;
 
 interface Told {
   /** Null where the block has no known sample. */
@@ -39,13 +41,15 @@ export class Present {
   private readonly latest = new Map<string, Told>();
   /** Of all blocks, that with the newest samples. */
   private newest: Told | null = null;
-  /** What is added to the page's clock (ns) gives the cloud's; null before it is known, -Infinity where none tells. */
-  private offset: number | null = null;
+  /** By the latest blocks, what is added to the page's clock (ns) to give the cloud's: none came before it was stored. */
+  private readonly offsets: number[] = [];
 
   constructor(private readonly timeline: Timeline, private readonly edge: LiveEdge) {}
 
   /** Takes a live block, that came at a moment of the page's clock (ms). */
-  take(block: SeriesAnswer, at: number): void {
+  take(block: LiveBlock, at: number): void {
+    this.offsets.push(this.timeline.toX(parseInstant(block.stored)) - at * MS);
+    if (this.offsets.length > CLOCKS) this.offsets.shift();
     const begin = this.timeline.toX(parseInstant(block.t0));
     const end = begin + (block.t.at(-1) ?? 0);
     const held = this.latest.get(block.channel);
@@ -56,36 +60,30 @@ export class Present {
     if (this.newest === null || end > this.newest.end) this.newest = told;
   }
 
-  /** Takes what the cloud says by its own clock: how old the node's latest block was when it was stored. */
-  takeLag(lag: LagJson | null): void {
-    if (lag === null) this.offset = -Infinity;
-    else if (this.newest !== null) this.offset = lag.lo_ns - (this.newest.at * MS - this.newest.end);
-  }
-
   /** How old the newest samples were at least (ns) when they came, if that was too old: the node brings what waited. */
   get age(): number | null {
-    const age = this.newest === null || this.offset === null ? 0 : this.ageOf(this.newest, this.newest.end, this.offset);
+    const age = this.newest === null ? 0 : this.ageOf(this.newest, this.newest.end);
     return age > STALE_MS * MS ? age : null;
   }
 
   /** The interval of a channel at a moment of the page's clock (ms); null where nothing is known of the present. */
   of(channel: string, at: number): Interval | null {
     const told = this.latest.get(channel);
-    if (!told || this.offset === null || at - told.at >= STALE_MS) return null;
-    if (this.ageOf(told, told.known, this.offset) > STALE_MS * MS) return null;
+    if (!told || at - told.at >= STALE_MS) return null;
+    if (this.ageOf(told, told.known) > STALE_MS * MS) return null;
     // A simulated node's clock may run faster than ours: then as much more of its time passes.
     const behind = Math.max(this.edge.newest() ?? told.end, told.end) - told.known;
     return behind > this.edge.timeIn(STALE_MS) ? null : told.interval;
   }
 
-  /** How old one of its samples was at least when it came, in ns. */
-  private ageOf({ at }: Told, taken: number, offset: number): number {
-    return at * MS - taken + offset;
+  /** How old one of its samples was at least when it came, in ns by the cloud's clock. */
+  private ageOf({ at }: Told, taken: number): number {
+    return at * MS + Math.max(...this.offsets) - taken;
   }
 
   clear(): void {
     this.latest.clear();
     this.newest = null;
-    this.offset = null;
+    this.offsets.length = 0;
   }
 }

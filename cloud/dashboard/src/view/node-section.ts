@@ -1,4 +1,4 @@
-import type { ChannelItem, EventItem, LagJson, SeriesAnswer } from "../api/contract";
+import type { ChannelItem, EventItem, LiveBlock } from "../api/contract";
 import { isAbort, messageOf } from "../api/failure";
 import type { PeakMark } from "../chart/peak-groups";
 import { LiveEdge } from "../live/edge";
@@ -67,16 +67,11 @@ export class NodeSection {
   }
 
   /** Takes a live block; a channel that is new makes the section ask for the list again. */
-  take(block: SeriesAnswer, at: number): void {
+  take(block: LiveBlock, at: number): void {
     this.picture?.take(block, at);
     const panel = this.panels.get(block.channel);
     if (panel) panel.take(block, at);
     else if (this.options.channel === null && this.retry === null) this.loadAgain(1_000);
-  }
-
-  /** Takes how old the node's latest block was when it came. */
-  takeLag(lag: LagJson | null): void {
-    this.picture?.takeLag(lag);
   }
 
   takeEvent(event: EventItem): void {

@@ -1,4 +1,4 @@
-import type { EventItem, NodeItem, SeriesAnswer } from "../api/contract";
+import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
 import { address } from "../api/client";
 import { isAbort } from "../api/failure";
 import type { PeakMark } from "../chart/peak-groups";
@@ -74,7 +74,6 @@ export class Page {
   /** Takes over how the nodes are; the overview shows all of them, a page of one node keeps to it. */
   showNodes(nodes: readonly NodeItem[]): void {
     if (this.scope.node === null) this.showAll(nodes);
-    for (const { id, lag } of nodes) this.sections.get(id)?.takeLag(lag);
   }
 
   /** Says that the nodes could not be loaded, and whether it had the room to say so. */
@@ -216,7 +215,7 @@ export class Page {
     const at = performance.now();
     try {
       if (message.event === "block") {
-        const block = JSON.parse(message.data) as SeriesAnswer;
+        const block = JSON.parse(message.data) as LiveBlock;
         this.sections.get(block.node)?.take(block, at);
       } else if (["peak", "gap", "status", "command"].includes(message.event)) {
         const event = JSON.parse(message.data) as EventItem;

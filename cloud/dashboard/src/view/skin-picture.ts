@@ -1,4 +1,4 @@
-import type { ChannelItem, LagJson, SeriesAnswer, TaxelItem } from "../api/contract";
+import type { ChannelItem, LiveBlock, TaxelItem } from "../api/contract";
 import { isAbort } from "../api/failure";
 import { formatInterval } from "../interval/format";
 import type { Interval } from "../interval/interval";
@@ -67,13 +67,8 @@ export class SkinPicture {
   }
 
   /** Takes a live block. */
-  take(block: SeriesAnswer, at: number): void {
+  take(block: LiveBlock, at: number): void {
     if (this.view.kind === "live") this.present.take(block, at);
-  }
-
-  /** Takes how old the node's latest block was when it came. */
-  takeLag(lag: LagJson | null): void {
-    this.present.takeLag(lag);
   }
 
   frame(at: number): void {
