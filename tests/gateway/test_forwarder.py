@@ -107,8 +107,8 @@ def test_failing_cloud_costs_nothing_but_time(setup: Setup, mode: str) -> None:
     setup.forwarder.stop()
     # A failure alone does not tell whose fault it is: some may have been tried without others.
     assert sorted(setup.told.stored) == MESSAGES
-    assert setup.forwarder.fault is None
     assert setup.forwarder.left_out == 0
+    assert setup.forwarder.fault is None
 
 
 def test_messages_that_the_cloud_fails_at_hold_up_no_other_and_are_not_lost(setup: Setup) -> None:
