@@ -13,7 +13,7 @@ const STYLE = { halfMark: 1.5, thickness: 2 };
 function entries(rows: readonly (readonly [t: number, width: number, lo: number, hi: number])[], timeError = 0): Entries {
   const column = (index: 0 | 1 | 2 | 3): Float64Array => Float64Array.from(rows, (row) => row[index]);
   const [doubt, error] = [new Float64Array(rows.length), new Float64Array(rows.length).fill(timeError)];
-  return { t: column(0), width: column(1), lo: column(2), hi: column(3), doubt, error, reach: 10 };
+  return { t: column(0), width: column(1), lo: column(2), hi: column(3), doubt, error, reach: new Float64Array(rows.length).fill(10) };
 }
 
 describe("pixel columns", () => {

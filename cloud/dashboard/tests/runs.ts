@@ -9,7 +9,7 @@ export function run(from: number, values: readonly (readonly [number, number])[]
     hi: Float64Array.from(values, ([, hi]) => hi),
     doubt: new Float64Array(values.length),
     error: new Float64Array(values.length),
-    reach: 1.5 * step,
+    reach: new Float64Array(values.length).fill(1.5 * step),
   };
 }
 

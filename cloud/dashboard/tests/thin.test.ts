@@ -13,7 +13,7 @@ function run(lo: readonly number[], t = lo.map((_, i) => 1000 + i * STEP), width
     hi: Float64Array.from(lo, (low) => low + 1),
     doubt: new Float64Array(t.length).fill(0.25),
     error: Float64Array.from(t, (_, i) => i % 7),
-    reach: 1.5 * STEP,
+    reach: new Float64Array(t.length).fill(1.5 * STEP),
   };
 }
 

@@ -1,7 +1,7 @@
 import uPlot from "uplot";
 import type { Range } from "../state/window";
 import type { Timeline } from "../time/timeline";
-import { NOTHING, type Entries } from "../tube/entries";
+import { leastSpacing, NOTHING, type Entries } from "../tube/entries";
 import { element, setText } from "../view/element";
 import { makeAxes, type Ticks } from "./axes";
 import { AxisLabels } from "./axis-labels";
@@ -222,7 +222,7 @@ export class BandChart {
     paintSegments(canvas, map, this.marks.segments);
     const missing = missingStretches(this.entries, x0, x1);
     paintMissing(canvas, map, [...(this.facts.bursts ? withoutPauses(missing) : missing), ...this.marks.gaps]);
-    const spacing = ((this.entries.reach / 1.5) * map.width) / (x1 - x0);
+    const spacing = (leastSpacing(this.entries) * map.width) / (x1 - x0);
     const style = { halfMark: halfMarkFor(spacing, ratio), thickness: Math.ceil(1.5 * ratio) };
     this.placed = placePeaks(this.marks.peaks, map, ratio);
     paintRegions(canvas, this.placed);

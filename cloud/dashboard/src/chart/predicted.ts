@@ -1,7 +1,7 @@
 import type { PredictionAnswer } from "../api/contract";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
-import type { Entries } from "../tube/entries";
+import { HULL_REACH, type Entries } from "../tube/entries";
 import type { Columns } from "./columns";
 import { paintFill, type Canvas } from "./paint-band";
 
@@ -15,7 +15,7 @@ export function readPrediction(answer: PredictionAnswer, timeline: Timeline): En
     hi: Float64Array.from(answer.hi, (bound) => bound ?? Infinity),
     doubt: new Float64Array(answer.t.length),
     error: new Float64Array(answer.t.length),
-    reach: answer.dt / 2,
+    reach: new Float64Array(answer.t.length).fill(HULL_REACH * answer.dt),
   };
 }
 

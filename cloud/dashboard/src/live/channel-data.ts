@@ -50,7 +50,7 @@ function widened({ x0, x1 }: Range, by: number): Range {
 /** One entry that says: nothing is known here. */
 function nothingIn({ x0, x1 }: Range): Entries {
   const [missing, none] = [Float64Array.of(Number.NaN), Float64Array.of(0)];
-  return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, doubt: none, error: none, reach: 0 };
+  return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, doubt: none, error: none, reach: none };
 }
 
 /** A stretch that the store was asked for, and what the stream tells of it meanwhile. */
@@ -167,7 +167,7 @@ export class ChannelData {
     this.tube.merge(seen);
     for (const { range, runs } of this.fillings) if (!apart(range, { x0: start, x1: end })) runs.push(seen);
     const silence = start - before;
-    const hole = silence > Math.max(2 * run.reach, 3 * this.latest.dt, this.usualPause);
+    const hole = silence > Math.max(2 * run.reach[0]!, 3 * this.latest.dt, this.usualPause);
     return { block: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
   }
 

@@ -1,7 +1,7 @@
 import type { SeriesAnswer } from "../api/contract";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
-import type { Entries } from "./entries";
+import { HULL_REACH, SAMPLE_REACH, type Entries } from "./entries";
 
 /** Reads the cloud's series (or a live block): null on one side is unbounded, on both sides missing. */
 export function readSeries(answer: SeriesAnswer, timeline: Timeline): Entries {
@@ -23,5 +23,6 @@ export function readSeries(answer: SeriesAnswer, timeline: Timeline): Entries {
   // Far from the timeline's origin, the numbers that times are painted by leave nanoseconds out.
   const slip = timeline.slip(Math.max(Math.abs(start), Math.abs(t.at(-1) ?? start)));
   const error = new Float64Array(count).fill(answer.time_error + slip);
-  return { t, width, lo, hi, doubt, error, reach: (hull ? 0.5 : 1.5) * answer.dt };
+  const reach = new Float64Array(count).fill((hull ? HULL_REACH : SAMPLE_REACH) * answer.dt);
+  return { t, width, lo, hi, doubt, error, reach };
 }

@@ -12,29 +12,34 @@ export interface Entries {
   readonly doubt: Float64Array;
   /** Of each entry, how far the true moments may lie from where it says, in ns. */
   readonly error: Float64Array;
-  /** Neighbours with no more than this between them (ns) follow each other without a break. */
-  readonly reach: number;
+  /** Of each entry, within how much after it (ns) the next one follows without a break. */
+  readonly reach: Float64Array;
 }
 
-export type Column = Exclude<keyof Entries, "reach">;
-export const COLUMNS: readonly Column[] = ["t", "width", "lo", "hi", "doubt", "error"];
+/** The next sample follows without a break within so many periods; the next hull within so many of its widths. */
+export const SAMPLE_REACH = 1.5;
+export const HULL_REACH = 0.5;
+
+export type Column = keyof Entries;
+export const COLUMNS: readonly Column[] = ["t", "width", "lo", "hi", "doubt", "error", "reach"];
 
 /** A run of which each column is made by a function. */
-export function byColumn(make: (column: Column) => Float64Array, reach: number): Entries {
-  const [t, width, lo, hi, doubt, error] = COLUMNS.map(make) as [Float64Array, Float64Array, Float64Array, Float64Array, Float64Array, Float64Array];
-  return { t, width, lo, hi, doubt, error, reach };
+export function byColumn(make: (column: Column) => Float64Array): { [Name in Column]: Float64Array } {
+  return {
+    t: make("t"), width: make("width"), lo: make("lo"), hi: make("hi"), doubt: make("doubt"), error: make("error"), reach: make("reach"),
+  };
 }
 
-export const NOTHING: Entries = byColumn(() => new Float64Array(0), 0);
+export const NOTHING: Entries = byColumn(() => new Float64Array(0));
 
 /** The entries [from, to) of a run, without copying. */
 export function part(entries: Entries, from: number, to: number): Entries {
-  return byColumn((column) => entries[column].subarray(from, to), entries.reach);
+  return byColumn((column) => entries[column].subarray(from, to));
 }
 
 /** A copy that stays as it is. */
 export function copyOf(entries: Entries): Entries {
-  return byColumn((column) => entries[column].slice(), entries.reach);
+  return byColumn((column) => entries[column].slice());
 }
 
 /** The index of the first entry at or after x. */
@@ -80,6 +85,18 @@ export function clipEnd(entries: Entries, x: number): Entries {
   const width = entries.width.slice(0, count);
   for (let i = count - 1; i >= 0 && entries.t[i]! + width[i]! > x; i -= 1) width[i] = x - entries.t[i]!;
   return { ...part(entries, 0, count), width };
+}
+
+/** Whether an entry goes on to the next one without a break. */
+export function goesOn({ t, width, reach }: Entries, index: number): boolean {
+  return t[index + 1]! - t[index]! - width[index]! <= reach[index]!;
+}
+
+/** The least time between two samples of a run, in ns; Infinity where it has none. */
+export function leastSpacing({ width, reach }: Entries): number {
+  let least = Infinity;
+  for (let i = 0; i < width.length; i += 1) if (width[i] === 0 && reach[i]! < least) least = reach[i]!;
+  return least / SAMPLE_REACH;
 }
 
 /** The greatest error of time of a run, in ns. */

@@ -1,5 +1,5 @@
 import type { Range } from "../state/window";
-import { byColumn, COLUMNS, copyOf, endOf, firstAtOrAfter, firstBeyond, part, stopOf, type Column, type Entries } from "./entries";
+import { byColumn, COLUMNS, copyOf, endOf, firstAtOrAfter, firstBeyond, goesOn, part, stopOf, type Column, type Entries } from "./entries";
 import { unite } from "./unite";
 
 const FIRST_SIZE = 512;
@@ -12,11 +12,10 @@ export class Tube {
   private readonly arrays: { [Name in Column]: Float64Array };
   private start = 0;
   private end = 0;
-  private reach = 0;
 
   constructor(private readonly capacity: number) {
     const size = Math.min(FIRST_SIZE, 2 * capacity);
-    this.arrays = byColumn(() => new Float64Array(size), 0);
+    this.arrays = byColumn(() => new Float64Array(size));
   }
 
   get size(): number {
@@ -25,13 +24,12 @@ export class Tube {
 
   /** The entries held now, without copying; valid until the next change. */
   view(): Entries {
-    return byColumn((column) => this.arrays[column].subarray(this.start, this.end), this.reach);
+    return byColumn((column) => this.arrays[column].subarray(this.start, this.end));
   }
 
   clear(): void {
     this.start = 0;
     this.end = 0;
-    this.reach = 0;
   }
 
   /**
@@ -43,7 +41,6 @@ export class Tube {
     const begin = run.t[0];
     const stop = endOf(run);
     if (begin === undefined || stop === null) return;
-    this.reach = Math.max(this.reach, run.reach);
     const held = this.view();
     const from = firstBeyond(held, begin);
     if (from === held.t.length) {
@@ -112,7 +109,7 @@ export class Tube {
   /** Joins neighbours two by two, never across a gap; false when nothing could be joined. */
   private coalesce(): boolean {
     const held = this.view();
-    const { t, width, lo, hi, doubt, error } = held;
+    const { t, width, lo, hi, doubt, error, reach } = held;
     let out = 0;
     for (let i = 0; i < t.length; out += 1) {
       const pair = this.joins(held, i);
@@ -122,16 +119,17 @@ export class Tube {
       [t[out], width[out]] = [t[i]!, stop - t[i]!];
       [lo[out], hi[out]] = [Math.min(lo[i]!, lo[last]!), Math.max(hi[i]!, hi[last]!)];
       [doubt[out], error[out]] = [joined, Math.max(error[i]!, error[last]!)];
+      reach[out] = reach[last]!;
       i = last + 1;
     }
     this.end = this.start + out;
     return out < t.length;
   }
 
-  private joins({ t, width, lo }: Entries, i: number): boolean {
-    if (i + 1 >= t.length) return false;
-    const known = !Number.isNaN(lo[i]!);
-    if (known !== !Number.isNaN(lo[i + 1]!)) return false;
-    return !known || t[i + 1]! - t[i]! - width[i]! <= this.reach;
+  private joins(held: Entries, i: number): boolean {
+    if (i + 1 >= held.t.length) return false;
+    const known = !Number.isNaN(held.lo[i]!);
+    if (known !== !Number.isNaN(held.lo[i + 1]!)) return false;
+    return !known || goesOn(held, i);
   }
 }

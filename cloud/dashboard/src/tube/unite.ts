@@ -1,4 +1,4 @@
-import { byColumn, COLUMNS, type Column, type Entries } from "./entries";
+import { byColumn, COLUMNS, goesOn, type Column, type Entries } from "./entries";
 
 /** One entry of a run. */
 interface Said {
@@ -49,24 +49,25 @@ class Reader {
     const { run, at } = this;
     const next = at + 1;
     if (at < 0 || next >= run.t.length || Number.isNaN(run.lo[at]!) || Number.isNaN(run.lo[next]!)) return false;
-    return run.t[next]! - run.t[at]! - run.width[at]! <= run.reach;
+    return goesOn(run, at);
   }
 }
 
 /** Collects entries in the order of time. */
 class Writer {
-  private readonly lists: Record<Column, number[]> = { t: [], width: [], lo: [], hi: [], doubt: [], error: [] };
+  private readonly lists: Record<Column, number[]> = { t: [], width: [], lo: [], hi: [], doubt: [], error: [], reach: [] };
 
   /** The hull of what is said; not all of it holds with the sum of the doubts at most. */
   add(t: number, width: number, said: readonly Said[]): void {
-    let [lo, hi, doubt, error] = [Infinity, -Infinity, 0, 0];
+    let [lo, hi, doubt, error, reach] = [Infinity, -Infinity, 0, 0, 0];
     for (const { run, index } of said) {
       lo = Math.min(lo, run.lo[index]!);
       hi = Math.max(hi, run.hi[index]!);
       doubt += run.doubt[index]!;
       error = Math.max(error, run.error[index]!);
+      reach = Math.max(reach, run.reach[index]!);
     }
-    this.push({ t, width, lo, hi, doubt, error });
+    this.push({ t, width, lo, hi, doubt, error, reach });
   }
 
   /** Nothing is known; that goes on where nothing was known before. */
@@ -75,11 +76,11 @@ class Writer {
     const last = lists.t.length - 1;
     const stop = last >= 0 && Number.isNaN(lists.lo[last]) ? lists.t[last]! + lists.width[last]! : null;
     if (stop === t) lists.width[last]! += width;
-    else this.push({ t, width, lo: Number.NaN, hi: Number.NaN, doubt: 0, error: 0 });
+    else this.push({ t, width, lo: Number.NaN, hi: Number.NaN, doubt: 0, error: 0, reach: 0 });
   }
 
-  written(reach: number): Entries {
-    return byColumn((column) => Float64Array.from(this.lists[column]), reach);
+  written(): Entries {
+    return byColumn((column) => Float64Array.from(this.lists[column]));
   }
 
   private push(entry: Record<Column, number>): void {
@@ -124,5 +125,5 @@ export function unite(one: Entries, other: Entries): Entries {
       else if (samples.length > 0 && known.length === 0) writer.addMissing(x, 0);
     }
   }
-  return writer.written(Math.max(one.reach, other.reach));
+  return writer.written();
 }
