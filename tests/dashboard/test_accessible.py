@@ -194,6 +194,32 @@ def test_chart_goes_live_by_small_and_capital_letter(visit: Visit, recorded: int
     visit.wait_for_chart(mode="live")
 
 
+def test_letter_alone_does_nothing_outside_of_a_chart(visit: Visit, recorded: int) -> None:
+    visit.open(history(CHANNEL, recorded - SECOND, recorded))
+    visit.wait_for_chart(mode="history")
+    before = visit.evaluate("location.hash")
+    visit.page.keyboard.press("l")
+    visit.page.locator(CHART).focus()
+    visit.page.keyboard.press("ArrowLeft")
+    wait_until(lambda: visit.evaluate("location.hash") != before, "the next key is answered")
+    assert visit.wait_for_chart(mode="history")["mode"] == "history"
+
+
+def test_escape_takes_the_box_away_that_covers_the_picture(visit: Visit) -> None:
+    visit.open(f"{CHANNEL}?live=10s")
+    visit.wait_for_chart(mode="live")
+    box, chart = visit.page.get_by_test_id("tooltip"), visit.page.locator(CHART)
+    chart.hover()
+    box.wait_for()
+    visit.page.keyboard.press("Escape")
+    box.wait_for(state="hidden")
+    newest = visit.chart()["newest"]
+    wait_until(lambda: visit.chart()["newest"] != newest, "the picture goes on")
+    assert box.is_hidden()
+    chart.hover(position={"x": 200, "y": 50})
+    box.wait_for()
+
+
 def test_comma_and_full_stop_step_through_samples_and_read_them_out(
     demo: RunningDemo, visit: Visit, recorded: int
 ) -> None:

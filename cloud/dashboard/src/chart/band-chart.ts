@@ -78,7 +78,7 @@ export class BandChart {
     this.plot = new uPlot(this.plotOptions(), [[0], [null]], this.host);
     // What it shows has a name on the root, a value in the panel's head, and buttons over its peaks.
     this.plot.ctx.canvas.setAttribute("aria-hidden", "true");
-    this.tooltip = new Tooltip(root);
+    this.tooltip = new Tooltip(root, () => this.onLeave());
     this.gestures = new Gestures({
       area: this.plot.over,
       range: () => this.range,
@@ -167,6 +167,7 @@ export class BandChart {
 
   destroy(): void {
     this.resizing.disconnect();
+    this.tooltip.hide();
     this.plot.destroy();
     this.options.root.replaceChildren();
   }

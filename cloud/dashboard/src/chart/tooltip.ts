@@ -19,7 +19,8 @@ export class Tooltip {
   private readonly box = element("div", { class: "tooltip", "data-testid": "tooltip", hidden: true });
   private readonly spoken = element("div", { class: "unseen", "aria-live": "polite" });
 
-  constructor(private readonly root: HTMLElement) {
+  /** @param onDismiss called when Escape is pressed while it is shown: it may cover what somebody wants to see */
+  constructor(private readonly root: HTMLElement, private readonly onDismiss: () => void) {
     root.append(this.box, this.spoken);
   }
 
@@ -30,6 +31,7 @@ export class Tooltip {
     const title = element("strong", {}, text.title);
     this.box.replaceChildren(title, ...(text.kind ? [element("span", { class: "tip-kind" }, text.kind)] : []), list);
     this.box.hidden = false;
+    addEventListener("keydown", this.onKey);
     const room = this.root.clientWidth;
     const width = this.box.offsetWidth;
     const right = at.x + DISTANCE + width <= room;
@@ -45,5 +47,10 @@ export class Tooltip {
 
   hide(): void {
     this.box.hidden = true;
+    removeEventListener("keydown", this.onKey);
   }
+
+  private readonly onKey = (event: KeyboardEvent): void => {
+    if (event.key === "Escape") this.onDismiss();
+  };
 }

@@ -76,7 +76,6 @@ export class App {
     const overview = element("div", { class: "overview" }, this.strip.root, this.stack.root);
     this.options.root.replaceChildren(this.header(), this.banner, overview, this.announcer);
     addEventListener("hashchange", () => this.show(readPlace(location.hash)));
-    addEventListener("keydown", this.onKey);
     this.show(this.place);
     new Ticker((at) => this.frame(at)).start();
   }
@@ -188,10 +187,4 @@ export class App {
     await this.options.client.logout();
     this.options.onUnauthorised();
   }
-
-  private readonly onKey = (event: KeyboardEvent): void => {
-    const typing = event.target instanceof HTMLElement && event.target.closest("input, select, textarea, .chart");
-    if (typing || event.ctrlKey || event.metaKey || event.altKey) return;
-    if (event.key === "l" || event.key === "L") this.timebar.root.querySelector("button")?.click();
-  };
 }

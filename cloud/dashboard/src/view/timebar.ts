@@ -20,7 +20,7 @@ export class Timebar {
   readonly root: HTMLElement;
   /** Stands below the bar, where there is room. */
   readonly form: TimeForm;
-  private readonly live = button("Live", { "data-testid": "go-live", title: "Follow the newest data (L)" }, () => this.goLive());
+  private readonly live = button("Live", { "data-testid": "go-live", title: "Follow the newest data (L in a chart)" }, () => this.goLive());
   private readonly span = element("select", { "aria-label": "length of the live window", "data-testid": "live-span" });
   private readonly text = element("span", { class: "window-text", "data-testid": "window-text" });
   private readonly panMode: HTMLButtonElement;
