@@ -46,25 +46,26 @@ class Press:
         page = self._pages.get(key)
         if page is None:
             said = [(entry, True) for entry in found if selection.takes(entry)]
-            page = self._pages[key] = self.print(said, selection.points)
+            page = self._pages[key] = self.print(said, selection)
             while len(self._pages) > _PAGES:
                 del self._pages[next(iter(self._pages))]
         return page
 
-    def print(self, said: Sequence[tuple[Entry, bool]], points: int) -> bytes:
+    def print(self, said: Sequence[tuple[Entry, bool]], selection: Selection) -> bytes:
         """Entries as events of the stream.
 
         Args:
             said: Each with whether others may be given the same bytes.
-            points: Entries that a block is reduced to at most.
+            selection: How finely blocks are asked for.
         """
-        return b"".join(self._event(entry, points, keep=keep) for entry, keep in said)
+        fine = selection.points, selection.grain
+        return b"".join(self._event(entry, *fine, keep=keep) for entry, keep in said)
 
-    def _event(self, entry: Entry, points: int, *, keep: bool) -> bytes:
+    def _event(self, entry: Entry, points: int, grain: int, *, keep: bool) -> bytes:
         if entry.block is None:
             return _of_row(entry.cursor, entry.event or {})
         write = self._kept if keep else _of_block
-        return write(entry.cursor, entry.node, entry.block, points, entry.received)
+        return write(entry.cursor, entry.node, entry.block, points, grain, entry.received)
 
 
 def event(kind: str, cursor: int, data: object) -> bytes:
@@ -76,17 +77,27 @@ def _of_row(cursor: int, row: dict[str, Any]) -> bytes:
     return event(str(row["kind"]), cursor, event_shape(row))
 
 
-def _of_block(cursor: int, node: str, data: bytes, points: int, received: int) -> bytes:
-    return event("block", cursor, _shape(reduce_block(node, Block.decode(data), points), received))
+def _of_block(cursor: int, node: str, data: bytes, points: int, grain: int, received: int) -> bytes:
+    series = reduce_block(node, Block.decode(data), points, grain)
+    return event("block", cursor, _shape(series, received))
 
 
 def _shape(series: Series, received: int) -> Json:
     return series_shape(series) | {"stored": format_moment(received)}
 
 
-def reduce_block(node: str, block: Block, points: int) -> Series:
-    """A block as a series of at most ``points`` entries."""
+def reduce_block(node: str, block: Block, points: int, grain: int = 0) -> Series:
+    """A block as a series of at most ``points`` entries, none of them shorter than it need be.
+
+    Args:
+        node: Whose it is.
+        block: The block.
+        points: Most entries.
+        grain: Samples that lie so much apart (ns) in all may become one entry.
+    """
     tube = block.tube
+    if grain > 0:
+        points = min(points, max(1, len(tube) * tube.dt // grain))
     samples = Samples(
         tube.moments,
         np.full(len(tube), tube.dt, np.int64),

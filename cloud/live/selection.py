@@ -17,11 +17,13 @@ class Selection:
         nodes: These only; all if empty.
         channels: These ``(node, channel)`` only, as far as blocks and peaks go; all if empty.
         points: Entries that a block is reduced to at most.
+        grain: Time that an entry need be no shorter than, ns.
     """
 
     nodes: frozenset[str]
     channels: frozenset[tuple[str, str]]
     points: int
+    grain: int = 0
 
     @property
     def looked_at(self) -> frozenset[str]:

@@ -92,7 +92,7 @@ def _print(
         return feed.press.page(found, selection)
     said = _choose(found, selection, reveal)
     if slow_since is None:
-        return feed.press.print(said, selection.points)
+        return feed.press.print(said, selection)
     return print_joined([entry for entry, _ in said], slow_since) if said else b""
 
 

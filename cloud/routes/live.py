@@ -37,6 +37,12 @@ class LiveQuery(BaseModel):
     points: int = Field(
         default=50, ge=1, le=1000, description="entries that a block is reduced to at most"
     )
+    grain: int = Field(
+        default=0,
+        ge=0,
+        le=10**18,
+        description="ns: entries need be no finer; 0: as fine as `points` lets them be",
+    )
 
 
 class EventStream(StreamingResponse):
@@ -71,7 +77,10 @@ async def get_live(
     feed, live = cloud.feed, cloud.settings.live
     cursor = _cursor(last_event_id, feed.last)
     selection = Selection(
-        frozenset(query.node), frozenset(read_place(text) for text in query.channel), query.points
+        frozenset(query.node),
+        frozenset(read_place(text) for text in query.channel),
+        query.points,
+        query.grain,
     )
     await asyncio.to_thread(_require_known, cloud, selection)
     if any(is_biometric(channel) for _, channel in selection.channels):

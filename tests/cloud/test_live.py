@@ -184,9 +184,9 @@ async def test_many_subscribers_cost_one_reduction_each_block(
 ) -> None:
     reduced: list[tuple[str, int]] = []
 
-    def counting(node: str, said: Block, points: int) -> Series:
+    def counting(node: str, said: Block, points: int, grain: int) -> Series:
         reduced.append((said.channel, points))
-        return reduce_block(node, said, points)
+        return reduce_block(node, said, points, grain)
 
     monkeypatch.setattr("cloud.live.printing.reduce_block", counting)
     await stand.ingest(batch(*(block(n, [1.0] * 4, [2.0] * 4) for n in range(3))))
@@ -250,6 +250,26 @@ async def test_stream_is_refused_with_what_to_do(stand: Stand) -> None:
     answer = await stand.get("/api/v1/live")
     problem(answer, 503)
     assert answer.headers["retry-after"]
+
+
+@pytest.mark.parametrize(("grain", "least"), [(0, 1), (DT, 1), (7 * DT, 7), (10**18, 500)])
+def test_entries_are_as_long_as_they_may_be_and_no_longer_than_twice(
+    grain: int, least: int
+) -> None:
+    series = reduce_block(NODE, block(0, [1.0] * 500, [2.0] * 500), 1000, grain)
+    assert least <= series.dt // DT <= max(1, 2 * least)
+    assert len(series.t) == -(-500 * DT // series.dt)
+    few = reduce_block(NODE, block(0, [1.0] * 500, [2.0] * 500), 5, grain)
+    assert len(few.t) <= 5
+
+
+async def test_who_asks_for_another_grain_is_told_other_entries(stand: Stand) -> None:
+    await stand.ingest(batch(block(0, [1.0, 3.0, 5.0, 7.0], [2.0, 4.0, 6.0, 8.0])))
+    coarse = Selection(frozenset(), frozenset(), 50, 2 * DT)
+    (every,), (few,) = await take(stand, 1), await take(stand, 1, selection=coarse)
+    assert (every["data"]["lo"], every["data"]["resolution"]) == ([1.0, 3.0, 5.0, 7.0], "sample")
+    assert (few["data"]["lo"], few["data"]["hi"]) == ([1.0, 5.0], [4.0, 8.0])
+    assert (few["data"]["dt"], few["data"]["resolution"]) == (2 * DT, "hull")
 
 
 @pytest.mark.parametrize("points", [1, 7, 50, 499, 500, 1000])

@@ -78,6 +78,7 @@ BAD_QUESTIONS: tuple[tuple[str, dict[str, Any], int, str], ...] = (
     ("/api/v1/live", {"node": "nobody"}, 404, "nodes lists"),
     ("/api/v1/live", {"channel": f"nobody/{CHANNEL}"}, 404, "nodes lists"),
     ("/api/v1/live", {"points": 0}, 422, "points"),
+    ("/api/v1/live", {"grain": -1}, 422, "grain"),
     ("/api/v1/live", {"channel": "/"}, 422, "NODE/CHANNEL"),
     ("/api/v1/nothing", {}, 404, "openapi"),
     ("/api/v2/nodes", {}, 404, "openapi"),

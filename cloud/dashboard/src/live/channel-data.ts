@@ -154,6 +154,7 @@ export class ChannelData {
     if (end === null) return { block: null, hole: null };
     const start = run.t[0]!;
     const before = this.told ?? start;
+    const silence = start - (this.heard ?? start);
     // What comes late lies in the middle of what was loaded.
     if (this.loaded && !apart(this.loaded, { x0: start, x1: end })) this.loaded = null;
     const hull = block.resolution === "hull";
@@ -166,7 +167,6 @@ export class ChannelData {
     const seen = thin(run, grain);
     this.tube.merge(seen);
     for (const { range, runs } of this.fillings) if (!apart(range, { x0: start, x1: end })) runs.push(seen);
-    const silence = start - before;
     const hole = silence > Math.max(2 * run.reach[0]!, 3 * this.latest.dt, this.usualPause);
     return { block: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
   }

@@ -31,8 +31,8 @@ const KINDS = ["gap", "peak"] as const;
 const SETTLE_MS = 250;
 const SECOND = 1e9;
 const DAY = 86_400e9;
-/** Buckets a block, by the length of the live window: no finer than a pixel, to save work. */
-const POINTS: readonly (readonly [number, number])[] = [[10e9, 100], [60e9, 50], [Infinity, 10]];
+/** Entries a block at most: of what can be seen, nothing is left out. */
+const POINTS = 1_000;
 
 /** Everything below the nodes: the charts of one scope (all nodes, one node, one channel) and its events. */
 export class Page {
@@ -194,9 +194,10 @@ export class Page {
     const { node, channel } = this.scope;
     const { view } = context.place();
     const span = view.kind === "live" ? view.span : 10e9;
-    const points = POINTS.find(([longest]) => span <= longest)?.[1] ?? 10;
+    // No finer than half a pixel of the widest chart there can be, and the same for windows of about one length.
+    const grain = 2 ** Math.floor(Math.log2(Math.max(1, span / screen.width / 2)));
     const place = channel === null ? { node } : { channel: `${node}/${channel}` };
-    const url = address("/live", { ...place, points });
+    const url = address("/live", { ...place, points: POINTS, grain });
     if (url === this.feedUrl) return;
     this.feedUrl = url;
     this.feed?.stop();
