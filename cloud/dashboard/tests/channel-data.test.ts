@@ -248,6 +248,10 @@ describe("history", () => {
     expect([data.holds({ x0: 500 * MS, x1: 510 * MS }), data.holds({ x0: 500 * MS, x1: 511 * MS })]).toEqual([true, false]);
     await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
     expect(asked.slice(2)).toEqual(["570 640"]);
+    const lively = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() });
+    lively.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
+    await lively.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked.slice(3)).toEqual(["570 640"]);
   });
 
   test("what is not over yet is asked for again, and so is what a late block belongs to", async () => {

@@ -78,7 +78,7 @@ export class ChannelData {
   private readonly fillings = new Set<Filling>();
   /** The longest block that the stream told, in ns. */
   private longest = 0;
-  /** How far moments in the stretch of history that was loaded last may be wrong, in ns. */
+  /** How far moments of what was told lately, or loaded last, may be wrong, in ns. */
   private error = 0;
   /** Of a channel that measures in bursts, the shortest silence in which the store has nothing either. */
   private pause = Infinity;
@@ -162,6 +162,7 @@ export class ChannelData {
     this.told = Math.max(before, hull ? run.t.at(-1)! : end + block.dt);
     this.heard = Math.max(this.heard ?? start, hull ? end : end + block.dt);
     this.longest = Math.max(this.longest, end - start);
+    this.error = Math.max(this.error, block.time_error);
     this.options.edge.observe(end, at);
     if (grain === null) return { block: null, hole: null };
     const seen = thin(run, grain);
