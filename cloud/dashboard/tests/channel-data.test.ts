@@ -84,6 +84,42 @@ describe("the seam between store and stream", () => {
   });
 });
 
+/** A channel whose moments may be wrong by 30 ms, and what its store was asked for. */
+function doubtfulData(): { readonly data: ChannelData; readonly asked: string[] } {
+  const asked: string[] = [];
+  const client = new Client({
+    fetch: (url) => {
+      const query = new URL(String(url), "http://cloud").searchParams;
+      const [from, to] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
+      asked.push(`${from} ${to}`);
+      const told = series(Math.max(0, from!), Math.min(1000, to!));
+      const spike = 520 - Math.max(0, from!);
+      return Promise.resolve(Response.json({ ...told, time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
+    },
+    onUnauthorised: () => undefined,
+  });
+  return { data: new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() }), asked };
+}
+
+describe("a window of the past of doubtful moments", () => {
+  test("takes in what may lie in it, wherever its moments are in their error of time", async () => {
+    const { data, asked } = doubtfulData();
+    await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
+    expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
+    expect(asked).toEqual(["500 510", "470 540"]);
+    expect([data.holds({ x0: 500 * MS, x1: 510 * MS }), data.holds({ x0: 500 * MS, x1: 511 * MS })]).toEqual([true, false]);
+    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked.slice(2)).toEqual(["570 640"]);
+  });
+
+  test("is asked for once where the stream has told the error", async () => {
+    const { data, asked } = doubtfulData();
+    data.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
+    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked).toEqual(["570 640"]);
+  });
+});
+
 /** A live block reduced to hulls of so many samples each; the last one may have fewer. */
 function reduced(from: number, to: number, stride: number, value = 1): SeriesAnswer {
   const count = Math.ceil((to - from) / stride);
@@ -226,32 +262,6 @@ describe("history", () => {
     expect(data.holds(within)).toBe(true);
     expect(data.holds({ x0: 150 * MS, x1: 401 * MS })).toBe(false);
     expect(data.holds({ x0: 99 * MS, x1: 300 * MS })).toBe(false);
-  });
-
-  test("takes in what may lie in a window, wherever its moments are in their error of time", async () => {
-    const asked: string[] = [];
-    const client = new Client({
-      fetch: (url) => {
-        const query = new URL(String(url), "http://cloud").searchParams;
-        const [from, to] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
-        asked.push(`${from} ${to}`);
-        const told = series(Math.max(0, from!), Math.min(1000, to!));
-        const spike = 520 - Math.max(0, from!);
-        return Promise.resolve(Response.json({ ...told, time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
-      },
-      onUnauthorised: () => undefined,
-    });
-    const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() });
-    await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
-    expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
-    expect(asked).toEqual(["500 510", "470 540"]);
-    expect([data.holds({ x0: 500 * MS, x1: 510 * MS }), data.holds({ x0: 500 * MS, x1: 511 * MS })]).toEqual([true, false]);
-    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
-    expect(asked.slice(2)).toEqual(["570 640"]);
-    const lively = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() });
-    lively.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
-    await lively.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
-    expect(asked.slice(3)).toEqual(["570 640"]);
   });
 
   test("what is not over yet is asked for again, and so is what a late block belongs to", async () => {
