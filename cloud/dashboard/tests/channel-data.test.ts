@@ -1,5 +1,4 @@
 import { describe, expect, test } from "vitest";
-import { Client } from "../src/api/client";
 import type { ChannelItem, EventItem, SeriesAnswer } from "../src/api/contract";
 import { reduceToColumns } from "../src/chart/columns";
 import { readValue } from "../src/chart/reading";
@@ -8,45 +7,7 @@ import { ChannelData } from "../src/live/channel-data";
 import { LiveEdge } from "../src/live/edge";
 import { Timeline } from "../src/time/timeline";
 import { hullWithin } from "../src/tube/entries";
-
-const MS = 1_000_000;
-const ORIGIN = BigInt(Date.parse("2026-01-31T12:00:00Z")) * 1_000_000n;
-const SIGNAL = new AbortController().signal;
-
-function iso(ms: number): string {
-  return `${new Date(Number(ORIGIN / 1_000_000n) + ms).toISOString().slice(0, -1)}000000Z`;
-}
-
-/** A series of samples from one instant to another (ms), one each ms. */
-function series(from: number, to: number): SeriesAnswer {
-  const count = to - from;
-  const t = Array.from({ length: count }, (_, i) => i * MS);
-  const flat = { lo: t.map(() => 1), hi: t.map(() => 2), dt: MS, time_error: 0 };
-  return { node: "n", channel: "c", unit: "F", coverage: 1, resolution: "sample", t0: iso(from), t, ...flat };
-}
-
-function channel(end: number, samples = end): ChannelItem {
-  return {
-    id: "c", taxel: "t", quantity: "c", unit: "F", coverage: 1, dt: MS, blocks: 1, samples, bytes: 4 * samples,
-    first: iso(0), last: iso(end - 1), bounds: null,
-  };
-}
-
-/** A channel whose store answers with the samples of the given stretches. */
-function dataOf(item: ChannelItem, stored: readonly (readonly [number, number])[], resolution: "sample" | "hull" = "sample", edge = new LiveEdge()): ChannelData {
-  const answer = (url: string): SeriesAnswer => {
-    const query = new URL(url, "http://cloud").searchParams;
-    const [start, end] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
-    const found = stored.map(([from, to]) => [Math.max(from, start!), Math.min(to, end!)] as const);
-    const [from, to] = found.find(([one, other]) => other > one) ?? [start!, start!];
-    return { ...series(from, to), resolution };
-  };
-  const client = new Client({
-    fetch: (url) => Promise.resolve(Response.json(answer(String(url)))),
-    onUnauthorised: () => undefined,
-  });
-  return new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: item, edge });
-}
+import { channel, dataOf, iso, MS, ORIGIN, series, SIGNAL } from "./channels";
 
 async function fill(data: ChannelData, hole: { x0: number; x1: number } | null): Promise<void> {
   if (hole) await data.backfill(hole, 1000, SIGNAL);
@@ -81,42 +42,6 @@ describe("the seam between store and stream", () => {
     data.take(series(1000, 1250), 0, null);
     expect(data.rolling.t.length).toBe(0);
     expect(data.end).toBe(1250 * MS);
-  });
-});
-
-/** A channel whose moments may be wrong by 30 ms, and what its store was asked for. */
-function doubtfulData(): { readonly data: ChannelData; readonly asked: string[] } {
-  const asked: string[] = [];
-  const client = new Client({
-    fetch: (url) => {
-      const query = new URL(String(url), "http://cloud").searchParams;
-      const [from, to] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
-      asked.push(`${from} ${to}`);
-      const told = series(Math.max(0, from!), Math.min(1000, to!));
-      const spike = 520 - Math.max(0, from!);
-      return Promise.resolve(Response.json({ ...told, time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
-    },
-    onUnauthorised: () => undefined,
-  });
-  return { data: new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() }), asked };
-}
-
-describe("a window of the past of doubtful moments", () => {
-  test("takes in what may lie in it, wherever its moments are in their error of time", async () => {
-    const { data, asked } = doubtfulData();
-    await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
-    expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
-    expect(asked).toEqual(["500 510", "470 540"]);
-    expect([data.holds({ x0: 500 * MS, x1: 510 * MS }), data.holds({ x0: 500 * MS, x1: 511 * MS })]).toEqual([true, false]);
-    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
-    expect(asked.slice(2)).toEqual(["570 640"]);
-  });
-
-  test("is asked for once where the stream has told the error", async () => {
-    const { data, asked } = doubtfulData();
-    data.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
-    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
-    expect(asked).toEqual(["570 640"]);
   });
 });
 

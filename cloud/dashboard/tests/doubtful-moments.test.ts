@@ -1,0 +1,43 @@
+import { describe, expect, test } from "vitest";
+import { Client } from "../src/api/client";
+import { ChannelData } from "../src/live/channel-data";
+import { LiveEdge } from "../src/live/edge";
+import { Timeline } from "../src/time/timeline";
+import { hullWithin } from "../src/tube/entries";
+import { channel, MS, ORIGIN, series, SIGNAL } from "./channels";
+
+/** A channel whose moments may be wrong by 30 ms, and what its store was asked for. */
+function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
+  const asked: string[] = [];
+  const client = new Client({
+    fetch: (url) => {
+      const query = new URL(String(url), "http://cloud").searchParams;
+      const [from, to] = ["start", "end"].map((name) => Number(BigInt(query.get(name)!) - ORIGIN) / MS);
+      asked.push(`${from} ${to}`);
+      const told = series(Math.max(0, from!), Math.min(1000, to!));
+      const spike = 520 - Math.max(0, from!);
+      return Promise.resolve(Response.json({ ...told, time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
+    },
+    onUnauthorised: () => undefined,
+  });
+  return { data: new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge: new LiveEdge() }), asked };
+}
+
+describe("a window of the past of doubtful moments", () => {
+  test("takes in what may lie in it, wherever its moments are in their error of time", async () => {
+    const { data, asked } = doubtful();
+    await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
+    expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
+    expect(asked).toEqual(["500 510", "470 540"]);
+    expect([data.holds({ x0: 500 * MS, x1: 510 * MS }), data.holds({ x0: 500 * MS, x1: 511 * MS })]).toEqual([true, false]);
+    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked.slice(2)).toEqual(["570 640"]);
+  });
+
+  test("is asked for once where the stream has told the error", async () => {
+    const { data, asked } = doubtful();
+    data.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
+    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked).toEqual(["570 640"]);
+  });
+});
