@@ -1,5 +1,5 @@
 import { describe, expect, test } from "vitest";
-import type { ChannelItem, EventItem, SeriesAnswer } from "../src/api/contract";
+import type { EventItem, SeriesAnswer } from "../src/api/contract";
 import { reduceToColumns } from "../src/chart/columns";
 import { readValue } from "../src/chart/reading";
 import { missingStretches } from "../src/chart/segments";
