@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 _TOO_LARGE: Final = httpx.codes.REQUEST_ENTITY_TOO_LARGE
 _TICK_S: Final = 0.25
 _DRAIN_S: Final = 5.0
-_FEW: Final = range(8, 64)
+_FEW: Final = range(4, 64)
 """Such requests cost more for each message than to let some more of them come would. With fewer,
 messages come too seldom for that."""
 _REST_S: Final = 0.05

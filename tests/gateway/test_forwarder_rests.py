@@ -36,7 +36,8 @@ class _Rests(Event):
         (20, 0.02, [0.02]),  # all ten messages at once
         (20, 0.3, [0.05]),
         (10, 0.02, []),  # ten are all that a request may have
-        (7, 0.02, []),  # seven and three
+        (7, 0.02, []),  # seven and three: too few
+        (6, 0.02, [0.02]),  # six and four
     ],
 )
 def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_single_ones(
