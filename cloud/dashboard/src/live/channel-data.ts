@@ -202,9 +202,11 @@ export class ChannelData {
    * wrong by as much as the answer says.
    */
   async load(range: Range, points: number, signal: AbortSignal): Promise<void> {
-    let wide = widened(range, this.error);
+    // The stream may tell of more meanwhile.
+    const { error } = this;
+    let wide = widened(range, error);
     let answer = await this.ask(wide, points, signal);
-    if (answer.time_error > this.error) {
+    if (answer.time_error > error) {
       wide = widened(range, answer.time_error);
       answer = await this.ask(wide, points, signal);
     }
