@@ -16,7 +16,6 @@ from tests.dashboard.pixels import (
     FINE,
     MISSING,
     POSSIBLE,
-    read_plot,
     read_plots,
     samples_of,
 )
@@ -55,13 +54,14 @@ def test_live_pixels_enclose_the_samples(
     )
 
     def encloses() -> bool:
-        plot = read_plot(visit, COVERED)
+        plot, band = read_plots(visit, COVERED, BAND)
         assert plot.newest is not None
         series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
         told = range(plot.start, min(plot.newest - UNTOLD, plot.end))
         samples = [one for one in samples_of(series) if one[0] in told]
         assert len(samples) >= 100
-        assert not any(plot.painted[plot.column(plot.newest) + EDGE :])
+        # A gap may be hatched there: a node that is late tells of one before it goes on.
+        assert not any(band.painted[plot.column(plot.newest) + EDGE :])
         area = "".join(plot.columns)
         assert area.count("1") < 0.95 * len(area), "a plot that is painted all over tells nothing"
         return all(plot.encloses(*sample) for sample in samples)
