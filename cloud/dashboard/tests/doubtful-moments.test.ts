@@ -40,4 +40,13 @@ describe("a window of the past of doubtful moments", () => {
     await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
     expect(asked).toEqual(["570 640"]);
   });
+
+  test("is asked for again where the stream tells the error while the store is asked", async () => {
+    const { data, asked } = doubtful();
+    const loading = data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
+    data.take({ ...series(1000, 1050), time_error: 30 * MS }, 0, null);
+    await loading;
+    expect(asked).toEqual(["500 510", "470 540"]);
+    expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
+  });
 });
