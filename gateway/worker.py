@@ -143,9 +143,9 @@ class Worker:
             self._intake.forget()
             return
         self._intake.committed(batch)
+        self._count(outcome)  # before the answers: who was answered finds himself counted
         self._dispatcher.note(outcome)
         self._answers.give(outcome, arrivals)
-        self._count(outcome)
 
     def _commit(self, batch: Batch) -> bool:
         """Commit; while there is no room, hold the batch: unanswered, so that nodes keep it."""

@@ -97,7 +97,7 @@ class Visit:
             return "xMin" in said and facts.items() <= said.items()
 
         wait_until(painted, f"a painted chart with {facts}", seconds=seconds)
-        self.page.locator(".panel.busy").wait_for(state="detached")
+        wait_until(lambda: self.page.locator(".panel.busy").count() == 0, "no panel loads")
         self.page.evaluate(_FRAMES)
         return self.chart()
 
