@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import logging
 from fnmatch import fnmatchcase
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import select
 
 from cloud.chore import repeat
 from cloud.steady import Steady
+from cloud.store.clock import keep_reading, last_reading
 from cloud.store.removal import Reason, Sweep, remove, sweeps_of_erased
 from cloud.store.schema import channels
 from eskin.moment import SECOND
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from cloud.settings import RetentionSection
     from cloud.state import Cloud
+    from cloud.store.clock import Reading
 
 log = logging.getLogger(__name__)
 
@@ -32,8 +33,38 @@ _PAUSE_S: Final = 0.01
 async def retain(cloud: Cloud, stopping: asyncio.Event) -> None:
     """Look for what is too old, or erased, until told to stop."""
     every_s = cloud.settings.retention.every_s
-    work = partial(sweep, cloud, clock=Steady(cloud.clock))
-    await repeat("retention", work, cloud=cloud, stopping=stopping, every_s=every_s)
+    await repeat("retention", Rounds(cloud), cloud=cloud, stopping=stopping, every_s=every_s)
+
+
+class Rounds:
+    """One sweep after another, by a time that no leap of the clock reaches, nor a start.
+
+    Args:
+        cloud: The cloud.
+    """
+
+    def __init__(self, cloud: Cloud) -> None:
+        self._cloud = cloud
+        self._steady: Steady | None = None
+
+    async def __call__(self) -> None:
+        """Remove what is too old, and keep what time it was.
+
+        Raises:
+            StoreError: The store cannot be read or written.
+        """
+        if self._steady is None:
+            last = await asyncio.to_thread(_last, self._cloud)
+            self._steady = Steady(self._cloud.clock, last=last)
+        await sweep(self._cloud, clock=self._steady)
+        reading = self._steady.read()
+        written = self._cloud.store.write(lambda connection: keep_reading(connection, reading))
+        await asyncio.wrap_future(written)
+
+
+def _last(cloud: Cloud) -> Reading | None:
+    with cloud.store.read() as connection:
+        return last_reading(connection)
 
 
 async def sweep(cloud: Cloud, *, clock: Callable[[], int] | None = None) -> int:

@@ -6,6 +6,7 @@ import logging
 import time
 from typing import TYPE_CHECKING, Final
 
+from cloud.store.clock import Reading
 from eskin.moment import SECOND
 
 if TYPE_CHECKING:
@@ -17,6 +18,8 @@ LEAP: Final = 3600 * SECOND
 """No clock that is followed by NTP goes ahead by so much at once."""
 DOUBT: Final = 86_400 * SECOND
 """For so long a leap is not believed: time to set a clock right that went wrong."""
+ABSENCE: Final = 86_400 * SECOND
+"""A cloud that was off for longer, by its clock, may have a clock that is wrong."""
 
 
 def _ticks() -> int:
@@ -28,18 +31,28 @@ class Steady:
     """Follows a clock, but where it leaps ahead, what has passed in truth for a day.
 
     What is removed does not come back, so a clock that went wrong by a year for a minute must not
-    remove a year. One that is set back is followed at once: less is removed by it.
+    remove a year; nor must one that is wrong when the cloud starts. One that is set back is
+    followed at once: less is removed by it.
 
     Args:
-        clock: UTC ns; what it says at first is believed.
+        clock: UTC ns.
         ticks: Ns that passed, since whenever.
+        last: What the cloud went by when it ran last; without it, what the clock says is believed.
     """
 
-    def __init__(self, clock: Callable[[], int], *, ticks: Callable[[], int] = _ticks) -> None:
+    def __init__(
+        self,
+        clock: Callable[[], int],
+        *,
+        ticks: Callable[[], int] = _ticks,
+        last: Reading | None = None,
+    ) -> None:
         self._clock = clock
         self._ticks = ticks
         self._ahead = clock() - ticks()
         self._doubted: int | None = None
+        if last is not None:
+            self._go_on(last)
 
     def __call__(self) -> int:
         """UTC ns."""
@@ -55,3 +68,21 @@ class Steady:
             log.warning("the clock is believed again, a day after it leapt ahead")
             self._ahead, self._doubted = ahead, None
         return ticks + self._ahead
+
+    def read(self) -> Reading:
+        """What to go on from when the cloud starts again."""
+        believed = self()
+        doubted = None if self._doubted is None else self._ticks() - self._doubted
+        return Reading(believed, doubted)
+
+    def _go_on(self, last: Reading) -> None:
+        """Doubt a clock that went on by more than a cloud is mostly off, or was in doubt before."""
+        ticks, passed = self._ticks(), self._clock() - last.believed
+        if passed > ABSENCE or (last.doubted is not None and passed > LEAP):
+            log.warning(
+                "by its clock the cloud was off for %.1f days: nothing is removed by it until it "
+                "ran for a day, in case that it is the clock",
+                passed / DOUBT,
+            )
+            self._ahead = last.believed - ticks
+            self._doubted = ticks - (last.doubted or 0)

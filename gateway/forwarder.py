@@ -66,6 +66,7 @@ class Forwarder:
         self._most = settings.batch_messages
         self._aside = Aside()
         self._thrift = Thrift()
+        self._failing = False
         self._stopping = Event()
         self.reachable: bool | None = None
         self.fault: str | None = None
@@ -191,6 +192,7 @@ class Forwarder:
         if not self.reachable:
             log.info("cloud reached: %s", self._settings.url)
         self.reachable = True
+        self._failing = False
         self.fault = self._aside.fault
 
     def _note_failure(self, error: CloudError | SpoolError) -> float:
@@ -199,7 +201,8 @@ class Forwarder:
         patience = None
         if isinstance(error, CloudError):
             self.reachable, patience = False, error.retry_after
-        if self.fault is None:
+        if not self._failing:
             log.warning("forwarding: %s; messages wait in the spool", error)
+        self._failing = True
         self.fault = str(error)
         return self._backoff.failed(at_least=patience)

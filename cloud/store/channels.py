@@ -9,6 +9,7 @@ from cloud.store.grid import Comb, grain_of
 from cloud.store.schema import channels
 from eskin.messages import BlockSummary, Peak, Status
 from eskin.messages.head import Kind
+from eskin.privacy import Veiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,28 +18,39 @@ if TYPE_CHECKING:
 
     from cloud.store.ledger import Ledger, Row
     from eskin.messages import Summary
-    from eskin.privacy import Veiled
 
+MOST_CHANNELS: Final = 10_000
+"""Of a node: each new name costs a row for ever."""
 UNKNOWN: Final = ""
 """The unit of a channel of which only sealed messages are known, until a status names it."""
 
 
-def check_units(
+def check_channels(
     connection: Connection, ledger: Ledger, node: str, message: Summary | Veiled
 ) -> str | None:
-    """Why a message cannot be stored beside what is there: its unit is another one."""
-    for channel, unit in units(message):
+    """Why a message cannot be stored beside what is there: of another unit, or of too many."""
+    fresh = 0
+    for channel, unit in named(message):
         row = ledger.row(connection, channels, node, channel)
-        if row is not None and row["unit"] not in {unit, UNKNOWN}:
+        if row is None:
+            fresh += 1
+        elif unit is not None and row["unit"] not in {unit, UNKNOWN}:
             return (
                 f"channel {channel} of {node} is in {row['unit']!r}, and this message says "
                 f"{unit!r}; a channel keeps its unit, so give the new quantity a new name"
             )
+    if fresh and ledger.count_channels(connection, node) + fresh > MOST_CHANNELS:
+        return (
+            f"{node} would have more than {MOST_CHANNELS} channels with this message, which names "
+            f"{fresh} new; keep to the names that it has, or let another node say it"
+        )
     return None
 
 
-def units(message: Summary | Veiled) -> list[tuple[str, str]]:
-    """The channels that a message speaks of, with their units."""
+def named(message: Summary | Veiled) -> list[tuple[str, str | None]]:
+    """The channels that a message speaks of, with their units as far as they can be read."""
+    if isinstance(message, Veiled):
+        return [(message.channel, None)]
     if isinstance(message, BlockSummary | Peak):
         return [(message.channel, message.unit)]
     if isinstance(message, Status):

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 from sqlalchemy import insert
 
 from cloud.store.bulk import insert_many
-from cloud.store.channels import add_veiled, check_units, declare, units
+from cloud.store.channels import add_veiled, check_channels, declare, named
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import gap_row, peak_row, status_row
+from cloud.store.numbers import MOST_RANGES
 from cloud.store.presence import note_veiled_lag, see
 from cloud.store.schema import blocks, events
 from cloud.store.sealed import veiled
@@ -51,6 +52,10 @@ _Other: TypeAlias = Peak | Gap | Status | Result | Veiled
 """Whatever is no block."""
 _KEPT: Final = Receipt(STORED)
 _AGAIN: Final = Receipt(DUPLICATE)
+_HOLES: Final = (
+    f"its boot has {MOST_RANGES} holes between its sequence numbers; let the node start anew, and "
+    "see why it leaves numbers out"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +138,7 @@ def _prepare(batch: _Batch, items: Sequence[Item]) -> None:
         if isinstance(message, BlockSummary):
             places[node, message.channel] = None
         else:
-            places |= dict.fromkeys((node, channel) for channel, _ in units(message))
+            places |= dict.fromkeys((node, channel) for channel, _ in named(message))
     batch.ledger.prepare(batch.connection, boots=boots, places=places)
 
 
@@ -152,9 +157,12 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
         return _take_block(batch, item, message, gateway)
     if message is not None:
         place = message.position
-        if place.sequence in batch.ledger.ranges(batch.connection, item.node, place.boot):
+        ranges = batch.ledger.ranges(batch.connection, item.node, place.boot)
+        if place.sequence in ranges:
             return _AGAIN
-        reason = check_units(batch.connection, batch.ledger, item.node, message)
+        if not ranges.has_room_for(place.sequence):
+            return _refuse(batch, item, _HOLES, gateway)
+        reason = check_channels(batch.connection, batch.ledger, item.node, message)
     if message is None or reason is not None:
         return _refuse(batch, item, reason or "no message", gateway)
     _see(batch, item.node, message.position)
@@ -173,8 +181,10 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
         batch.stretches[node, boot, block.channel] = stretch
     if sequence in stretch.ranges:
         return _AGAIN
+    if not stretch.ranges.has_room_for(sequence):
+        return _refuse(batch, item, _HOLES, gateway)
     if block.unit != stretch.unit:
-        reason = check_units(batch.connection, batch.ledger, node, block)
+        reason = check_channels(batch.connection, batch.ledger, node, block)
         if reason is not None:
             return _refuse(batch, item, reason, gateway)
     if not stretch.rows:

@@ -5,19 +5,20 @@ from __future__ import annotations
 import secrets
 from typing import TYPE_CHECKING, Any, Final, TypeAlias, TypeVar
 
-from sqlalchemy import and_, bindparam, delete, insert, select, text, tuple_, update
+from sqlalchemy import bindparam, delete, func, select, text, tuple_, update
 
 from cloud.store.grid import CHUNK, grain_for
 from cloud.store.news import FEED, tell
 from cloud.store.numbers import StoredNumbers
 from cloud.store.schema import channels, feed, nodes, sequences
+from cloud.store.statements import ADD, CHANGE, REMOVE, placed
 from cloud.store.tiles import stale
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from sqlalchemy import ColumnElement, Connection, Table
+    from sqlalchemy import Connection, Table
 
     from cloud.store.grid import Comb
 
@@ -75,6 +76,7 @@ class Ledger:
         self._moved = False
         self._ranges: dict[tuple[str, int], StoredNumbers] = {}
         self._rows: dict[Table, dict[tuple[str, ...], Row | None]] = {nodes: {}, channels: {}}
+        self._channels_of: dict[str, int] = {}
         self._new: set[tuple[Table, tuple[str, ...]]] = set()
         self._changed: dict[tuple[Table, tuple[str, ...]], None] = {}
         self._added: dict[tuple[str, int], None] = {}
@@ -161,9 +163,18 @@ class Ledger:
             rows[key] = None if found is None else dict(found)
         return rows[key]
 
+    def count_channels(self, connection: Connection, node: str) -> int:
+        """How many channels a node has; ask before `create`, which counts on."""
+        if node not in self._channels_of:
+            query = select(func.count()).select_from(channels).where(channels.c.node == node)
+            self._channels_of[node] = connection.execute(query).scalar_one()
+        return self._channels_of[node]
+
     def create(self, table: Table, key: tuple[str, ...], row: Row) -> None:
         """Add a row that is not there yet."""
         self._rows[table][key] = row
+        if table is channels and key[0] in self._channels_of:
+            self._channels_of[key[0]] += 1
         self._new.add((table, key))
         self._changed[table, key] = None
 
@@ -202,8 +213,11 @@ class Ledger:
 
     def save(self, connection: Connection) -> None:
         """Write what changed, within the transaction of what it speaks of."""
-        if not (self._changed or self._added or self._moved):
-            return
+        if self._changed or self._added or self._moved:
+            self._write(connection)
+        self._trim()
+
+    def _write(self, connection: Connection) -> None:
         if self._razed:
             connection.execute(_RAZE, [{"n": node, "c": channel} for node, channel in self._razed])
             self._razed.clear()
@@ -224,9 +238,9 @@ class Ledger:
                 kind = fresh if (table, key) in self._new else changed
                 kind.setdefault(table, []).append(row)
         for table, rows in fresh.items():
-            connection.execute(_ADD[table], rows)
+            connection.execute(ADD[table], rows)
         for table, rows in changed.items():
-            connection.execute(_CHANGE[table], _placed(table, rows))
+            connection.execute(CHANGE[table], placed(table, rows))
         self._changed.clear()
         self._new.clear()
         self._save_ranges(connection)
@@ -245,13 +259,12 @@ class Ledger:
                     (fresh if before is None else grown).append(place | {"last": now})
             ranges.written()
         if gone:
-            connection.execute(_REMOVE_RANGES, _placed(sequences, gone))
+            connection.execute(REMOVE[sequences], placed(sequences, gone))
         if grown:
-            connection.execute(_CHANGE[sequences], _placed(sequences, grown))
+            connection.execute(CHANGE[sequences], placed(sequences, grown))
         if fresh:
-            connection.execute(_ADD[sequences], fresh)
+            connection.execute(ADD[sequences], fresh)
         self._added.clear()
-        self._trim()
 
     def _trim(self) -> None:
         """Forget what is written, where it is much."""
@@ -260,6 +273,7 @@ class Ledger:
         if sum(map(len, self._rows.values())) > _MOST_ROWS:
             for rows in self._rows.values():
                 rows.clear()
+            self._channels_of.clear()
 
 
 def _parts(keys: Sequence[T]) -> Iterator[Sequence[T]]:
@@ -270,24 +284,3 @@ def _parts(keys: Sequence[T]) -> Iterator[Sequence[T]]:
 
 def _stale_row(node: str, channel: str, chunk: int) -> Row:
     return {"node": node, "channel": channel, "chunk": chunk, "mark": secrets.randbits(62)}
-
-
-def _is_at(table: Table) -> ColumnElement[bool]:
-    """Whether a row is the one whose key is given beside its new values."""
-    return and_(*(column == bindparam(f"at_{column.name}") for column in table.primary_key.columns))
-
-
-def _placed(table: Table, rows: Sequence[Row]) -> list[Row]:
-    """Rows as parameters, their keys to find them by."""
-    keys = {column.name for column in table.primary_key.columns}
-    return [
-        {f"at_{name}" if name in keys else name: value for name, value in row.items()}
-        for row in rows
-    ]
-
-
-# Made once: to make one takes as long as to have it done.
-_KEPT: Final = (nodes, channels, sequences)
-_CHANGE: Final = {table: update(table).where(_is_at(table)) for table in _KEPT}
-_ADD: Final = {table: insert(table) for table in _KEPT}
-_REMOVE_RANGES: Final = delete(sequences).where(_is_at(sequences))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import Connection, func, insert, inspect, select, text, update
 
+from cloud.store.clock import Reading, clock, keep_reading
 from cloud.store.events import ENERGY
 from cloud.store.gateways import gateways
 from cloud.store.grid import grain_of
@@ -40,7 +41,7 @@ PYRAMID: Final = [tiles, stale]
 
 
 def _first(connection: Connection) -> None:
-    later = {commands, states, audit_log, warrants, gateways, *SEALED, *PYRAMID}
+    later = {commands, states, audit_log, warrants, gateways, *SEALED, *PYRAMID, clock}
     metadata.create_all(connection, [t for t in metadata.sorted_tables if t not in later])
     connection.execute(insert(feed).values(name="feed", cursor=0))
 
@@ -121,9 +122,17 @@ def _thirteenth(connection: Connection) -> None:
         connection.execute(update(channels).where(where).values(bytes=int(size)))
 
 
+def _fourteenth(connection: Connection) -> None:
+    """Know what time it is at least: that at which a node was heard last."""
+    metadata.create_all(connection, [clock])
+    heard = connection.execute(select(func.max(nodes.c.last_seen))).scalar_one()
+    if heard is not None:
+        keep_reading(connection, Reading(heard))
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth, _tenth),
-    *(_eleventh, _twelfth, _thirteenth),
+    *(_eleventh, _twelfth, _thirteenth, _fourteenth),
 )
 CURRENT: Final = len(MIGRATIONS)
 _STANDING: Final = select(func.max(versions.c.version))

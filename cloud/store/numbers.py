@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.sequences import SequenceRanges
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
+
+
+MOST_RANGES: Final = 100_000
+"""Of a boot: each costs a row for ever, and memory. An honest node leaves a hole where it tells of
+a loss, and nowhere else."""
 
 
 class Change(NamedTuple):
@@ -46,6 +51,10 @@ class StoredNumbers(SequenceRanges):
             self._before.setdefault(*known)
         self._before.setdefault(first, None)
         super().add(first, last)
+
+    def has_room_for(self, number: int) -> bool:
+        """Whether a number may be added; one that leaves another hole may be one too many."""
+        return len(self) < MOST_RANGES or bool(self.near(number, number))
 
     def changes(self) -> Iterator[Change]:
         """What is to be written."""

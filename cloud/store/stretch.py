@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.ledger import Ledger, Row
+    from cloud.store.numbers import StoredNumbers
     from eskin.messages import BlockSummary
-    from eskin.sequences import SequenceRanges
 
 
 @dataclass(slots=True)
@@ -32,7 +32,7 @@ class Stretch:
     node: str
     boot: int
     channel: str
-    ranges: SequenceRanges
+    ranges: StoredNumbers
     known: Row = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
 

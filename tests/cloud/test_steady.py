@@ -6,16 +6,23 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
+from sqlalchemy import text
 
-from cloud.retention import retain
+from cloud.retention import Rounds, retain
 from cloud.settings import RetentionSection
-from cloud.steady import DOUBT, LEAP, Steady
-from tests.cloud.clouds import batch, count_blocks, standing
+from cloud.steady import ABSENCE, DOUBT, LEAP, Steady
+from cloud.store.clock import Reading, last_reading
+from cloud.store.migrations import migrate
+from tests.cloud.clouds import batch, count_blocks, put, standing
 from tests.cloud.messages import START, block
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from sqlalchemy import Connection
+
+    from cloud.store.place import Place
+    from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
 YEAR = 365 * 86_400 * 10**9
@@ -27,7 +34,17 @@ class Time:
     def __init__(self) -> None:
         self.wrong = 0
         self.passed = 7
-        self.steady = Steady(lambda: START + self.passed + self.wrong, ticks=lambda: self.passed)
+        self.steady = self._start(None)
+
+    def _start(self, last: Reading | None) -> Steady:
+        clock, begun = lambda: START + self.passed + self.wrong, self.passed
+        return Steady(clock, ticks=lambda: self.passed - begun, last=last)
+
+    def restart(self, *, off: int = 0) -> None:
+        """The cloud, and the machine with its count of what passed, is off for so long."""
+        last = self.steady.read()
+        self.passed += off
+        self.steady = self._start(last)
 
     def is_right(self) -> bool:
         return self.steady() == START + self.passed
@@ -57,6 +74,76 @@ def test_clock_that_is_set_back_or_goes_ahead_a_little_is_followed() -> None:
         assert time.steady() == START + time.passed + wrong
     time.wrong = 0
     assert time.steady() == START + time.passed - YEAR + LEAP
+
+
+def test_clock_that_is_wrong_at_the_start_is_not_believed_for_a_day() -> None:
+    time = Time()
+    time.wrong = YEAR
+    time.restart()
+    assert time.is_right()
+    time.passed += DOUBT - 1
+    assert time.is_right()
+    time.restart()
+    assert time.is_right()
+    time.passed += 1
+    assert not time.is_right(), "it was in doubt for a day, with a restart between"
+
+
+def test_clock_that_is_set_right_after_the_start_is_followed_at_once() -> None:
+    time = Time()
+    time.wrong = YEAR
+    time.restart()
+    time.passed += LEAP
+    time.wrong = 0
+    assert time.is_right()
+    assert time.steady.read() == Reading(START + time.passed)
+
+
+def test_cloud_that_was_off_for_long_removes_nothing_on_its_first_day() -> None:
+    time = Time()
+    time.restart(off=ABSENCE)
+    assert time.is_right()
+    time.restart(off=ABSENCE + 1)
+    assert time.steady() == START + time.passed - ABSENCE - 1
+    time.passed += DOUBT
+    assert time.is_right()
+
+
+def test_store_from_before_knows_when_a_node_was_heard_last(stand: Stand) -> None:
+    store = stand.cloud.store
+
+    def as_before(connection: Connection) -> None:
+        connection.execute(text("DROP TABLE clock"))
+        connection.execute(text("DELETE FROM versions WHERE version >= 14"))
+        migrate(connection, now=1)
+
+    for heard in (None, START + 5):
+        if heard is not None:
+            stand.clock.now = heard
+            put(store, block(1))
+        store.write(as_before).result(20)
+        with store.read() as connection:
+            assert last_reading(connection) == (None if heard is None else Reading(heard))
+
+
+@pytest.mark.anyio
+async def test_cloud_that_starts_with_a_clock_a_year_ahead_removes_nothing(
+    tmp_path: Path, identities: Identities, place: Place
+) -> None:
+    with standing(
+        tmp_path, identities, place=place, retention=RetentionSection(days=1)
+    ) as stand:
+        await stand.ingest(batch(*(block(n) for n in range(5))))
+        await Rounds(stand.cloud)()
+        stand.clock.now = START + YEAR
+        for _ in range(3):
+            await Rounds(stand.cloud)()
+        assert count_blocks(stand) == 5
+        with stand.cloud.store.read() as connection:
+            kept = last_reading(connection)
+        assert kept is not None
+        assert kept.believed < START + LEAP
+        assert kept.doubted is not None
 
 
 @pytest.mark.anyio

@@ -130,6 +130,22 @@ def test_messages_that_the_cloud_fails_at_hold_up_no_other_and_are_not_lost(setu
     assert setup.forwarder.fault is None
 
 
+def test_cloud_that_goes_away_while_a_message_is_left_out_is_told_of(
+    setup: Setup, caplog: pytest.LogCaptureFixture
+) -> None:
+    setup.told.failing = {MESSAGES[0][1]}
+    setup.forwarder.start()
+    wait_until(lambda: "1 message(s), one of n" in str(setup.forwarder.fault), "it is left out")
+    caplog.clear()
+    setup.told.mode, setup.told.__dict__["retry_after"] = "busy", "0"
+    setup.spool.commit(Batch([Entry("n", 1, b"new")]))
+    wait_until(lambda: "messages wait in the spool" in caplog.text, "the log tells")
+    setup.told.mode = "ok"
+    wait_until(lambda: "1 message(s), one of n" in str(setup.forwarder.fault), "it is back")
+    setup.forwarder.stop()
+    assert caplog.text.count("messages wait in the spool") == 1
+
+
 def test_rejected_messages_become_dead_letters_with_reason(setup: Setup) -> None:
     setup.told.mode = "reject"
     assert setup.forwarder.forward() == 4

@@ -1,0 +1,51 @@
+"""What the store knows of the time, while no cloud runs: up to when a clock was believed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+from sqlalchemy import BigInteger, Column, Table, select, text
+
+from cloud.store.schema import metadata
+from cloud.store.words import Words
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+clock: Final = Table(
+    "clock",
+    metadata,
+    Column("name", Words(16), primary_key=True),
+    Column("believed", BigInteger, nullable=False),
+    Column("doubted", BigInteger),
+)
+"""One row: a `Reading`."""
+
+_KEEP: Final = text(
+    "INSERT INTO clock (name, believed, doubted) VALUES ('clock', :believed, :doubted) "
+    "ON CONFLICT (name) DO UPDATE SET believed = excluded.believed, doubted = excluded.doubted"
+)
+
+
+class Reading(NamedTuple):
+    """The time that a cloud went by.
+
+    Attributes:
+        believed: UTC ns.
+        doubted: For how long (ns) its clock had told a later time that was not believed; ``None``:
+            what it told was believed.
+    """
+
+    believed: int
+    doubted: int | None = None
+
+
+def last_reading(connection: Connection) -> Reading | None:
+    """What a cloud kept last; ``None`` if none ever did."""
+    row = connection.execute(select(clock.c.believed, clock.c.doubted)).one_or_none()
+    return None if row is None else Reading(*row)
+
+
+def keep_reading(connection: Connection, reading: Reading) -> None:
+    """Keep what a cloud goes by."""
+    connection.execute(_KEEP, reading._asdict())
