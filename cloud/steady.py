@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from cloud.store.clock import Reading
 from eskin.moment import SECOND
@@ -25,6 +25,18 @@ ABSENCE: Final = 86_400 * SECOND
 def _ticks() -> int:
     """Ns since the machine started; also while it sleeps."""
     return time.clock_gettime_ns(time.CLOCK_BOOTTIME)
+
+
+class _Doubt(NamedTuple):
+    """A later time that the clock tells, and that is not believed.
+
+    Attributes:
+        since: When that began, in ticks.
+        ahead: The clock less the ticks.
+    """
+
+    since: int
+    ahead: int
 
 
 class Steady:
@@ -50,7 +62,7 @@ class Steady:
         self._clock = clock
         self._ticks = ticks
         self._ahead = clock() - ticks()
-        self._doubted: int | None = None
+        self._doubt: _Doubt | None = None
         if last is not None:
             self._go_on(last)
 
@@ -59,30 +71,36 @@ class Steady:
         ticks = self._ticks()
         ahead = self._clock() - ticks
         if ahead <= self._ahead + LEAP:
-            self._ahead, self._doubted = ahead, None
-        elif self._doubted is None:
+            self._ahead, self._doubt = ahead, None
+        elif self._doubt is None or ahead > self._doubt.ahead + LEAP:
             hours = (ahead - self._ahead) / LEAP
             log.warning("the clock leapt ahead by %.1f h: nothing is removed by it today", hours)
-            self._doubted = ticks
-        elif ticks >= self._doubted + DOUBT:
+            self._doubt = _Doubt(ticks, ahead)
+        elif ticks >= self._doubt.since + DOUBT:
             log.warning("the clock is believed again, a day after it leapt ahead")
-            self._ahead, self._doubted = ahead, None
+            self._ahead, self._doubt = ahead, None
         return ticks + self._ahead
 
     def read(self) -> Reading:
         """What to go on from when the cloud starts again."""
         believed = self()
-        doubted = None if self._doubted is None else self._ticks() - self._doubted
-        return Reading(believed, doubted)
+        if self._doubt is None:
+            return Reading(believed)
+        return Reading(
+            believed, self._doubt.ahead - self._ahead, self._ticks() - self._doubt.since
+        )
 
     def _go_on(self, last: Reading) -> None:
         """Doubt a clock that went on by more than a cloud is mostly off, or was in doubt before."""
-        ticks, passed = self._ticks(), self._clock() - last.believed
-        if passed > ABSENCE or (last.doubted is not None and passed > LEAP):
-            log.warning(
-                "by its clock the cloud was off for %.1f days: nothing is removed by it until it "
-                "ran for a day, in case that it is the clock",
-                passed / DOUBT,
-            )
-            self._ahead = last.believed - ticks
-            self._doubted = ticks - (last.doubted or 0)
+        ticks, now = self._ticks(), self._clock()
+        passed = now - last.believed
+        if passed <= (LEAP if last.ahead else ABSENCE):
+            return
+        log.warning(
+            "by its clock the cloud was off for %.1f days: nothing is removed by it until it ran "
+            "for a day, in case that it is the clock",
+            passed / ABSENCE,
+        )
+        again = last.ahead > 0 and passed <= last.ahead + ABSENCE
+        self._ahead = last.believed - ticks
+        self._doubt = _Doubt(ticks - last.doubted if again else ticks, now - ticks)

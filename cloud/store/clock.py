@@ -17,13 +17,15 @@ clock: Final = Table(
     metadata,
     Column("name", Words(16), primary_key=True),
     Column("believed", BigInteger, nullable=False),
-    Column("doubted", BigInteger),
+    Column("ahead", BigInteger, nullable=False),
+    Column("doubted", BigInteger, nullable=False),
 )
 """One row: a `Reading`."""
 
 _KEEP: Final = text(
-    "INSERT INTO clock (name, believed, doubted) VALUES ('clock', :believed, :doubted) "
-    "ON CONFLICT (name) DO UPDATE SET believed = excluded.believed, doubted = excluded.doubted"
+    "INSERT INTO clock (name, believed, ahead, doubted) "
+    "VALUES ('clock', :believed, :ahead, :doubted) ON CONFLICT (name) DO UPDATE "
+    "SET believed = excluded.believed, ahead = excluded.ahead, doubted = excluded.doubted"
 )
 
 
@@ -32,17 +34,18 @@ class Reading(NamedTuple):
 
     Attributes:
         believed: UTC ns.
-        doubted: For how long (ns) its clock had told a later time that was not believed; ``None``:
-            what it told was believed.
+        ahead: By how much (ns) its clock told a later time; 0: what it told was believed.
+        doubted: For how long (ns) that was not believed.
     """
 
     believed: int
-    doubted: int | None = None
+    ahead: int = 0
+    doubted: int = 0
 
 
 def last_reading(connection: Connection) -> Reading | None:
     """What a cloud kept last; ``None`` if none ever did."""
-    row = connection.execute(select(clock.c.believed, clock.c.doubted)).one_or_none()
+    row = connection.execute(select(clock.c.believed, clock.c.ahead, clock.c.doubted)).one_or_none()
     return None if row is None else Reading(*row)
 
 
