@@ -86,9 +86,7 @@ class Steady:
         believed = self()
         if self._doubt is None:
             return Reading(believed)
-        return Reading(
-            believed, self._doubt.ahead - self._ahead, self._ticks() - self._doubt.since
-        )
+        return Reading(believed, self._doubt.ahead - self._ahead, self._ticks() - self._doubt.since)
 
     def _go_on(self, last: Reading) -> None:
         """Doubt a clock that went on by more than a cloud is mostly off, or was in doubt before."""

@@ -147,8 +147,10 @@ def take_few_values(connection: Connection) -> None:
 async def test_batch_that_names_more_than_a_statement_takes_is_stored(stand: Stand) -> None:
     stand.cloud.store.write(take_few_values).result()
     names = [tuple(f"t{n}.c{k}" for k in range(1000)) for n in range(34)]
-    said = [status(n, boot=n, channels=each) for n, each in enumerate(names, start=1)]
-    answer = await stand.ingest(batch(*said))
+    said = [
+        [f"hand-{n % 4}", status(n, boot=n, channels=each).encode()] for n, each in enumerate(names)
+    ]
+    answer = await stand.ingest(cbor2.dumps(said))
     assert [item["result"] for item in answer.json()["items"]] == ["stored"] * 34
 
 

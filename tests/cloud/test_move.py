@@ -14,6 +14,7 @@ from sqlalchemy import func, select, text
 
 from cloud.service import only_one
 from cloud.store import Store
+from cloud.store.clock import Reading, keep_reading
 from cloud.store.move import TABLES, move
 from cloud.store.schema import blocks, feed
 from eskin.errors import StoreError
@@ -45,6 +46,8 @@ def source(tmp_path: Path, identities: Identities) -> Path:
         asyncio.run(fill(stand, Site(tmp_path)))
         many = (block(1000 + number, [-float("inf")], [0.1]) for number in range(_MANY))
         put(stand.cloud.store, *many)
+        reading = Reading(stand.clock(), 2, 3)
+        stand.cloud.store.finish(lambda connection: keep_reading(connection, reading))
         return tmp_path / "store.sqlite"
 
 
