@@ -39,7 +39,7 @@ class Steady:
         self._clock = clock
         self._ticks = ticks
         self._ahead = clock() - ticks()
-        self._doubted: int | None = None
+        self._doubted: tuple[int, int] | None = None  # since when, and how far ahead
 
     def __call__(self) -> int:
         """UTC ns."""
@@ -47,11 +47,11 @@ class Steady:
         ahead = self._clock() - ticks
         if ahead <= self._ahead + LEAP:
             self._ahead, self._doubted = ahead, None
-        elif self._doubted is None:
+        elif self._doubted is None or ahead > self._doubted[1] + LEAP:
             hours = (ahead - self._ahead) / LEAP
             log.warning("the clock leapt ahead by %.1f h: nothing is removed by it today", hours)
-            self._doubted = ticks
-        elif ticks >= self._doubted + DOUBT:
+            self._doubted = ticks, ahead
+        elif ticks >= self._doubted[0] + DOUBT:
             log.warning("the clock is believed again, a day after it leapt ahead")
             self._ahead, self._doubted = ahead, None
         return ticks + self._ahead

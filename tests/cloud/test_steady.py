@@ -50,6 +50,20 @@ def test_leap_ahead_is_not_believed_for_a_day() -> None:
     assert time.steady() == START + time.passed + YEAR
 
 
+def test_leap_after_a_leap_is_not_believed_for_a_day_of_its_own() -> None:
+    time = Time()
+    time.wrong = 2 * LEAP
+    assert time.is_right()
+    time.passed += DOUBT - LEAP
+    time.wrong = YEAR
+    assert time.is_right()
+    time.passed += LEAP
+    assert time.is_right()
+    time.wrong = 2 * LEAP
+    time.passed += DOUBT - LEAP
+    assert time.steady() == START + time.passed + 2 * LEAP
+
+
 def test_clock_that_is_set_back_or_goes_ahead_a_little_is_followed() -> None:
     time = Time()
     for wrong in (LEAP, LEAP // 2, -YEAR, -YEAR + LEAP):
