@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _INTERVAL: Final = 1.0
+_NAMES: Final = 100
+"""Nodes in one notice, which holds less than 8000 bytes."""
 
 
 async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asyncio.Event) -> None:
@@ -53,9 +55,13 @@ async def _tell_onlookers(cloud: Cloud) -> None:
     nodes = cloud.onlookers.nodes[: cloud.settings.live.watched_nodes]
     if not nodes or isinstance(cloud.store.place, Path):
         return
+
+    def work(connection: Connection) -> None:
+        for begin in range(0, len(nodes), _NAMES):
+            tell(connection, WATCHED, *nodes[begin : begin + _NAMES])
+
     try:
-        written = cloud.store.write(lambda connection: tell(connection, WATCHED, *nodes))
-        await asyncio.wrap_future(written)
+        await asyncio.wrap_future(cloud.store.write(work))
     except StoreError as error:
         log.warning("other processes do not hear who looks on: reason=%s", error)
 

@@ -17,6 +17,8 @@ log = logging.getLogger(__name__)
 _MOST: Final = 16
 """So many failures one after another, with nothing taken between them, are the cloud's."""
 _LONGEST_PAUSE_S: Final = 60.0
+_MOST_DOUBLINGS: Final = 6
+"""Of the first pause; more of them, after a day or so, would be no float any more."""
 
 
 @dataclass
@@ -25,7 +27,7 @@ class _Held:
 
     Attributes:
         message: As it stays in the spool.
-        refused: How often the cloud failed at it although it had taken others.
+        refused: How often it was tried in vain although the cloud had taken others.
         due: When it is tried again, in the clock's seconds; ``None`` while it is not known
             whether the cloud takes anything.
     """
@@ -88,10 +90,22 @@ class Aside:
             if len(self._held) >= _MOST:
                 return False
             self._held[message.id] = _Held(message)
-        elif held.due is not None:
-            held.refused += 1
-            held.due = self._clock() + min(2.0**held.refused, _LONGEST_PAUSE_S)
+        else:
+            self.put_off(message)
         return True
+
+    def put_off(self, message: Stored) -> None:
+        """Try one that is at fault again after a longer pause, and after the others."""
+        held = self._held.get(message.id)
+        if held is None or held.due is None:
+            return
+        self._held[message.id] = self._held.pop(message.id)
+        held.refused = min(held.refused + 1, _MOST_DOUBLINGS)
+        held.due = self._clock() + min(2.0**held.refused, _LONGEST_PAUSE_S)
+
+    def forget(self, message: Stored) -> None:
+        """It has left the spool."""
+        self._held.pop(message.id, None)
 
     def release_suspects(self) -> bool:
         """Leave out only what is at fault; gives whether anything else was left out."""
@@ -103,7 +117,7 @@ class Aside:
     def taken(self, messages: Sequence[Stored]) -> None:
         """The cloud took messages: now those that it had failed at are tried once more."""
         for message in messages:
-            self._held.pop(message.id, None)
+            self.forget(message)
         for held in self._held.values():
             if held.due is None:
                 log.warning("left out, as the cloud fails at it: node=%s", held.message.node)

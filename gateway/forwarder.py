@@ -65,6 +65,7 @@ class Forwarder:
         self._now = now
         self._most = settings.batch_messages
         self._aside = Aside()
+        self._alone = False
         self._thrift = Thrift()
         self._failing = False
         self._stopping = Event()
@@ -119,7 +120,9 @@ class Forwarder:
             CloudError: The cloud did not answer as agreed.
             SpoolError: The spool cannot be read or written.
         """
-        alone = self._aside.due()
+        # Others come between two that are tried alone: the cloud may take long to fail at each.
+        alone = None if self._alone else self._aside.due()
+        self._alone = alone is not None
         stored = [alone] if alone is not None else self._next()
         if not stored:
             return 0
@@ -158,6 +161,7 @@ class Forwarder:
             self._most = len(stored) // 2
         elif error.status == _TOO_LARGE:
             self._bury(stored, [str(error)])
+            self._aside.forget(stored[0])
             self._counters.cloud_rejected.inc()
             return 1
         elif error.status == httpx.codes.INTERNAL_SERVER_ERROR:
@@ -165,6 +169,8 @@ class Forwarder:
                 self._counters.cloud_failures.inc()
                 return 1
             self._aside.release_suspects()
+        else:
+            self._aside.put_off(stored[0])
         raise error
 
     def _settle(self, stored: list[Stored], answers: list[Answer]) -> None:

@@ -53,6 +53,8 @@ def _read(node: str, data: bytes) -> Item:
     """Read a message; else one that breaks what reads it would be brought for ever."""
     try:
         return Item.read(node, data)
+    except MemoryError:  # which is ours, and no message's
+        raise
     except Exception as error:
         log.exception("message broke what reads it: bytes=%d", len(data))
         reason = f"it broke what reads it: {type(error).__name__}"

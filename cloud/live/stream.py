@@ -51,7 +51,7 @@ async def stream(
     present, pace = feed.last, Pace(time.monotonic)
     try:
         with feed.subscribed(), onlookers.looking(selection.looked_at):
-            yield b"retry: 2000\n: connected\n\n"
+            yield b"retry: 2000\n" + _sign(cursor, b"connected")
             due = time.monotonic() + heartbeat
             while not feed.closed:
                 if feed.last - cursor > backlog:
@@ -70,11 +70,16 @@ async def stream(
                 if time.monotonic() >= due:
                     if not await asyncio.to_thread(allowed):
                         return
-                    yield b": heartbeat\n\n"
+                    yield _sign(cursor, b"heartbeat")
                     due = time.monotonic() + heartbeat
                 await feed.wait(cursor, max(0.0, due - time.monotonic()))
     except StoreError as error:  # whoever listens comes back, and then is told
         log.warning("live stream ended: reason=%s", error)
+
+
+def _sign(cursor: int, said: bytes) -> bytes:
+    """A sign of life, and where to go on should the stream break off before the next event."""
+    return b"id: %d\n: %b\n\n" % (cursor, said)
 
 
 def _print(

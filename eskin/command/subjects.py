@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import time
 from contextlib import ExitStack
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -125,17 +126,21 @@ def export(
     import httpx
 
     vault, _ = _open(config)
-    subject, *_ = _find(vault, _asked(name), None)
+    known = [subject.pseudonym for subject in _find(vault, _asked(name), None)]
     headers = {"Authorization": f"Bearer {_secret(token)}"}
-    place = f"{url.rstrip('/')}/api/v1/subjects/{subject.pseudonym}/export"
+    place = f"{url.rstrip('/')}/api/v1/subjects"
     try:
-        with httpx.stream("GET", place, headers=headers, timeout=60, trust_env=False) as answer:
-            if answer.status_code != httpx.codes.OK:
-                raise SettingsError("--url", f"{place} answered {answer.status_code}")
-            lines = _write(out, answer.iter_bytes())
+        with ExitStack() as asked:
+            answers = []
+            for each in (f"{place}/{pseudonym}/export" for pseudonym in known):
+                question = httpx.stream("GET", each, headers=headers, timeout=60, trust_env=False)
+                answers.append(asked.enter_context(question))
+                if answers[-1].status_code != httpx.codes.OK:
+                    raise SettingsError("--url", f"{each} answered {answers[-1].status_code}")
+            lines = _write(out, chain.from_iterable(answer.iter_bytes() for answer in answers))
     except httpx.HTTPError as error:
         raise SettingsError("--url", f"{place}: {error}") from error
-    typer.echo(f"{out}: {lines} messages of {subject.pseudonym}")
+    typer.echo(f"{out}: {lines} messages of {', '.join(known)}")
 
 
 def _secret(token: Path) -> str:

@@ -137,6 +137,19 @@ async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
     assert count_blocks(stand) == 2
 
 
+async def test_message_is_not_at_fault_where_memory_runs_out(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(_: bytes) -> Summary:
+        raise MemoryError
+
+    monkeypatch.setattr("cloud.store.item.decode_summary", breaks)
+    assert (await stand.ingest(batch(block(0)))).status_code == 500
+    monkeypatch.undo()
+    items = (await stand.ingest(batch(block(0)))).json()["items"]
+    assert [item["result"] for item in items] == ["stored"]
+
+
 def take_few_values(connection: Connection) -> None:
     """Be as strict as any build of SQLite; PostgreSQL is so by itself."""
     own = connection.connection.driver_connection

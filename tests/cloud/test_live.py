@@ -18,7 +18,7 @@ from eskin.messages import Block
 from eskin.moment import format_moment
 from tests.cloud.clouds import batch, problem, put, standing
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
-from tests.cloud.streams import events_of, listen, take
+from tests.cloud.streams import events_of, listen, parse, take
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -229,8 +229,19 @@ async def test_heartbeat_comes_in_silence_and_ends_with_access(stand: Stand) -> 
     told = listen(stand, heartbeat=0.01, allowed=lambda: next(answers))
     async with asyncio.timeout(20):
         pieces = [piece async for piece in told]
-    assert pieces[1:] == [b": heartbeat\n\n"] * 2
+    assert pieces[1:] == [b"id: 0\n: heartbeat\n\n"] * 2
     assert stand.cloud.feed.subscribers == 0
+
+
+async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_on(
+    stand: Stand,
+) -> None:
+    await stand.ingest(batch(block(0), block(1)))
+    palm = Selection(frozenset({"palm"}), frozenset(), 50)
+    told = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
+    async with asyncio.timeout(20):
+        assert parse(await anext(told))["id"] == "1"
+        assert parse(await anext(told)) == {"id": "2", "comment": "heartbeat"}
 
 
 async def test_closing_feed_ends_streams(stand: Stand) -> None:

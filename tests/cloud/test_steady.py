@@ -41,7 +41,7 @@ class Time:
         return Steady(clock, ticks=lambda: self.passed - begun, last=last)
 
     def restart(self, *, off: int = 0, wrong: int | None = None) -> None:
-        """The cloud, and the machine with its count of what passed, is off; its clock goes wrong."""
+        """The cloud and its machine, which counts what passes, are off; the clock goes wrong."""
         last = self.steady.read()
         self.passed += off
         self.wrong = self.wrong if wrong is None else wrong
@@ -66,6 +66,20 @@ def test_leap_ahead_is_not_believed_for_a_day() -> None:
     assert time.is_right()
     time.passed += 1
     assert time.steady() == START + time.passed + YEAR
+
+
+def test_leap_after_a_leap_is_not_believed_for_a_day_of_its_own() -> None:
+    time = Time()
+    time.wrong = 2 * LEAP
+    assert time.is_right()
+    time.passed += DOUBT - LEAP
+    time.wrong = YEAR
+    assert time.is_right()
+    time.passed += LEAP
+    assert time.is_right()
+    time.wrong = 2 * LEAP
+    time.passed += DOUBT - LEAP
+    assert time.steady() == START + time.passed + 2 * LEAP
 
 
 def test_clock_that_is_set_back_or_goes_ahead_a_little_is_followed() -> None:

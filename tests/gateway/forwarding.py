@@ -24,19 +24,27 @@ MESSAGES = [("n", bytes([number])) for number in range(10)]
 
 
 class MemoryCloud:
-    """The in-memory twin: stores, or fails as told; ``failing`` are bodies that break it."""
+    """The in-memory twin: stores, or fails as told; ``failing`` are bodies that break it.
+
+    Attributes:
+        failure: How it answers to those; ``None``: not at all.
+        asked: The bodies of each request.
+    """
 
     def __init__(self) -> None:
         self.mode = "ok"
         self.failing: set[bytes] = set()
+        self.failure: int | None = 500
         self.stored: list[tuple[str, bytes]] = []
+        self.asked: list[list[bytes]] = []
 
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        self.asked.append([body for _, body in messages])
         if self.mode in {"error", "busy", "nonsense", "short"}:
             status = {"error": 500, "busy": 503}.get(self.mode)
             raise CloudError("told to fail", status=status)
         if any(body in self.failing for _, body in messages):
-            raise CloudError("broken by a message", status=500)
+            raise CloudError("broken by a message", status=self.failure)
         if self.mode == "large" and len(messages) > 2:
             raise CloudError("too large", status=413)
         return [self._store(message) for message in messages]

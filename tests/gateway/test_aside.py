@@ -42,6 +42,41 @@ def test_pauses_grow_up_to_a_minute(aside: Aside, now: list[float]) -> None:
         assert aside.due() == ONE
 
 
+def test_pause_is_no_longer_after_days(aside: Aside, now: list[float]) -> None:
+    aside.hold(ONE)
+    aside.taken([TWO])
+    for _ in range(3000):
+        assert aside.due() == ONE
+        aside.hold(ONE)
+        assert aside.due() is None
+        now[0] += 60.0
+    assert aside.due() == ONE
+
+
+def test_one_that_fails_otherwise_is_put_off_too(aside: Aside, now: list[float]) -> None:
+    aside.put_off(ONE)
+    aside.hold(ONE)
+    aside.put_off(ONE)
+    assert aside.due() is None
+    aside.taken([TWO])
+    aside.put_off(ONE)
+    assert aside.due() is None
+    now[0] += 2.0
+    assert aside.due() == ONE
+    aside.forget(ONE)
+    assert (aside.ids, aside.due()) == ((), None)
+
+
+def test_those_that_are_held_take_turns(aside: Aside, now: list[float]) -> None:
+    aside.hold(ONE)
+    aside.hold(TWO)
+    aside.taken([])
+    for message in (ONE, TWO, ONE, TWO):
+        assert aside.due() == message
+        aside.hold(message)
+        now[0] += 60.0
+
+
 def test_when_nothing_tells_whose_fault_it_is_none_is_left_out(aside: Aside) -> None:
     aside.hold(ONE)
     aside.taken([])

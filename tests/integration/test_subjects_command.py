@@ -144,6 +144,20 @@ def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
     assert out.stat().st_mode & 0o077 == 0
 
 
+def test_all_of_a_name_are_exported(
+    site: Site, cloud: tuple[str, list[tuple[str, str | None]]]
+) -> None:
+    url, asked = cloud
+    made = {site.vault.create(NAME).pseudonym for _ in range(2)}
+    token, out = site.folder / "token", site.folder / "out.jsonl"
+    token.write_text("eskin_abc\n")
+    words = ["--url", url, "--token", str(token), "--name", NAME, "--out"]
+    said = site.run("export", *words, str(out))
+    assert {path for path, _ in asked} == {f"/api/v1/subjects/{each}/export" for each in made}
+    assert out.read_bytes() == 2 * LINES
+    assert all(each in said for each in made)
+
+
 def test_refused_or_cut_off_export_leaves_no_file_and_may_be_repeated(
     site: Site, cloud: tuple[str, list[tuple[str, str | None]]]
 ) -> None:

@@ -71,6 +71,13 @@ describe("reduced blocks", () => {
     expect(data.take(reduced(1250, 1500, 83), 0, 0).hole).toBeNull();
   });
 
+  test("a block that was missed is asked for, also where blocks are as short as their hulls", () => {
+    const data = dataOf(channel(1000), []);
+    data.take(reduced(1000, 1250, 250), 0, 0);
+    expect(data.take(reduced(1250, 1500, 250), 0, 0).hole).toBeNull();
+    expect(data.take(reduced(1750, 2000, 250), 0, 0).hole).toEqual({ x0: 1250 * MS, x1: 1750 * MS });
+  });
+
   test("what the stream tells while the store is asked is not lost by its answer", async () => {
     const data = dataOf(channel(1000), [[0, 1100]]);
     const { hole } = data.take(series(2000, 2250), 0, 0);

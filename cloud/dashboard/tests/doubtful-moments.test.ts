@@ -6,7 +6,7 @@ import { Timeline } from "../src/time/timeline";
 import { hullWithin } from "../src/tube/entries";
 import { channel, MS, ORIGIN, series, SIGNAL } from "./channels";
 
-/** A channel whose moments may be wrong by 30 ms, and what its store was asked for. */
+/** A channel whose moments may be wrong by 30 ms, and what its store was asked for; of over 500 ms it tells hulls. */
 function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
   const asked: string[] = [];
   const client = new Client({
@@ -16,7 +16,7 @@ function doubtful(): { readonly data: ChannelData; readonly asked: string[] } {
       asked.push(`${from} ${to}`);
       const told = series(Math.max(0, from!), Math.min(1000, to!));
       const spike = 520 - Math.max(0, from!);
-      return Promise.resolve(Response.json({ ...told, time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
+      return Promise.resolve(Response.json({ ...told, resolution: to! - from! > 500 ? "hull" : "sample", time_error: 30 * MS, hi: told.hi.map((hi, i) => (i === spike ? 9 : hi)) }));
     },
     onUnauthorised: () => undefined,
   });
@@ -48,5 +48,15 @@ describe("a window of the past of doubtful moments", () => {
     await loading;
     expect(asked).toEqual(["500 510", "470 540"]);
     expect(hullWithin(data.history, 500 * MS, 510 * MS).hi).toBe(9);
+  });
+
+  test("is asked for as narrowly as its own moments let it be, however wrong the stream's were", async () => {
+    const { data, asked } = doubtful();
+    data.take({ ...series(1000, 1050), time_error: 3_600_000 * MS }, 0, null);
+    await data.load({ x0: 500 * MS, x1: 510 * MS }, 500, SIGNAL);
+    expect(asked).toEqual(["-3599500 3600510", "470 540"]);
+    expect(data.resolution).toBe("sample");
+    await data.load({ x0: 600 * MS, x1: 610 * MS }, 500, SIGNAL);
+    expect(asked.slice(2)).toEqual(["570 640"]);
   });
 });

@@ -20,6 +20,11 @@ export class Turns {
 
   constructor(private readonly options: TurnsOptions) {}
 
+  /** Whether something is asked for. */
+  get busy(): boolean {
+    return this.running !== null;
+  }
+
   ask(): void {
     this.waiting = true;
     if (this.running !== null && this.options.now() - this.since < PATIENCE_MS) return;

@@ -19,6 +19,8 @@ const MOST_MARKS = 4_000;
 const PAUSE_SLACK = 1.5;
 /** A stretch of which this share is silent holds no burst. */
 const QUIET_SHARE = 0.9;
+/** An error of time of this share of a window makes its picture rough, if it is asked for around it in vain. */
+const ROUGH_SHARE = 0.25;
 /** Nodes that say nothing for so long are silent. */
 const STALE_MS = 4_000;
 /** A channel that is sampled for less than this share of the time measures in bursts. */
@@ -168,7 +170,9 @@ export class ChannelData {
     const seen = thin(run, grain);
     this.tube.merge(seen);
     for (const { range, runs } of this.fillings) if (!apart(range, { x0: start, x1: end })) runs.push(seen);
-    const hole = silence > Math.max(2 * run.reach[0]!, 3 * this.latest.dt, this.usualPause);
+    // Of hulls, a whole block may be no longer than one of them.
+    const usual = hull ? run.reach[0]! : 2 * run.reach[0]!;
+    const hole = silence > Math.max(usual, 3 * this.latest.dt, this.usualPause);
     return { block: { x0: start, x1: end }, hole: hole ? { x0: before, x1: start } : null };
   }
 
@@ -206,7 +210,9 @@ export class ChannelData {
     const { error } = this;
     let wide = widened(range, error);
     let answer = await this.ask(wide, points, signal);
-    if (answer.time_error > error) {
+    // What was so wrong lately need not be here; then the window is a small part of what was asked for.
+    const rough = answer.resolution === "hull" && answer.time_error < error && ROUGH_SHARE * (range.x1 - range.x0) < error;
+    if (answer.time_error > error || rough) {
       wide = widened(range, answer.time_error);
       answer = await this.ask(wide, points, signal);
     }

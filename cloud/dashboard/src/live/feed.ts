@@ -9,6 +9,8 @@ export type FeedState =
 
 export interface FeedOptions {
   readonly url: string;
+  /** The place of another feed to go on from; null for what comes from now on. */
+  readonly after: string | null;
   readonly fetch: typeof fetch;
   readonly random: () => number;
   readonly onMessage: (message: StreamMessage) => void;
@@ -26,13 +28,20 @@ const SILENCE_MS = 30_000;
  * restarting cloud, a proxy's 502) and a new one cannot send Last-Event-ID, so the stream is read by fetch.
  */
 export class Feed {
-  private lastId: string | null = null;
+  private lastId: string | null;
   private waitMs = FIRST_WAIT_MS;
   private stopped = false;
   private connection: AbortController | null = null;
   private timer: ReturnType<typeof setTimeout> | null = null;
 
-  constructor(private readonly options: FeedOptions) {}
+  constructor(private readonly options: FeedOptions) {
+    this.lastId = options.after;
+  }
+
+  /** Up to where it has told everything, for another feed to go on from; null where it never began. */
+  get place(): string | null {
+    return this.lastId;
+  }
 
   start(): void {
     addEventListener("online", this.onOnline);
@@ -107,6 +116,7 @@ export class Feed {
         clearTimeout(watchdog);
         watchdog = setTimeout(() => connection.abort(), SILENCE_MS);
         for (const message of parser.push(piece.value)) this.deliver(message);
+        this.lastId = parser.lastId ?? this.lastId;
         if (parser.retry !== null) this.waitMs = parser.retry;
       }
     } finally {

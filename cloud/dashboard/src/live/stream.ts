@@ -15,6 +15,8 @@ export class StreamParser {
   private event = "";
   private data: string[] = [];
   private length = 0;
+  /** Where whoever breaks off now goes on: what was last complete has this id, also where it held no message. */
+  lastId: string | null = null;
   /** The reconnection time in ms that the server asked for, if it did. */
   retry: number | null = null;
 
@@ -47,6 +49,7 @@ export class StreamParser {
     if (this.data.length > 0) {
       messages.push({ id: this.id, event: this.event || "message", data: this.data.join("\n") });
     }
+    this.lastId = this.id;
     this.event = "";
     this.data = [];
     this.length = this.rest.length;

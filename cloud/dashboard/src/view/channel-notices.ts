@@ -23,10 +23,6 @@ export class ChannelNotices {
     return this.board.root;
   }
 
-  get failed(): boolean {
-    return this.state === "failed";
-  }
-
   /** Something is asked for of which nothing is shown yet. */
   loading(): void {
     this.become("loading");

@@ -47,6 +47,8 @@ export class ChannelPanel {
   private dirty = true;
   private readonly texts = new Beat(TEXT_MS);
   private reloadAt = 0;
+  /** Whether the stream told of the past that is shown, since it was asked for. */
+  private outdated = false;
   private readonly watcher: IntersectionObserver;
 
   constructor(private readonly options: PanelOptions) {
@@ -109,12 +111,8 @@ export class ChannelPanel {
     if (this.view.kind === "live") {
       this.dirty = true;
       this.notices.arrived();
-      // After a failure the whole window is asked for again.
-      if (hole && !this.notices.failed) this.filler.fillHole(hole, this.view.span);
-    } else if (range && this.touchesView(range) && at - this.reloadAt > REFRESH_MS) {
-      this.reloadAt = at;
-      this.ask();
-    }
+      if (hole) this.filler.fillHole(hole, this.view.span);
+    } else if (range && this.touchesView(range)) this.outdated = true;
   }
 
   /** Marks have changed: paint at the next frame. */
@@ -126,6 +124,10 @@ export class ChannelPanel {
   frame(at: number): void {
     if (!this.visible) return;
     if (this.notices.retryDue(at)) this.again();
+    if (this.view.kind === "history" && this.outdated && !this.turns.busy && at - this.reloadAt > REFRESH_MS) {
+      this.reloadAt = at;
+      this.ask();
+    }
     if (this.view.kind === "history" && this.dirty) this.showHistory();
     // A live picture stands still while somebody drags on it, so that they get the stretch that they see.
     if (this.view.kind === "history" || this.chart.busy) return;
@@ -186,8 +188,9 @@ export class ChannelPanel {
     this.drawnEdge = Number.NaN;
   }
 
-  /** Starts the live window afresh from the store. */
+  /** Starts the live window afresh from the store; a window of the past is asked for again. */
   startLive(): void {
+    this.outdated = true;
     if (!this.visible || this.view.kind !== "live") return;
     this.stopLive();
     this.chart.resetValues();
@@ -245,6 +248,7 @@ export class ChannelPanel {
   private async load(signal: AbortSignal): Promise<void> {
     const range = this.range();
     if (range === null || this.view.kind !== "history") return;
+    this.outdated = false;
     try {
       await this.data.load(range, this.width, signal);
       if (this.view.kind !== "history") return;

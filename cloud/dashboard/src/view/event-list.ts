@@ -32,6 +32,8 @@ export class EventList {
   private readonly beat = new Beat(TEXT_MS);
   private cursor: string | null = null;
   private loading = new AbortController();
+  /** Whether the rows are to be replaced: then what comes in waits, or it would be replaced, too. */
+  private outdated = true;
   private retry: ReturnType<typeof setTimeout> | null = null;
 
   constructor(
@@ -43,7 +45,26 @@ export class EventList {
     const filters = element("div", { class: "filters" }, kinds, verdicts);
     const head = element("header", { class: "side-head" }, element("h2", {}, "Events"), filters);
     this.root = element("aside", { class: "side", "aria-label": "events" }, head, this.note, this.rows, this.foot);
-    void this.load();
+    this.notices.say("loading", "Loading events…", "");
+  }
+
+  /** Asks for the latest events. */
+  async load(): Promise<void> {
+    this.notices.say("loading", "Loading events…", "");
+    await this.refresh();
+  }
+
+  /** Asks for the latest events, without a word before the answer. */
+  async refresh(): Promise<void> {
+    if (this.retry !== null) clearTimeout(this.retry);
+    this.retry = null;
+    this.loading.abort();
+    this.loading = new AbortController();
+    this.known.clear();
+    this.waiting = [];
+    this.cursor = null;
+    this.outdated = true;
+    await this.more();
   }
 
   /** Says what the charts leave out. */
@@ -59,7 +80,7 @@ export class EventList {
 
   /** Writes what has come in; a few times a second is enough. */
   frame(at: number): void {
-    if (!this.beat.due(at) || this.waiting.length === 0) return;
+    if (this.outdated || !this.beat.due(at) || this.waiting.length === 0) return;
     const fresh = this.waiting.filter((event) => !this.known.has(event.id));
     this.waiting = [];
     for (const event of fresh) this.rows.prepend(this.row(event));
@@ -71,7 +92,7 @@ export class EventList {
     const again = { label: "Try again", act: () => void this.load() };
     this.notices.say("error", "Events could not be loaded", messageOf(error), again);
     if (this.retry !== null) clearTimeout(this.retry);
-    this.retry = setTimeout(() => void this.reload(), RETRY_MS);
+    this.retry = setTimeout(() => void this.refresh(), RETRY_MS);
   }
 
   destroy(): void {
@@ -122,23 +143,6 @@ export class EventList {
     if (this.rows.children.length > 0 && this.notices.kind === "empty") this.notices.clear();
   }
 
-  private async load(): Promise<void> {
-    this.notices.say("loading", "Loading events…", "");
-    await this.reload();
-  }
-
-  /** Asks for the latest events, without a word before the answer. */
-  private async reload(): Promise<void> {
-    if (this.retry !== null) clearTimeout(this.retry);
-    this.retry = null;
-    this.loading.abort();
-    this.loading = new AbortController();
-    this.known.clear();
-    this.waiting = [];
-    this.cursor = null;
-    await this.more();
-  }
-
   private async more(): Promise<void> {
     const { signal } = this.loading;
     const first = this.cursor === null;
@@ -153,8 +157,10 @@ export class EventList {
       this.cursor = page.next;
       this.showFoot();
     } catch (error) {
-      if (!isAbort(error)) this.fail(error);
+      if (isAbort(error)) return;
+      this.fail(error);
     }
+    this.outdated = false;
   }
 
   private showFoot(): void {

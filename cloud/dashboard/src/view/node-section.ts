@@ -52,7 +52,7 @@ export class NodeSection {
     for (const panel of this.panels.values()) panel.apply(view);
   }
 
-  /** Fills the live windows afresh, after the stream has left something out. */
+  /** Asks for what is shown again, after the stream has left something out. */
   refill(): void {
     for (const panel of this.panels.values()) panel.startLive();
   }

@@ -46,6 +46,8 @@ export class Page {
   private readonly settings: NodeSettings | null = null;
   private feed: Feed | null = null;
   private feedUrl = "";
+  /** Whether events were asked for, and whether after the stream had begun to tell of later ones. */
+  private asked: "never" | "early" | "well" = "never";
   private eventLoading = new AbortController();
   /** Of which kinds there are too many events to mark, and since when they are marked. */
   private unmarked: { readonly kind: string; readonly since: number }[] = [];
@@ -200,16 +202,30 @@ export class Page {
     const url = address("/live", { ...place, points: POINTS, grain });
     if (url === this.feedUrl) return;
     this.feedUrl = url;
+    // What comes between the two feeds is told by the second.
+    const after = this.feed?.place ?? null;
     this.feed?.stop();
     this.feed = new Feed({
       url,
+      after,
       fetch: (input, init) => fetch(input, init),
       random: Math.random,
       onMessage: (message) => this.receive(message),
-      onState: onFeed,
+      onState: (state) => {
+        this.askWell(state);
+        onFeed(state);
+      },
       onUnauthorised: context.onUnauthorised,
     });
     this.feed.start();
+  }
+
+  /** Asks for events once the stream tells of all later ones; before that, only where it cannot be had. */
+  private askWell({ kind }: FeedState): void {
+    if (kind === "connecting" || this.asked === "well" || (kind !== "open" && this.asked === "early")) return;
+    this.asked = kind === "open" ? "well" : "early";
+    void this.list.load();
+    void this.loadEvents();
   }
 
   private receive(message: StreamMessage): void {
@@ -226,6 +242,7 @@ export class Page {
         if (event.kind === "command") this.settings?.refresh();
       } else if (message.event === "lagging") {
         for (const section of this.sections.values()) section.refill();
+        void this.list.refresh();
         void this.loadEvents();
       }
     } catch (error) {
