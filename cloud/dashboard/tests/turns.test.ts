@@ -47,6 +47,18 @@ describe("questions of which only the newest counts", () => {
     expect(idle()).toBe(1);
   });
 
+  test("more of the same waits for the answer to a slow one", async () => {
+    const { turns, clock, asked, answer, idle } = stand();
+    turns.follow();
+    clock.ms = 10_000;
+    turns.follow();
+    expect(asked.map((signal) => signal.aborted)).toEqual([false]);
+    await answer();
+    expect([asked.length, idle()]).toEqual([2, 0]);
+    await answer();
+    expect(idle()).toBe(1);
+  });
+
   test("after a stop nothing is asked, until somebody asks again", async () => {
     const { turns, asked, answer, idle } = stand();
     turns.ask();

@@ -27,6 +27,12 @@ export class Turns {
     void this.run();
   }
 
+  /** Asks for more of the same: what is under way is answered first, however long that takes. */
+  follow(): void {
+    this.waiting = true;
+    if (this.running === null) void this.run();
+  }
+
   /** Gives up what is under way. */
   stop(): void {
     this.waiting = false;

@@ -113,7 +113,8 @@ export class ChannelPanel {
       if (hole && !this.notices.failed) this.filler.fillHole(hole, this.view.span);
     } else if (range && this.touchesView(range) && at - this.reloadAt > REFRESH_MS) {
       this.reloadAt = at;
-      this.ask();
+      this.root.classList.add("busy");
+      this.turns.follow();
     }
   }
 

@@ -146,15 +146,23 @@ export class EventList {
     const query = { ...scope, ...this.filter, limit: PAGE, cursor: this.cursor ?? undefined };
     try {
       const page = await this.context.client.events(query, signal);
+      const told = first ? this.toldMeanwhile(page.items) : [];
       const fresh = page.items.filter((event) => first || !this.known.has(event.id));
       const rows = fresh.map((event) => this.row(event));
-      if (first) this.rows.replaceChildren(...rows);
+      if (first) this.rows.replaceChildren(...told, ...rows);
       else this.rows.append(...rows);
       this.cursor = page.next;
       this.showFoot();
     } catch (error) {
       if (!isAbort(error)) this.fail(error);
     }
+  }
+
+  /** The rows of what the stream told since the store was asked, which had not stored it yet. */
+  private toldMeanwhile(stored: readonly EventItem[]): Element[] {
+    const listed = new Set<string | null>(stored.map(({ id }) => id));
+    const isNew = (id: string | null): boolean => id !== null && this.known.has(id) && !listed.has(id);
+    return [...this.rows.children].filter((row) => isNew(row.getAttribute("data-id")));
   }
 
   private showFoot(): void {
