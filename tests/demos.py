@@ -68,7 +68,7 @@ class RunningDemo(Running):
         return httpx.Client(
             base_url=access["url"],
             headers={"Authorization": f"Bearer {access['token']}"},
-            timeout=10,
+            timeout=60,
             verify=PLAIN,
         )
 

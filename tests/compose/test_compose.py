@@ -44,9 +44,12 @@ def test_three_nodes_reach_the_cloud(stack: Stack, client: httpx.Client) -> None
         ),
         "each channel grows",
     )
-    assert {node["id"]: node["health"] for node in items(client, "/api/v1/nodes")} == dict.fromkeys(
-        NODES, "online"
-    )
+    online = dict.fromkeys(NODES, "online")
+
+    def health() -> dict[str, str]:
+        return {node["id"]: node["health"] for node in items(client, "/api/v1/nodes")}
+
+    wait_until(lambda: health() == online, "each node is online")
 
 
 def test_other_mqtt_client_reads_what_is_public(stack: Stack) -> None:
@@ -160,7 +163,6 @@ def test_killed_containers_come_back_and_nothing_is_lost(
 
 
 def test_killed_node_comes_back_in_its_next_boot(stack: Stack, client: httpx.Client) -> None:
-    boot = client.get("/api/v1/nodes/palm").json()["boot"]
     boot = client.get("/api/v1/nodes/palm").json()["boot"]
     stack.kill("sensor_node_palm")
     stack.wait_healthy("sensor_node_palm")

@@ -16,7 +16,15 @@ from tests.processes import wait_until
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Playwright, Route
+    from playwright.sync_api import (
+        Browser,
+        BrowserContext,
+        ConsoleMessage,
+        Page,
+        Playwright,
+        Request,
+        Route,
+    )
 
 ARGUMENTS: Final = (
     "--no-sandbox",
@@ -29,6 +37,8 @@ ARGUMENTS: Final = (
 )
 CHART: Final = "[data-testid=chart]"
 PHONE: Final = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
+PATIENCE_MS: Final = 60_000
+"""As long as `wait_until` waits: a page takes its time where others need the machine, too."""
 _VIOLATIONS: Final = """
 addEventListener("securitypolicyviolation", (event) =>
   console.error(`CSP violation: ${event.violatedDirective} ${event.blockedURI}`));
@@ -61,17 +71,31 @@ class Visit:
         page: Playwright's page.
         troubles: Console errors, uncaught errors and violations of the content security policy.
         hosts: Whom it sent requests to.
+        requests: The addresses of all its requests, in their order.
     """
 
     def __init__(self, context: BrowserContext, url: str) -> None:
         self.url = url
         self.troubles: list[str] = []
         self.hosts: set[str | None] = set()
+        self.requests: list[str] = []
+        self._unanswered: set[Request] = set()
         self.page: Page = context.new_page()
         self.page.add_init_script(_VIOLATIONS)
         self.page.on("console", self._on_console)
         self.page.on("pageerror", lambda error: self.troubles.append(str(error)))
-        self.page.on("request", lambda sent: self.hosts.add(urlsplit(sent.url).hostname))
+        self.page.on("request", self._on_request)
+        self.page.on("requestfinished", self._on_answer)
+        self.page.on("requestfailed", self._on_answer)
+
+    def _on_request(self, request: Request) -> None:
+        self.hosts.add(urlsplit(request.url).hostname)
+        self.requests.append(request.url)
+        if "/api/v1/live" not in request.url:  # whose answer has no end
+            self._unanswered.add(request)
+
+    def _on_answer(self, request: Request) -> None:
+        self._unanswered.discard(request)
 
     def _on_console(self, message: ConsoleMessage) -> None:
         if message.type == "error":
@@ -81,6 +105,26 @@ class Visit:
         """Go to a place of the dashboard, and wait for what it shows there."""
         self.page.goto(f"{self.url}/#/{fragment}")
         self.page.locator(shows).first.wait_for()
+
+    def wait_for_frame(self) -> None:
+        """Wait until the browser has laid the page out once more, and painted it."""
+        self.page.evaluate(_FRAMES)
+
+    def asked(self, part: str) -> int:
+        """How many requests were sent so far whose address has such a part."""
+        self.page.evaluate("0")  # takes in what the browser told meanwhile
+        return sum(part in url for url in self.requests)
+
+    def wait_for_answers(self) -> None:
+        """Wait until all is there that the page has asked for: what comes later moves the rest."""
+        self.wait_for_frame()
+        asked = set(self._unanswered)
+
+        def answered() -> bool:
+            self.wait_for_frame()
+            return asked.isdisjoint(self._unanswered)
+
+        wait_until(answered, "all is there that the page has asked for")
 
     def chart(self) -> dict[str, str]:
         """What the first chart says of itself."""
@@ -98,7 +142,7 @@ class Visit:
 
         wait_until(painted, f"a painted chart with {facts}", seconds=seconds)
         wait_until(lambda: self.page.locator(".panel.busy").count() == 0, "no panel loads")
-        self.page.evaluate(_FRAMES)
+        self.wait_for_frame()
         return self.chart()
 
     def window(self) -> tuple[int, int] | None:
@@ -115,8 +159,8 @@ class Visit:
 
         def settled() -> bool:
             said = self.chart()
-            window = self.window()
-            return window is not None and window == (int(said["xMin"]), int(said["xMax"]))
+            # A chart that is there may have painted nothing yet.
+            return "xMin" in said and self.window() == (int(said["xMin"]), int(said["xMax"]))
 
         wait_until(settled, "the chart paints the window of the address")
         window = self.window()
@@ -143,7 +187,13 @@ class Visit:
 def visiting(browser: Browser, url: str, **options: Any) -> Iterator[Visit]:
     """A page in a context of its own."""
     context = browser.new_context(**options)
+    context.set_default_timeout(PATIENCE_MS)
     try:
-        yield Visit(context, url)
+        visit = Visit(context, url)
+        try:
+            yield visit
+        finally:
+            # What a route still answers when its page is closed fails in the midst of another test.
+            visit.page.unroute_all(behavior="ignoreErrors")
     finally:
         context.close()

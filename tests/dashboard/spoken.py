@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from tests.processes import wait_until
+
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tests.dashboard.browsing import Visit
 
 NAMED: Final = frozenset(
@@ -44,6 +48,20 @@ def listen(visit: Visit) -> list[Spoken]:
         for node in nodes
         if not node["ignored"]
     ]
+
+
+def listen_until(
+    visit: Visit, condition: Callable[[list[Spoken]], bool], what: str
+) -> list[Spoken]:
+    """All that a screen reader finds once that fulfils a condition; fails with its name."""
+    heard: list[Spoken] = []
+
+    def fulfilled() -> bool:
+        heard[:] = listen(visit)
+        return condition(heard)
+
+    wait_until(fulfilled, what)
+    return heard
 
 
 def nameless(heard: list[Spoken]) -> dict[str, str]:

@@ -40,6 +40,7 @@ class Plot:
 
 
 def plot_of(visit: Visit) -> Plot:
+    visit.wait_for_answers()
     area = visit.page.locator(".u-over").first
     area.scroll_into_view_if_needed()
     box = area.bounding_box()

@@ -150,7 +150,7 @@ def test_gap_is_painted_as_a_gap_and_never_as_band(
         (missing,) = read_plots(visit, MISSING)
         return missing.painted[missing.column((gap.start + gap.stop) // 2)]
 
-    wait_until(hatched, "the gap is painted", seconds=10)
+    wait_until(hatched, "the gap is painted")
     band, missing = read_plots(visit, BAND, MISSING)
     first, after = band.column(gap.start), band.column(gap.stop)
     inside = range(first + EDGE, after - EDGE)

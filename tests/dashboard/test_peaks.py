@@ -12,7 +12,7 @@ from tests.dashboard.browsing import CHART, history
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
-    from playwright.sync_api import Route
+    from playwright.sync_api import APIResponse, Route
 
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
@@ -22,6 +22,8 @@ HALF = 1_300_000_000
 APART = 45_000_000
 """Peaks with more than this between them (ns) are drawn one by one in such a window."""
 
+INSIDE = {"certain": "184 58 0", "possible": "255 255 255"}
+"""In which colour a peak's triangle is filled."""
 TRIANGLES = """
 () => {
   const root = document.querySelector("[data-testid=chart]");
@@ -39,6 +41,9 @@ TRIANGLES = """
 """
 
 
+LISTED = """
+() => [...document.querySelectorAll("[data-testid=event]")].map((row) => row.dataset.id)
+"""
 PAINT = """
 (svg) => {
   const style = getComputedStyle(svg.querySelector("path"));
@@ -83,10 +88,26 @@ def test_certain_and_possible_peaks_carry_different_shapes(demo: RunningDemo, vi
         "both are placed",
     )
     found = visit.evaluate(TRIANGLES)
-    solid = {one["inside"] for one in found if one["verdict"] == "certain"}
-    hollow = {one["inside"] for one in found if one["verdict"] == "possible"}
-    assert solid == {"184 58 0"}
-    assert hollow == {"255 255 255"}
+    assert {(one["verdict"], one["inside"]) for one in found} == set(INSIDE.items())
+
+
+@pytest.mark.parametrize("options", [{"viewport": {"width": 700, "height": 800}}])
+def test_what_lies_over_peaks_goes_with_them_when_the_window_gets_another_size(
+    demo: RunningDemo, visit: Visit
+) -> None:
+    held: list[Route] = []
+    # Whatever comes in has the chart painted anew, and all of it put in its place.
+    visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
+    visit.open(history("palm/t01.energy", *window_of_both(demo)))
+    visit.wait_for_chart(mode="history")
+    wait_until(lambda: len(visit.evaluate(TRIANGLES)) > 1, "peaks are placed")
+    visit.wait_for_answers()
+    before = visit.chart()["plotWidth"]
+    visit.page.set_viewport_size({"width": 1000, "height": 800})
+    wait_until(lambda: visit.chart()["plotWidth"] != before, "the chart has another size")
+    found = visit.evaluate(TRIANGLES)
+    assert found
+    assert [one for one in found if one["inside"] != INSIDE[one["verdict"]]] == []
 
 
 @pytest.mark.parametrize("options", [{"reduced_motion": "no-preference"}])
@@ -97,8 +118,7 @@ def test_what_lies_over_peaks_moves_with_them_where_somebody_points(visit: Visit
     for _ in range(5):
         wait_until(lambda: len(visit.evaluate(TRIANGLES)) > 1, "peaks are placed")
         found = visit.evaluate(TRIANGLES)
-        inside = {"certain": "184 58 0", "possible": "255 255 255"}
-        assert [one for one in found if one["inside"] != inside[one["verdict"]]] == []
+        assert [one for one in found if one["inside"] != INSIDE[one["verdict"]]] == []
         visit.page.wait_for_timeout(130)
 
 
@@ -116,6 +136,28 @@ def test_listed_events_carry_different_symbols(visit: Visit) -> None:
     assert symbols["possible"]["dash"] != "none"
 
 
+def test_event_that_is_told_while_the_list_is_loaded_stays_in_it(visit: Visit) -> None:
+    asked: list[tuple[Route, APIResponse]] = []
+    visit.page.route(
+        "**/api/v1/events?*limit=50&*", lambda route: asked.append((route, route.fetch()))
+    )
+    visit.open("palm/t01.energy?live=10s")
+    wait_until(lambda: bool(visit.evaluate("1") and asked), "the store has answered")
+    ((route, answer),) = asked
+    stored = {item["id"] for item in answer.json()["items"]}
+    assert stored
+    told: set[str] = set()
+
+    def tells() -> bool:
+        told.update(set(visit.evaluate(LISTED)) - stored)
+        return bool(told)
+
+    wait_until(tells, "the stream tells of an event that was not stored yet")
+    route.fulfill(response=answer)
+    wait_until(lambda: stored <= set(visit.evaluate(LISTED)), "the list is loaded")
+    assert told <= set(visit.evaluate(LISTED))
+
+
 def test_page_says_from_when_on_peaks_are_marked(visit: Visit) -> None:
     def endless(route: Route) -> None:
         url = urlsplit(route.request.url)
@@ -128,10 +170,13 @@ def test_page_says_from_when_on_peaks_are_marked(visit: Visit) -> None:
             route.fulfill(response=answer)
 
     visit.page.route("**/api/v1/events?*", endless)
-    visit.open("fingertip/t01.capacitance?live=5s")
+    visit.open("fingertip/t01.capacitance?live=5m")
     note = visit.page.get_by_test_id("events-note")
     note.get_by_text("on are marked in the charts: zoom in for all").wait_for()
     assert note.inner_text().startswith("Only peaks from ")
+    # Nothing else is told from here on, so that it stands until the window begins after it.
+    held: list[Route] = []
+    visit.page.route("**/api/v1/events?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
+    visit.page.get_by_test_id("live-span").select_option(label="5 s")
     note.get_by_text("Only peaks").wait_for(state="detached")
     assert note.text_content() == ""
-    visit.page.unroute_all(behavior="ignoreErrors")

@@ -111,6 +111,7 @@ def test_answer_that_comes_before_the_models_stays(visit: Visit, recorded: int) 
     said = visit.page.get_by_test_id("model-answer").get_by_text("minimum_area is missing")
     said.wait_for()
     visit.troubles.clear()  # the browser itself complains of the refusal
+    wait_until(lambda: bool(visit.evaluate("1") and held), "the models are asked for")
     (models,) = held
     models.continue_()
     visit.page.get_by_test_id("model-ask").wait_for()

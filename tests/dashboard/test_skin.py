@@ -10,6 +10,8 @@ from tests.dashboard.browsing import history
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
 
@@ -73,3 +75,21 @@ def test_live_skin_knows_every_taxel_and_leads_to_its_channel(visit: Visit) -> N
     wait_until(
         lambda: "#/fingertip/t02.capacitance" in visit.evaluate("location.hash"), "it leads there"
     )
+
+
+def test_skin_that_could_not_be_loaded_is_asked_for_again_wherever_the_window_goes(
+    visit: Visit, recorded: int
+) -> None:
+    def refuse(route: Route) -> None:
+        route.fulfill(status=503)
+
+    window = recorded - 2_000_000_000, recorded
+    visit.page.route("**/api/v1/nodes/fingertip/taxels*", refuse)
+    visit.open(history("fingertip", *window))
+    visit.wait_for_answers()
+    visit.page.get_by_test_id("earlier").click()
+    visit.wait_for_window(window)
+    visit.page.unroute("**/api/v1/nodes/fingertip/taxels*")
+    visit.page.get_by_test_id("skin").wait_for()
+    assert all("503" in trouble for trouble in visit.troubles)
+    visit.troubles.clear()  # the browser itself complains of each refusal

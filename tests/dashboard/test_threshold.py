@@ -8,6 +8,8 @@ from tests.dashboard.browsing import CHART, history
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
     from tests.dashboard.browsing import Visit
     from tests.demos import RunningDemo
 
@@ -41,32 +43,40 @@ def test_threshold_totals_equal_the_answer_of_the_api(
 
 
 def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
-    asked: list[str] = []
-    visit.page.on(
-        "request", lambda sent: asked.append(sent.url) if "/threshold" in sent.url else None
-    )
-
-    def count() -> int:
-        visit.page.evaluate("0")  # takes in what the browser told meanwhile
-        return len(asked)
-
     visit.open("palm/t01.energy?live=10s")
     level = visit.page.get_by_test_id("threshold-level")
     answer = visit.page.get_by_test_id("threshold-answer")
     level.fill("5")
     visit.page.get_by_test_id("threshold-ask").click()
-    wait_until(lambda: count() >= 3, "it is asked again and again")
+    wait_until(lambda: visit.asked("/threshold") >= 3, "it is asked again and again")
     level.fill("five")
     visit.page.get_by_test_id("threshold-ask").click()
     answer.get_by_text("is not a number").wait_for()
-    before = count()
+    before = visit.asked("/threshold")
     end = int(visit.chart()["xMax"])
     wait_until(lambda: int(visit.chart()["xMax"]) > end + 3 * SECOND, "three seconds of live data")
-    assert count() == before
+    assert visit.asked("/threshold") == before
     assert "is not a number" in answer.inner_text()
     level.fill("6")
     visit.page.get_by_test_id("threshold-ask").click()
-    wait_until(lambda: count() > before, "it is asked again")
+    wait_until(lambda: visit.asked("/threshold") > before, "it is asked again")
+
+
+def test_slow_answer_is_awaited_while_the_window_moves(visit: Visit) -> None:
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        held.append(route)
+
+    visit.page.route("**/threshold?*", hold)
+    visit.open("palm/t01.energy?live=10s&above=5e-12")
+    wait_until(lambda: visit.asked("/threshold") > 0, "it is asked")
+    polled = visit.asked("/nodes")
+    wait_until(lambda: visit.asked("/nodes") > polled + 3, "it could have been asked again")
+    assert visit.asked("/threshold") == 1
+    visit.page.unroute("**/threshold?*")  # lets it go on
+    visit.page.get_by_test_id("total-certain").wait_for()
+    wait_until(lambda: visit.asked("/threshold") > 1, "it is asked again")
 
 
 def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
@@ -79,10 +89,14 @@ def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
     total.wait_for()
     level.fill("five")
     visit.page.get_by_test_id("threshold-ask").click()
-    before = visit.wait_for_chart(mode="history")["xMin"]
+    visit.wait_for_chart(mode="history")
+    asked, polled = visit.asked("/threshold"), visit.asked("/nodes")
     visit.page.locator(CHART).focus()
     visit.page.keyboard.press("ArrowLeft")
-    wait_until(lambda: visit.chart()["xMin"] != before, "the window moves")
+    visit.wait_for_window((recorded - 3 * SECOND, recorded))
+    # Two at least of these three ask for all nodes, every other second; a question would be first.
+    wait_until(lambda: visit.asked("/nodes") > polled + 2, "a question could have been asked")
+    assert visit.asked("/threshold") == asked
     assert "is not a number" in visit.page.get_by_test_id("threshold-answer").inner_text()
     assert level.input_value() == "five"
     visit.page.evaluate("(hash) => { location.hash = hash; }", f"#/{window}&above=6e-12")

@@ -136,7 +136,6 @@ def test_last_is_meant_of_the_data_and_not_of_our_clock(
     start, end = visit.wait_for_window(None)
     assert end in ends
     assert end - start == length * HOUR
-    visit.page.unroute_all(behavior="ignoreErrors")
     visit.troubles.clear()  # the browser itself complains of the stream that is cut off
 
 
@@ -179,6 +178,7 @@ def test_times_are_worked_by_keys(visit: Visit, recorded: int) -> None:
 def test_times_fit_on_a_small_phone(visit: Visit) -> None:
     visit.open(f"{CHANNEL}?live=10s")
     visit.wait_for_chart(mode="live")
+    visit.wait_for_answers()
     visit.page.get_by_test_id("times").click()
     fill(visit.page, "2026-01-31 12:00:00.123456789", "never")
     visit.page.get_by_test_id("time-complaint").get_by_text("is not a time").wait_for()

@@ -238,7 +238,9 @@ export class BandChart {
   private resize(): void {
     const { clientWidth, clientHeight } = this.host;
     if (clientWidth < 40 || clientHeight < 40) return;
-    this.plot.setSize({ width: clientWidth, height: clientHeight });
+    this.plot.batch(() => this.plot.setSize({ width: clientWidth, height: clientHeight }));
+    // A window of the past is not painted again before somebody moves it.
+    this.overlay.sync(this.placed, uPlot.pxRatio);
   }
 
   private readonly onPointer = (event: PointerEvent): void => {

@@ -37,6 +37,9 @@ export class App {
   private nodes: readonly NodeItem[] | null = null;
   private dragPans = false;
   private polledAt = -Infinity;
+  private polls = 0;
+  /** Which poll was answered last, of those that count. */
+  private heard = 0;
   private reachable = true;
   private readonly seconds = new Beat(1_000);
   private readonly status = new LiveStatus();
@@ -153,16 +156,20 @@ export class App {
   }
 
   private async poll(): Promise<void> {
+    this.polls += 1;
+    const turn = this.polls;
     try {
       const signal = AbortSignal.timeout(10_000);
       if (this.place.node === null) void this.stack.load(this.options.client, signal).then(() => this.showStrip());
-      this.nodes = await this.options.client.nodes(signal);
+      const nodes = await this.options.client.nodes(signal);
+      if (!this.counts(turn)) return;
+      this.nodes = nodes;
       this.banner.hidden = true;
       this.reachable = true;
       this.showStrip();
       this.page?.showNodes(this.nodes);
     } catch (error) {
-      if (isAbort(error)) return;
+      if (isAbort(error) || !this.counts(turn)) return;
       const again = (): void => void this.poll();
       // What stands there already is left in peace, or screen readers would read it out every 2 s.
       setText(this.banner, `${messageOf(error).replace(/[.!]?$/, ".")} What is shown may be out of date; trying again every 2 s.`);
@@ -170,6 +177,13 @@ export class App {
       this.reachable = false;
       this.showStrip();
     }
+  }
+
+  /** Whether an answer tells something newer than what was told already: some take longer than others. */
+  private counts(turn: number): boolean {
+    if (turn < this.heard) return false;
+    this.heard = turn;
+    return true;
   }
 
   private showStrip(): void {

@@ -220,8 +220,9 @@ export class ModelForm {
     const { context, node, channel, points } = this.options;
     const { client, timeline } = context;
     this.asking?.abort();
-    this.asking = new AbortController();
-    const { signal } = this.asking;
+    const asking = new AbortController();
+    this.asking = asking;
+    const { signal } = asking;
     const place = { node, channel };
     const query: PredictionQuery = {
       model: question.model,
@@ -244,6 +245,8 @@ export class ModelForm {
       // What is predicted may be known though there is too much to be compared with it.
       this.mark(predicted, []);
       this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
+    } finally {
+      if (this.asking === asking) this.clock.answered();
     }
   }
 

@@ -36,6 +36,7 @@ export class SkinPicture {
   private taxels: readonly TaxelItem[] = [];
   private loading = new AbortController();
   private timer: ReturnType<typeof setTimeout> | null = null;
+  private retry: ReturnType<typeof setTimeout> | null = null;
   private readonly beat = new Beat(REPAINT_MS);
   private readonly texts = new Beat(TEXT_MS);
   private view: View;
@@ -77,7 +78,7 @@ export class SkinPicture {
 
   destroy(): void {
     this.loading.abort();
-    if (this.timer !== null) clearTimeout(this.timer);
+    for (const timer of [this.timer, this.retry]) if (timer !== null) clearTimeout(timer);
   }
 
   private async load(): Promise<void> {
@@ -86,7 +87,7 @@ export class SkinPicture {
     } catch (error) {
       if (isAbort(error)) return;
       // The charts beneath tell of the same failure; they list their channels again, and so does this.
-      this.timer = setTimeout(() => void this.load(), RETRY_MS);
+      this.retry = setTimeout(() => void this.load(), RETRY_MS);
       return;
     }
     this.offer();

@@ -128,8 +128,9 @@ export class ThresholdForm {
   private async ask(question: ThresholdQuestion, range: Range): Promise<void> {
     const { context, node, channel } = this.options;
     this.asking?.abort();
-    this.asking = new AbortController();
-    const { signal } = this.asking;
+    const asking = new AbortController();
+    this.asking = asking;
+    const { signal } = asking;
     const place = { node, channel };
     const side = question.side === "above" ? { above: question.level } : { below: question.level };
     const query: ThresholdQuery = { ...side, start: context.timeline.toInstant(range.x0), end: context.timeline.toInstant(Math.ceil(range.x1)) };
@@ -142,6 +143,8 @@ export class ThresholdForm {
       // Marks of another window or level would be taken for the answer to this question.
       this.options.onSegments([]);
       this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
+    } finally {
+      if (this.asking === asking) this.clock.answered();
     }
   }
 
