@@ -30,7 +30,7 @@ _WELCOME: Final = b"\x20\x02\x00\x00" + b"\xd0\x00"
 """A broker's CONNACK, which lets everybody in, and PINGRESP (MQTT 3.1.1, sections 3.2 and 3.13)."""
 _TURN_S: Final = 0.05
 _HANDSHAKE_S: Final = 60.0
-"""A visitor's handshake goes on however slow he is; cut off, what comes of it would look like more."""
+"""However slow a visitor is: of a handshake that was cut off, the rest would look like more."""
 _PATIENCE_S: Final = 5.0
 _PIECE: Final = 65_536
 
