@@ -51,7 +51,7 @@ class Service(Running):
 @pytest.fixture
 def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Service]:
     with Service(tmp_path, life_s=request.param) as running:
-        running.wait_for(lambda: accepts(running.port), "it listens", seconds=60)
+        running.wait_for(lambda: accepts(running.port), "it listens")
         yield running
 
 
@@ -83,7 +83,7 @@ def test_strange_answer_ends_nothing_and_is_counted_and_said_once(
 @pytest.mark.parametrize("service", [SHORT_S], indirect=True)
 def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> None:
     first = service.serial
-    service.wait_for(lambda: service.serial != first, "it shows another one", seconds=60)
+    service.wait_for(lambda: service.serial != first, "it shows another one")
     # Whoever asks is still answered, under the same root.
     url = f"https://127.0.0.1:{service.port}"
     anchor = service.own.node.directory / "anchor.pem"

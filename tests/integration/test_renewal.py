@@ -49,7 +49,7 @@ def gateway(folder: Path, own: Identities, broker: Mosquitto, cloud: str, url: s
         f'[broker]\nhost = "127.0.0.1"\nport = {broker.gateway_port}\n'
         f'[identity]\ndirectory = "{own.gateway.directory}"\nsite = "{own.site.directory}"\n'
         f'revocations = "{folder / "node.crl.pem"}"\n'
-        f'[cloud]\nurl = "{cloud}"\n[spool]\npath = "{folder / "spool.sqlite"}"\n'
+        f'[cloud]\nurl = "{cloud}"\ntimeout_s = 60\n[spool]\npath = "{folder / "spool.sqlite"}"\n'
         f'[http]\nport = 0\n[renewal]\nurl = "{url}"\nevery_s = 0.3\n'
     )
     return Running([ESKIN, "gateway", "--config", str(config)], log=folder / "gateway.log")
