@@ -59,17 +59,16 @@ def test_duplicate_is_acknowledged_again_and_neither_stored_nor_published_again(
     node.acknowledged.clear()
     node.publish(Stream.BLOCKS, envelope)
     node.wait_for((1, 1))
-    last = block(2)
-    node.say(Stream.BLOCKS, last)
+    node.say(Stream.BLOCKS, block(2))
     wait_until(lambda: len(cloud.stored) == 3, "the cloud stored what came after")
 
-    def published() -> list[float]:
+    def published() -> list[str]:
         hulls = listener.on(live_topic("fingertip", CHANNEL))
-        return [orjson.loads(hull)["lo"] for hull in hulls]
+        return [orjson.loads(hull)["t0"] for hull in hulls]
 
-    lows = [block(1).bounds[0], last.bounds[0]]
-    wait_until(lambda: lows[1] in published(), "what came after is public")
-    assert published() == lows
+    begins = [format_moment(EPOCH + number * 100 * 10**6) for number in (1, 2)]
+    wait_until(lambda: begins[1] in published(), "what came after is public")
+    assert published() == begins
     assert gateway.counters.value("messages_duplicate_total") == 1
     assert cloud.duplicates == 0
 
