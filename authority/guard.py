@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from pathlib import Path
     from types import FrameType
 
+    _State = tuple[tuple[int, int], ...]
+
 log = logging.getLogger(__name__)
 
 KINDS: Final = (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT)
@@ -98,14 +100,18 @@ class Guard:
             signal.signal(number, end)
         seen = self._state()
         while broker.poll() is None and not self._stopping.wait(_LOOK_S):
-            self._attempt("fetching lists", self._fetch)
-            state = self._state()
-            if state != seen:
-                broker.send_signal(signal.SIGHUP)
-                seen = state
-            self._attempt("ending connections", self._end_revoked)
+            seen = self._look(broker, seen)
         broker.terminate()
         return broker.wait()
+
+    def _look(self, broker: subprocess.Popen[bytes], seen: _State) -> _State:
+        """Bring what the CA says now, and end connections that it would not let in any more."""
+        self._attempt("fetching lists", self._fetch)
+        state = self._state()
+        if state != seen:
+            broker.send_signal(signal.SIGHUP)
+        self._attempt("ending connections", self._end_revoked)
+        return state
 
     def _first(self, deadline: float) -> None:
         while True:
@@ -162,7 +168,7 @@ class Guard:
             log.info("connections ended: names=%s", ", ".join(names))
         self._revoked = listed
 
-    def _state(self) -> tuple[tuple[int, int], ...]:
+    def _state(self) -> _State:
         files = [self._identity / CHAIN_FILE]
         files += [self._folder / f"{kind}{end}" for kind in KINDS for end in (".pem", ".crl.pem")]
         found = [file.stat() for file in files]

@@ -91,7 +91,8 @@ class Forwarder:
     def _run(self) -> None:
         deadline = float("inf")
         while True:
-            if self._stopping.is_set():
+            ending = self._stopping.is_set()
+            if ending:
                 deadline = min(deadline, time.monotonic() + _DRAIN_S)
             begun = time.monotonic()
             try:
@@ -105,7 +106,9 @@ class Forwarder:
                 log.exception("forwarding failed unexpectedly; trying again")
                 self._counters.cloud_failures.inc()
                 self._stopping.wait(self._backoff.failed())
-            if self._stopping.is_set() and (failed or not sent or time.monotonic() > deadline):
+            if self._stopping.is_set() and (failed or time.monotonic() > deadline):
+                return
+            if ending and not sent:  # since the end was told; before, some may have come meanwhile
                 return
             if sent in _FEW and sent < self._most:
                 self._stopping.wait(min(time.monotonic() - begun, _REST_S))
@@ -204,11 +207,11 @@ class Forwarder:
     def _note_failure(self, error: CloudError | SpoolError) -> float:
         """Tell once per change; gives the seconds to wait."""
         self._counters.cloud_failures.inc()
-        patience = None
-        if isinstance(error, CloudError):
-            self.reachable, patience = False, error.retry_after
         if not self._failing:
             log.warning("forwarding: %s; messages wait in the spool", error)
         self._failing = True
         self.fault = str(error)
+        patience = None
+        if isinstance(error, CloudError):
+            self.reachable, patience = False, error.retry_after
         return self._backoff.failed(at_least=patience)

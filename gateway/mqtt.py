@@ -77,6 +77,7 @@ class MqttBroker:
             end.settimeout(0.0)
         self._subscribed = False
         self._full_seen = self._full_since = float("-inf")
+        self._had_room = True
         self.dropped = 0
         self.fault: str | None = "not connected yet"
         self._five = settings.protocol == "5"
@@ -171,7 +172,7 @@ class MqttBroker:
         while isinstance(own := self._client.socket(), BufferedSocket):
             if self._stopping.is_set():
                 return
-            patient = self._inbox.full and not self._out_of_patience()
+            patient = self._is_patient()
             if patient or own.drained:
                 self._wait(own, read=not patient)
             if not patient and self._read(own):
@@ -179,13 +180,17 @@ class MqttBroker:
             if self._write(own) or self._client.loop_misc():
                 return
 
-    def _out_of_patience(self) -> bool:
-        """Whether the inbox has been full for so long that pings would be missed."""
+    def _is_patient(self) -> bool:
+        """Whether the inbox is full, and not yet for so long that pings would be missed."""
+        if not self._inbox.full:
+            self._had_room = True
+            return False
         now = time.monotonic()
-        if now > self._full_seen + _FULL_TICK_S * 20:
+        # That nobody looked for a while does not say that there was room.
+        if self._had_room and now > self._full_seen + _FULL_TICK_S * 20:
             self._full_since = now
-        self._full_seen = now
-        return now > self._full_since + self._settings.keepalive_s / 2
+        self._full_seen, self._had_room = now, False
+        return now <= self._full_since + self._settings.keepalive_s / 2
 
     def _wait(self, own: BufferedSocket, *, read: bool) -> None:
         """Wait for something to do; with a full inbox, reading is not: TCP holds the broker."""
@@ -268,9 +273,9 @@ class MqttBroker:
         if any(code.is_failure for code in codes):
             self._lost("broker refuses the subscriptions; check its ACL for this gateway")
             return
-        self._subscribed = True
-        self.fault = None
         self._backoff.succeeded()
+        self.fault = None
+        self._subscribed = True
         log.info("broker connected: %s:%d", self._settings.host, self._settings.port)
 
     def _on_disconnect(
@@ -281,9 +286,10 @@ class MqttBroker:
             self._lost(f"connection lost: {code}")
 
     def _lost(self, fault: str) -> None:
+        new = fault != self.fault
+        self.fault = fault  # first: whoever sees that it is lost is told why
         self._subscribed = False
-        if fault != self.fault:
-            self.fault = fault
+        if new:
             log.warning(
                 "broker: %s; trying again: %s:%d", fault, self._settings.host, self._settings.port
             )

@@ -103,4 +103,4 @@ class Mosquitto(Running):
         self.start()
         ports = self.node_port, self.gateway_port, self.client_port
         listens = "mosquitto listens"
-        self.wait_for(lambda: all(accepts(port) for port in ports), listens, seconds=60)
+        self.wait_for(lambda: all(accepts(port) for port in ports), listens)

@@ -82,7 +82,7 @@ def _become(argv: list[str], cwd: Path | None, out: int, err: int) -> NoReturn:
         os._exit(status)
 
 
-def _status(child: int, argv: list[str], look: Callable[[], str], *, seconds: float = 90.0) -> int:
+def _status(child: int, argv: list[str], look: Callable[[], str], *, seconds: float = 200.0) -> int:
     ended: list[int] = []
 
     def has_ended() -> bool:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
+from limits.aio.storage import memory
 from xdist.scheduler import LoadScopeScheduling
 
 from eskin.identity import IdentityKind
@@ -71,3 +73,9 @@ def cluster(identities: Identities) -> Iterator[Cluster]:
     """A PostgreSQL server, started when the first test asks for it."""
     with Cluster(identities.make(IdentityKind.SERVER, "server.database")) as running:
         yield running
+
+
+@pytest.fixture
+def standing_windows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the windows by which requests are counted, time stands: no slow machine outlasts one."""
+    monkeypatch.setattr(memory, "time", SimpleNamespace(time=lambda: 1e9))

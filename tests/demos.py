@@ -105,7 +105,7 @@ class RunningDemo(Running):
             for node in self.get("/nodes")["items"]
         }
 
-    def wait_for_more(self, nodes: Sequence[str], *, seconds: float = 90.0) -> None:
+    def wait_for_more(self, nodes: Sequence[str], *, seconds: float = 120.0) -> None:
         """Wait until each node has stored more samples than now."""
         before = self.samples()
         wait_until(

@@ -29,6 +29,8 @@ GUISES: Final = {
 _WELCOME: Final = b"\x20\x02\x00\x00" + b"\xd0\x00"
 """A broker's CONNACK, which lets everybody in, and PINGRESP (MQTT 3.1.1, sections 3.2 and 3.13)."""
 _TURN_S: Final = 0.05
+_HANDSHAKE_S: Final = 60.0
+"""However slow a visitor is: of a handshake that was cut off, the rest would look like more."""
 _PATIENCE_S: Final = 5.0
 _PIECE: Final = 65_536
 
@@ -85,10 +87,10 @@ class Impostor:
             with suppress(TimeoutError):
                 peer, _ = self._listener.accept()
                 with peer:
-                    peer.settimeout(_PATIENCE_S)
                     self.visits.append(self._receive(peer))
 
     def _receive(self, peer: socket.socket) -> Visit:
+        peer.settimeout(_PATIENCE_S if self._context is None else _HANDSHAKE_S)
         if self._context is None:
             peer.sendall(_WELCOME)
             return Visit(b"", _rest(peer))
@@ -99,6 +101,7 @@ class Impostor:
             while True:
                 try:
                     tls.do_handshake()  # of no effect once it is over
+                    peer.settimeout(_PATIENCE_S)
                     piece = tls.read(_PIECE)
                 except ssl.SSLWantReadError:
                     _exchange(peer, incoming, outgoing)

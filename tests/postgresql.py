@@ -164,7 +164,7 @@ class Cluster:
 
     def stop(self) -> None:
         """End it, whoever is connected."""
-        self.running.stop(seconds=30)
+        self.running.stop()
 
     def shut(self, place: URL) -> None:
         """Let nobody into a database any more."""

@@ -23,6 +23,9 @@ ESKIN = str(Path(sys.executable).with_name("eskin"))
 PLAIN: Final = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 """For clients of plain HTTP, which would read the web's roots else: 20 ms of CPU in each poll."""
 _SHORTEST_S: Final = 0.02
+_LONG_S: Final = 120.0
+"""For what takes a few seconds: some share the processor, and it may be slow. Whoever asserts that
+something comes soon names a time of its own."""
 
 
 def free_port() -> int:
@@ -38,7 +41,7 @@ def accepts(port: int) -> bool:
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def wait_until(condition: Callable[[], bool], what: str, *, seconds: float = 60.0) -> None:
+def wait_until(condition: Callable[[], bool], what: str, *, seconds: float = _LONG_S) -> None:
     """Wait for a condition; fail with its name when it does not come.
 
     At least half of the time is left to those that are waited for.
@@ -87,7 +90,9 @@ class Running:
                 env=self._env,
             )
 
-    def wait_for(self, condition: Callable[[], bool], what: str, *, seconds: float = 60.0) -> None:
+    def wait_for(
+        self, condition: Callable[[], bool], what: str, *, seconds: float = _LONG_S
+    ) -> None:
         """Wait for a condition while the process lives."""
 
         def checked() -> bool:
@@ -121,7 +126,7 @@ class Running:
         self.process.kill()
         self.process.wait()
 
-    def stop(self, *, seconds: float = 60.0) -> int:
+    def stop(self, *, seconds: float = _LONG_S) -> int:
         """End it as an operator would; gives its exit status."""
         assert self.process is not None
         if self.process.poll() is None:

@@ -70,7 +70,7 @@ class RealStack:
         with ExitStack() as running:
             running.enter_context(self.broker)
             running.enter_context(self.cloud)
-            self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens", seconds=60)
+            self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
             for gateway in self.gateways:
                 running.enter_context(gateway)
             for gateway in self.gateways:
@@ -93,7 +93,7 @@ class RealStack:
             token = create_token(store, scopes=scopes, name="o", lifetime=timedelta(hours=1))
         headers = {"Authorization": f"Bearer {token}"}
         url = f"http://127.0.0.1:{self._people}/api/v1"
-        return httpx.Client(base_url=url, headers=headers, timeout=20, verify=PLAIN)
+        return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
 
     def start_gateway(self) -> None:
         """Start the gateway again, after it was ended."""
@@ -122,4 +122,4 @@ class RealStack:
 def _await_ready(gateway: Running, starts: int) -> None:
     """Its imports are no part of what a block costs."""
     ready = "the gateway is ready"
-    gateway.wait_for(lambda: gateway.output().count("ready:") >= starts, ready, seconds=60)
+    gateway.wait_for(lambda: gateway.output().count("ready:") >= starts, ready)

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import logging
+import signal
 from typing import TYPE_CHECKING
+from unittest.mock import Mock
 
 from authority import guard as guard_module
 from authority.asking import NotReadyError
 from authority.guard import KINDS, Guard
+from eskin.identity import IdentityKind
 from tests.identities import Identities
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import pytest
-
-    from eskin.identity import IdentityKind
 
 
 def test_kind_that_cannot_be_fetched_hinders_no_other_and_is_said_once(
@@ -46,3 +48,42 @@ def test_kind_that_cannot_be_fetched_hinders_no_other_and_is_said_once(
         "fetching lists failed, trying again: no list of nodes",
         "ending connections failed, trying again: nobody is told",
     ]
+
+
+def test_revoked_party_is_refused_and_ended_at_the_next_look(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = Identities(tmp_path)
+    identity = own.make(IdentityKind.SERVER, "server.broker").directory
+    ended: list[list[str]] = []
+
+    def fetch(_url: str, _identity: Path, kind: IdentityKind, out: Path) -> bool:
+        out.write_bytes(own.authority.revocations_file(kind).read_bytes())
+        return True
+
+    def fetch_anchor(_url: str, _identity: Path, kind: IdentityKind, out: Path) -> None:
+        if not out.exists():
+            out.write_bytes(own.authority.anchor_file(kind).read_bytes())
+
+    def fetch_revoked(_url: str, _identity: Path, kind: IdentityKind) -> set[tuple[str, str]]:
+        entries = own.authority.issued()
+        return {(e.name, e.serial) for e in entries if e.kind == kind and e.revoked is not None}
+
+    def end(control: Path, names: Sequence[str]) -> None:
+        assert control == tmp_path / "control.sock"
+        ended.append([*names])
+
+    monkeypatch.setattr(guard_module, "fetch_anchor", fetch_anchor)
+    monkeypatch.setattr(guard_module, "fetch_revocations", fetch)
+    monkeypatch.setattr(guard_module, "fetch_revoked", fetch_revoked)
+    monkeypatch.setattr(guard_module, "end_connections", end)
+    assert guard_module._LOOK_S <= 0.5, "so whoever is revoked is out in about a second"
+    guard, broker = Guard(["true"], identity=identity, url="https://ca", folder=tmp_path), Mock()
+    guard._first(0.0)
+    seen = guard._state()
+    own.authority.revoke("fingertip")
+    seen = guard._look(broker, seen)
+    broker.send_signal.assert_called_with(signal.SIGHUP)
+    assert ended == [["fingertip"]]
+    guard._look(broker, seen)
+    assert ended == [["fingertip"]], "once"

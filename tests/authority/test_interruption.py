@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,7 @@ from eskin.topics import RENEWAL
 from tests.identities import Identities
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from cryptography import x509
@@ -35,9 +37,13 @@ OPEN = """
 import sys, time
 from pathlib import Path
 from eskin.identity import Authority
-while time.time() < float(sys.argv[2]):
-    pass
-Authority.open(Path(sys.argv[1]))
+print("ready", flush=True)
+for line in sys.stdin:
+    moment, folder = line.rstrip().split(" ", 1)
+    while time.time() < float(moment):
+        pass
+    Authority.open(Path(folder))
+    print("ready", flush=True)
 """
 
 
@@ -173,12 +179,33 @@ def test_older_ledger_revokes_without_the_chain_at_hand(rig: Rig, damage: bytes 
 
 
 def test_two_processes_that_open_a_fresh_folder_make_one_ca(tmp_path: Path) -> None:
-    for attempt in range(4):
-        folder = tmp_path / str(attempt) / "ca"
-        argv = [sys.executable, "-c", OPEN, str(folder), str(time.time() + 1.5)]
-        for process in [subprocess.Popen(argv) for _ in range(2)]:
-            assert process.wait(60) == 0
-        authority = Authority(folder)
-        for kind, name in ((NODE, "palm"), (IdentityKind.GATEWAY, "gateway.a")):
-            chain = authority.issue(kind, name, new_key().public_key())
-            Trust(*authority.roots).verify([der(one) for one in chain], kind)
+    with opener() as one, opener() as two:
+        for attempt in range(8):
+            folder = tmp_path / str(attempt) / "ca"
+            moment = time.time() + 0.1
+            for process in (one, two):
+                assert process.stdin is not None
+                process.stdin.write(f"{moment} {folder}\n")
+                process.stdin.flush()
+            for process in (one, two):
+                await_ready(process)
+            authority = Authority(folder)
+            for kind, name in ((NODE, "palm"), (IdentityKind.GATEWAY, "gateway.a")):
+                chain = authority.issue(kind, name, new_key().public_key())
+                Trust(*authority.roots).verify([der(each) for each in chain], kind)
+
+
+@contextmanager
+def opener() -> Iterator[subprocess.Popen[str]]:
+    """A process that opens the folders that it is told, each at a moment; all is imported."""
+    argv = [sys.executable, "-c", OPEN]
+    with subprocess.Popen(
+        argv, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        await_ready(process)
+        yield process
+
+
+def await_ready(process: subprocess.Popen[str]) -> None:
+    assert process.stdout is not None
+    assert process.stdout.readline() == "ready\n"

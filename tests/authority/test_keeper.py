@@ -22,20 +22,21 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-LIFE_S = 6.0
+SHORT_S = 15.0
+LONG_S = 90 * 86_400.0
 GATEWAYS = 4
 
 
 class Service(Running):
-    """The CA service, whose certificates live for seconds."""
+    """The CA service, whose certificates live for some seconds."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, *, life_s: float) -> None:
         self.port = free_port()
         self.own = Identities(folder / "pki")
         config = folder / "authority.toml"
         config.write_text(
             f'[authority]\ndirectory = "{self.own.ca}"\nport = {self.port}\n'
-            f"certificate_days = {LIFE_S / 86_400}\n"
+            f"certificate_days = {life_s / 86_400}\n"
         )
         argv = [ESKIN, "pki", "serve", "--config", str(config)]
         super().__init__(argv, log=folder / "ca.log")
@@ -47,10 +48,10 @@ class Service(Running):
         return x509.load_pem_x509_certificate(shown.encode()).serial_number
 
 
-@pytest.fixture(scope="module")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
-    with Service(tmp_path_factory.mktemp("authority")) as running:
-        running.wait_for(lambda: accepts(running.port), "it listens", seconds=60)
+@pytest.fixture
+def service(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Service]:
+    with Service(tmp_path, life_s=request.param) as running:
+        running.wait_for(lambda: accepts(running.port), "it listens")
         yield running
 
 
@@ -79,9 +80,10 @@ def test_strange_answer_ends_nothing_and_is_counted_and_said_once(
     assert [record.exc_info is not None for record in caplog.records] == [True]
 
 
+@pytest.mark.parametrize("service", [SHORT_S], indirect=True)
 def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> None:
     first = service.serial
-    service.wait_for(lambda: service.serial != first, "it shows another one", seconds=60)
+    service.wait_for(lambda: service.serial != first, "it shows another one")
     # Whoever asks is still answered, under the same root.
     url = f"https://127.0.0.1:{service.port}"
     anchor = service.own.node.directory / "anchor.pem"
@@ -89,6 +91,7 @@ def test_service_renews_its_own_certificate_while_it_runs(service: Service) -> N
     assert anchor.read_bytes() == service.own.authority.anchor_file(IdentityKind.NODE).read_bytes()
 
 
+@pytest.mark.parametrize("service", [LONG_S], indirect=True)
 def test_gateways_that_share_a_site_s_folder_renew_it_once(
     service: Service, caplog: pytest.LogCaptureFixture
 ) -> None:

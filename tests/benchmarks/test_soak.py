@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import pytest
+
 from benchmarks.soak import soak
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 
+@pytest.mark.timeout(900)
 def test_soak_misses_nothing_and_judges_all(tmp_path: Path) -> None:
     found = soak(tmp_path, duration=2.0, rate=50.0, rest=0.0)
     assert found["sent"] > 0

@@ -68,7 +68,7 @@ class Service(Running):
 
     def wait_until_ready(self) -> None:
         """Wait until it answers."""
-        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready", seconds=60)
+        self.wait_for(lambda: "ready: people=" in self.output(), "the cloud is ready")
 
     def token(self) -> str:
         """A reader's token, made beside the running cloud."""
@@ -79,7 +79,7 @@ class Service(Running):
         """A reader."""
         headers = {"Authorization": f"Bearer {token}"}
         url = f"http://127.0.0.1:{self.port}"
-        return httpx.Client(base_url=url, headers=headers, timeout=20, verify=PLAIN)
+        return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
 
     def authorize(self, body: bytes) -> str:
         """A gateway's token for a body."""
@@ -93,4 +93,4 @@ class Service(Running):
             "Content-Type": "application/cbor",
         }
         url = f"https://localhost:{self.ingest_port}/api/v1/ingest"
-        return httpx.post(url, content=body, headers=headers, verify=context, timeout=20)
+        return httpx.post(url, content=body, headers=headers, verify=context, timeout=60)

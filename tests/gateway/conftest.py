@@ -11,6 +11,7 @@ from gateway.service import Gateway
 from gateway.settings import (
     BrokerSection,
     CloudSection,
+    CommandsSection,
     GatewaySettings,
     HttpSection,
     IdentitySection,
@@ -55,7 +56,9 @@ def settings(
         identity=IdentitySection(
             directory=identities.gateway.directory, site=identities.site.directory
         ),
-        cloud=CloudSection(url=cloud.url, retry_s=0.05, retry_most_s=0.2, timeout_s=5.0),
+        cloud=CloudSection(url=cloud.url, retry_s=0.05, retry_most_s=0.2, timeout_s=60.0),
+        # As long as may be: what comes sooner was not waited for.
+        commands=CommandsSection(wait_s=60.0),
         spool=SpoolSection(path=tmp_path / "spool.db"),
         http=HttpSection(port=0),
         nodes=NodesSection(silence_s=0.5),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from base64 import b64decode
-from threading import Event
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Self
 
 import cbor2
@@ -47,6 +47,7 @@ class StubCloud:
         self.commands: dict[str, tuple[int, bytes]] = {}
         self.held: dict[tuple[str, int], bool] = {}
         self._tokens: set[str] = set()
+        self._storing = Lock()
         self._server: HttpsServer | None = None
 
     def __enter__(self) -> Self:
@@ -111,13 +112,14 @@ class StubCloud:
         self.held = {(node, number): sent for node, number, sent in asked["held"]}
         deadline = time.monotonic() + asked["wait_s"]
         while True:
-            wanted = {(node, number) for node, (number, _) in self.commands.items()}
+            commands, held = dict(self.commands), self.held  # others may change them meanwhile
+            wanted = {(node, number) for node, (number, _) in commands.items()}
             give = [
                 [node, number, signed]
-                for node, (number, signed) in self.commands.items()
-                if (node, number) not in self.held
+                for node, (number, signed) in commands.items()
+                if (node, number) not in held
             ]
-            drop = [list(place) for place in self.held if place not in wanted]
+            drop = [list(place) for place in held if place not in wanted]
             if give or drop or self._server is None or time.monotonic() > deadline:
                 return 200, cbor2.dumps({"give": give, "drop": drop})
             time.sleep(0.02)
@@ -125,11 +127,12 @@ class StubCloud:
     def _store(self, node: str, data: bytes) -> dict[str, str | None]:
         if self.mode == "reject":
             return {"result": "rejected", "reason": "not wanted"}
-        if (node, data) in self.stored:
-            self.duplicates += 1
-            return {"result": "duplicate", "reason": None}
-        self.stored.append((node, data))
-        return {"result": "stored", "reason": None}
+        with self._storing:
+            if (node, data) in self.stored:
+                self.duplicates += 1
+                return {"result": "duplicate", "reason": None}
+            self.stored.append((node, data))
+            return {"result": "stored", "reason": None}
 
     def _check(self, headers: Mapping[str, str], body: bytes) -> None:
         """Whatever is not as agreed is a fault, which the fixture finds in the end."""

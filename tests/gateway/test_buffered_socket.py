@@ -37,7 +37,7 @@ def connected(identities: Identities) -> Iterator[tuple[BufferedSocket, ssl.SSLS
     assert isinstance(own, BufferedSocket)
     own.settimeout(0.0)
     with own, accepted[0] as peer:
-        peer.settimeout(20.0)
+        peer.settimeout(60.0)
         yield own, peer
 
 

@@ -173,8 +173,8 @@ def test_cloud_that_was_away_gives_its_commands_later(
     node.say(Stream.STATUS, status(0))
     node.wait_for((1, 0))
     cloud.begin()
-    # Sooner than by an answer for which it would have to wait.
-    wait_until(lambda: gateway.courier.fault is None, "all is well again", seconds=10)
+    # Sooner than by an answer for which it would have to wait 60 s.
+    wait_until(lambda: gateway.courier.fault is None, "all is well again", seconds=45)
     cloud.commands["fingertip"] = (7, b"signed")
     wait_until(lambda: bool(node.commands), "the command arrives")
 

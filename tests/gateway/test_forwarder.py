@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from gateway.spool import Stored
     from tests.identities import Identities
 
 
@@ -31,7 +32,7 @@ def https(
     stub: StubCloud,
     identities: Identities,
     *,
-    timeout_s: float = 5.0,
+    timeout_s: float = 60.0,
     onlookers: Onlookers | None = None,
 ) -> HttpsCloud:
     return HttpsCloud(
@@ -187,6 +188,30 @@ def test_word_of_the_cloud_that_cannot_be_kept_is_asked_for_again(
     assert setup.counters.value("cloud_duplicate_total") >= 4
 
 
+def test_message_that_comes_in_the_last_moment_is_sent_before_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cloud = MemoryCloud()
+    setup = Setup(tmp_path, cloud, cloud)
+    take = setup.spool.take
+
+    def meanwhile(*given: Any, **named: Any) -> list[Stored]:
+        """Nothing is found; and before anybody notices, a message comes, and the end is told."""
+        found = take(*given, **named)
+        if not found:
+            monkeypatch.setattr(setup.spool, "take", take)
+            setup.spool.commit(Batch([Entry("n", 1, b"late")]))
+            setup.forwarder._stopping.set()
+        return found
+
+    monkeypatch.setattr(setup.spool, "take", meanwhile)
+    setup.forwarder.start()
+    setup.forwarder._thread.join(60)
+    assert not setup.forwarder._thread.is_alive()
+    setup.spool.close()
+    assert cloud.stored == [*MESSAGES, ("n", b"late")]
+
+
 @pytest.fixture
 def stub(identities: Identities) -> Iterator[StubCloud]:
     with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as running:
@@ -220,8 +245,10 @@ def test_slow_cloud_is_given_up_and_asked_again(
     with pytest.raises(CloudError, match="Timeout"):
         made.forwarder.forward()
     assert made.counters.value("messages_forwarded_total") - asked == asked // 2, "it is given less"
-    stub.release.set()
+    client.close()
+    client = made.forwarder._cloud = https(stub, identities)  # patient: it is slow no more
     stub.mode = "ok"
+    stub.release.set()
     while made.forwarder.forward():
         assert made.counters.value("messages_forwarded_total") < 100
     assert sorted(stub.stored) == MESSAGES

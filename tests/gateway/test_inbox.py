@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from threading import Thread
 
 from eskin.envelope import MOST_ENVELOPE
@@ -62,12 +61,11 @@ def test_take_wakes_for_the_first_message_and_for_a_full_batch() -> None:
     inbox = Inbox(100, most_bytes=10_000_000)
     batches: list[int] = []
     taker = Thread(
-        target=lambda: batches.append(len(inbox.take(3, linger_s=60.0, wait_s=60.0))), daemon=True
+        target=lambda: batches.append(len(inbox.take(3, linger_s=600.0, wait_s=600.0))),
+        daemon=True,
     )
-    started = time.monotonic()
     taker.start()
     for number in range(3):
         inbox.put([arrival(number)])
     wait_until(lambda: batches == [3], "the batch is taken")
     taker.join()
-    assert time.monotonic() - started < 30.0

@@ -28,7 +28,7 @@ def test_overload_reaches_the_node_and_nothing_is_lost(
         # Longer than the test: nothing is dropped to keep the broker's connection alive.
         "broker": settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 600}),
         "spool": settings.spool.model_copy(update={"capacity_bytes": CAPACITY}),
-        "cloud": settings.cloud.model_copy(update={"timeout_s": 60.0}),
+        "cloud": settings.cloud.model_copy(update={"timeout_s": 600.0}),
     }
     running = Gateway(settings.model_copy(update=sections))
     cloud.mode, cloud.retry_after = mode, "0"
@@ -54,4 +54,5 @@ def test_overload_reaches_the_node_and_nothing_is_lost(
         assert running.inbox.statistics.refused == 0
         assert running.worker.fault is None
     finally:
+        cloud.release.set()
         running.stop()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ssl
 from random import Random
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 from unittest.mock import Mock
 
@@ -56,6 +57,31 @@ def test_nothing_is_handed_over_while_the_broker_does_not_read(broker: MqttBroke
     assert not broker._write(own)
     own.send.assert_called_once_with(b"\x30\x08\x00\x01tseven")
     assert own.flush.call_count == 2
+
+
+def test_patience_with_a_full_inbox_ends_however_seldom_somebody_looks(
+    broker: MqttBroker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("gateway.mqtt.time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    def looks(pause: float, *, most: int = 10_000) -> int:
+        """After how many looks its patience is over."""
+        for count in range(most):
+            if not broker._is_patient():
+                return count
+            now[0] += pause
+        return most
+
+    assert looks(0.005) == 0, "there is room"
+    broker._inbox.put([Arrival("t", b"", 7, 1, retained=False, connection=1)] * 16)
+    assert looks(0.005, most=1000) == 1000
+    assert 7.5 - 5.0 < looks(0.3) * 0.3 < 7.5 - 5.0 + 0.9, "half of 15 s, in all"
+    (one, *_) = broker._inbox.take(1, linger_s=0, wait_s=0)
+    assert not broker._is_patient(), "there is room"
+    broker._inbox.put([one])
+    now[0] += 0.3
+    assert looks(0.3) * 0.3 > 7.0, "it begins anew"
 
 
 def test_acknowledgement_of_an_earlier_connection_is_not_sent_on_this_one(

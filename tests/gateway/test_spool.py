@@ -221,7 +221,7 @@ def test_full_disk_loses_nothing_and_still_empties_into_the_cloud(tmp_path: Path
     command = ["unshare", "--user", "--map-root-user", "--mount", sys.executable]
     done = subprocess.run(
         [*command, "-m", "tests.gateway.full_disk", str(tmp_path)],
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, timeout=200, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     seen = json.loads(done.stdout)

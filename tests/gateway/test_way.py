@@ -61,8 +61,14 @@ def test_duplicate_is_acknowledged_again_and_neither_stored_nor_published_again(
     node.wait_for((1, 1))
     node.say(Stream.BLOCKS, block(2))
     wait_until(lambda: len(cloud.stored) == 3, "the cloud stored what came after")
-    wait_until(lambda: len(listener.on(live_topic("fingertip", CHANNEL))) >= 2, "published")
-    assert len(listener.on(live_topic("fingertip", CHANNEL))) == 2
+
+    def published() -> list[str]:
+        hulls = listener.on(live_topic("fingertip", CHANNEL))
+        return [orjson.loads(hull)["t0"] for hull in hulls]
+
+    begins = [format_moment(EPOCH + number * 100 * 10**6) for number in (1, 2)]
+    wait_until(lambda: begins[1] in published(), "what came after is public")
+    assert published() == begins
     assert gateway.counters.value("messages_duplicate_total") == 1
     assert cloud.duplicates == 0
 
@@ -112,16 +118,17 @@ def test_silent_node_is_told_offline_and_back_online(node: WireNode, listener: L
         return [orjson.loads(s)["online"] for s in listener.on(live_topic("fingertip", "status"))]
 
     node.say(Stream.STATUS, status(0))
-    wait_until(lambda: online() == [True], "online")
-    wait_until(lambda: online() == [True, False], "offline after silence")
+    wait_until(lambda: len(online()) >= 2, "online, and offline after silence")
     node.say(Stream.BLOCKS, block(1))
-    wait_until(lambda: online()[:3] == [True, False, True], "online again")
+    wait_until(lambda: len(online()) >= 3, "online again")
+    assert online()[:3] == [True, False, True]
 
 
 def test_kept_status_of_dead_node_does_not_make_it_online(
     settings: GatewaySettings, node: WireNode, listener: Listener
 ) -> None:
     node.say(Stream.STATUS, status(0))
+    node.wait_for_broker()
     running = Gateway(settings)
     running.start()
     topic = live_topic("fingertip", "status")
@@ -232,7 +239,8 @@ def test_stopping_gateway_answers_what_it_took(
 def test_full_inbox_holds_the_broker_back_and_loses_nothing(
     settings: GatewaySettings, cloud: StubCloud, node: WireNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    section = settings.broker.model_copy(update={"inbox_messages": 16})
+    # Pings far longer than the test: nothing is dropped to keep the broker's connection alive.
+    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 600})
     running = Gateway(settings.model_copy(update={"broker": section}))
     running.start()
     wait_until(lambda: running.broker.connected, "the gateway is connected")
@@ -268,7 +276,7 @@ def full_disk(batch: Batch) -> None:
 def test_refused_messages_are_released_at_the_broker(
     settings: GatewaySettings, node: WireNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 1})
+    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 6})
     running = Gateway(settings.model_copy(update={"broker": section}))
     with stopping(running):
         running.start()
@@ -279,7 +287,7 @@ def test_refused_messages_are_released_at_the_broker(
         monkeypatch.setattr(running.spool, "commit", full_disk)
         for number in range(1, 1500):  # more than the broker's window of 1000
             node.say(Stream.BLOCKS, block(number))
-        wait_until(lambda: running.inbox.statistics.refused > 1000, "patience ends", seconds=30)
+        wait_until(lambda: running.inbox.statistics.refused > 1000, "patience ends")
         wait_until(lambda: running.broker.connected, "the gateway is still connected")
         monkeypatch.setattr(running.spool, "commit", commit)
         wait_until(lambda: running.inbox.statistics.depth == 0, "the inbox is empty")

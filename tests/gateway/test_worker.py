@@ -184,6 +184,6 @@ def test_silence_is_noticed_though_others_never_rest(
 
     monkeypatch.setattr(inside.inbox, "take", never_empty)
     inside.worker.start()
-    assert looked.wait(20)
+    assert looked.wait(60)
     monkeypatch.undo()
     inside.worker.stop()

@@ -72,7 +72,13 @@ class WireNode:
 
     def publish(self, stream: Stream, envelope: bytes, *, retain: bool = False) -> None:
         """Publish bytes as they are."""
-        self._client.publish(node_topic(self.name, stream), envelope, qos=1, retain=retain)
+        self._said = self._client.publish(
+            node_topic(self.name, stream), envelope, qos=1, retain=retain
+        )
+
+    def wait_for_broker(self) -> None:
+        """Wait until the broker has what was published last, and all before."""
+        wait_until(self._said.is_published, "the broker has it")
 
     def wait_for(self, *positions: tuple[int, int]) -> None:
         """Wait until positions are acknowledged."""

@@ -56,7 +56,7 @@ class ObedientNode:
         self.controls = SimpleControls()
 
     def __enter__(self) -> Self:
-        broker = NodeBroker(port=self._port, resend_s=0.5, drain_s=5.0, keepalive_s=5)
+        broker = NodeBroker(port=self._port, resend_s=0.5, drain_s=5.0)
         self.flash = open_flash(
             self._folder / f"{self._identity.name}.sqlite", epoch=None, node=self._identity.name
         )
@@ -168,7 +168,7 @@ class Chain:
         own = known if name == known.name else self._identities.make(IdentityKind.NODE, name)
         return ObedientNode(self._folder, own, self._identities.site, self.broker.node_port)
 
-    def ask(self, name: str, *, node: str = "fingertip", expires: float = 60, **what: Any) -> int:
+    def ask(self, name: str, *, node: str = "fingertip", expires: float = 600, **what: Any) -> int:
         """Give a command."""
         body = {"name": name, "arguments": what, "expires_s": expires}
         answer = self.client.post(f"/api/v1/nodes/{node}/commands", json=body)

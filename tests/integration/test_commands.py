@@ -112,7 +112,7 @@ def test_broker_can_neither_read_nor_replay_nor_redirect_nor_forge(
             (TOPIC, b"rubbish"),
             (node_topic("palm", Stream.COMMANDS), sealed),
         ):
-            client.publish(topic, payload, qos=1).wait_for_publish(10)
+            client.publish(topic, payload, qos=1).wait_for_publish(60)
         client.disconnect()
         client.loop_stop()
         wait_until(lambda: caplog.text.count("command rejected") == 3, "three are rejected")

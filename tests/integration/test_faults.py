@@ -30,14 +30,16 @@ def waiting_in_flash(data: Path, node: str) -> int:
 def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The data of a demo that has ended; to be copied."""
     data = tmp_path_factory.mktemp("ended") / "data"
-    with RunningDemo(data, *SLOWLY, watched=True) as demo:
+    # What is left out because it comes too late would end a block early.
+    never_late = {"ESKIN_SAMPLING_OVERRUN_S": "600"}
+    with RunningDemo(data, *SLOWLY, watched=True, env=never_late) as demo:
         demo.wait_for_more(NODES)
         with (
             demo.client() as client,
             client.stream("GET", "/api/v1/live", params={"node": "fingertip"}) as answer,
         ):
             assert answer.is_success
-            wait_until(lambda: 50 in lengths(data, "fingertip"), "blocks are short", seconds=60)
+            wait_until(lambda: 50 in lengths(data, "fingertip"), "blocks are short")
         assert demo.stop() == 0
     return data
 
@@ -61,7 +63,7 @@ def data(ended: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(ended, tmp_path / "data"))
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(900)
 def test_what_is_killed_loses_nothing_and_doubles_nothing(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with RunningDemo(data, *SLOWLY) as demo:
@@ -73,17 +75,16 @@ def test_what_is_killed_loses_nothing_and_doubles_nothing(tmp_path: Path) -> Non
             wait_until(
                 lambda dead=dead: _run_again(demo, dead),  # type: ignore[misc]  # likewise no defaults
                 f"{' and '.join(victims)} run again",
-                seconds=60,
             )
-            wait_until(lambda: bool(_answers(demo)), "the API answers", seconds=100)
-            demo.wait_for_more(NODES, seconds=60)
+            wait_until(lambda: bool(_answers(demo)), "the API answers")
+            demo.wait_for_more(NODES)
         children = list(demo.children().values())
         demo.kill()
-        _, alive = psutil.wait_procs(children, timeout=20)
+        _, alive = psutil.wait_procs(children, timeout=100)
         assert alive == []
         demo.start()
         demo.wait_for_more(NODES)
-        wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored", seconds=60)
+        wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored")
         assert demo.stop() == 0
         left = {node: waiting_in_flash(data, node) for node in NODES}
         assert max(left.values()) < 60, left
@@ -91,32 +92,32 @@ def test_what_is_killed_loses_nothing_and_doubles_nothing(tmp_path: Path) -> Non
         assert len(boots) == 3
         done = subprocess.run(
             [ESKIN, "audit", "--data", str(data)],
-            capture_output=True, text=True, timeout=100, check=False,
+            capture_output=True, text=True, timeout=300, check=False,
         )  # fmt: skip
         assert done.returncode == 0, done.stdout + done.stderr
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(700)
 def test_audit_sees_a_store_that_was_tampered_with(data: Path) -> None:
     audit = [ESKIN, "audit", "--data", str(data)]
-    assert subprocess.run(audit, capture_output=True, timeout=100, check=False).returncode == 0
+    assert subprocess.run(audit, capture_output=True, timeout=300, check=False).returncode == 0
     with closing(sqlite3.connect(data / "cloud" / "store.sqlite")) as db:
         db.execute("UPDATE blocks SET lo = lo * 1.01 WHERE node = 'palm' AND sequence < 50")
         db.commit()
-    done = subprocess.run(audit, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(audit, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     assert "under a wrong label" in done.stdout
     assert "broken promise: palm/t01.area" in done.stdout
     assert "vanished" not in done.stdout
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(700)
 def test_audit_sees_blocks_that_vanished_and_messages_that_were_refused(data: Path) -> None:
     with closing(sqlite3.connect(data / "gateway" / "spool.sqlite")) as db:
         db.execute("INSERT INTO dead_letters VALUES (1, 0, 'palm', 'forged', x'00', x'00')")
         db.commit()
     audit = [ESKIN, "audit", "--data", str(data)]
-    done = subprocess.run(audit, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(audit, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 0, done.stdout
     assert "refused by the gateway: 1 of palm: forged" in done.stdout
     assert "claimed coverage of a sample: 1 (channels: 11)" in done.stdout
@@ -125,20 +126,20 @@ def test_audit_sees_blocks_that_vanished_and_messages_that_were_refused(data: Pa
         boot, sequence = list(rows)[2]
         db.execute("DELETE FROM blocks WHERE node = 'palm' AND sequence = ?", (sequence,))
         db.commit()
-    done = subprocess.run(audit, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(audit, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1
     vanished = f"vanished: 1 blocks of palm, the first at boot {boot}, sequence {sequence}"
     assert vanished in done.stdout
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(700)
 def test_wiped_flash_repeats_no_number_and_loses_nothing_new(data: Path) -> None:
     for file in (data / "nodes" / "fingertip").glob("flash.sqlite*"):
         file.unlink()
     with RunningDemo(data, *SLOWLY) as demo:
         demo.wait_for_more(NODES)
         assert len([node for node, _ in demo.sequences() if node == "fingertip"]) == 2
-        wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored", seconds=60)
+        wait_until(lambda: _ranges_are_whole(demo), "every sequence number is stored")
 
 
 def _run_again(demo: RunningDemo, dead: dict[str, psutil.Process]) -> bool:

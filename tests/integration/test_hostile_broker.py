@@ -39,7 +39,7 @@ def gateway(folder: Path, own: Identities, port: int, url: str) -> Gateway:
         GatewaySettings(
             broker=BrokerSection(host="127.0.0.1", port=port),
             identity=IdentitySection(directory=own.gateway.directory, site=own.site.directory),
-            cloud=CloudSection(url=url, retry_s=0.05, retry_most_s=0.2),
+            cloud=CloudSection(url=url, retry_s=0.05, retry_most_s=0.2, timeout_s=120.0),
             spool=SpoolSection(path=folder / "spool.db"),
             http=HttpSection(port=0),
         )
@@ -62,7 +62,7 @@ def publisher(own: Identities, name: str, bench: Bench, port: int) -> Publisher:
     )
 
 
-@pytest.mark.timeout(500)
+@pytest.mark.timeout(900)
 def test_hostile_broker_can_neither_read_nor_forge_nor_replay_nor_redirect(
     tmp_path: Path,
 ) -> None:
@@ -84,13 +84,12 @@ def test_hostile_broker_can_neither_read_nor_forge_nor_replay_nor_redirect(
             talking.start()
             stack.callback(talking.stop)
         malice = hostile.malice
-        wait_until(lambda: malice.done > 400, "it has tried everything", seconds=60)
+        wait_until(lambda: malice.done > 400, "it has tried everything", seconds=200)
         for name, bench in benches.items():
             forgotten = set(said[name]) - set(bench.bodies())
             wait_until(
                 lambda n=name, f=forgotten: f <= kept(cloud, n),  # type: ignore[misc]
                 "whatever it said, a node forgets only what is stored",
-                seconds=60,
             )
         malice.evil = False
         for bench in benches.values():

@@ -49,7 +49,7 @@ def gateway(folder: Path, own: Identities, broker: Mosquitto, cloud: str, url: s
         f'[broker]\nhost = "127.0.0.1"\nport = {broker.gateway_port}\n'
         f'[identity]\ndirectory = "{own.gateway.directory}"\nsite = "{own.site.directory}"\n'
         f'revocations = "{folder / "node.crl.pem"}"\n'
-        f'[cloud]\nurl = "{cloud}"\n[spool]\npath = "{folder / "spool.sqlite"}"\n'
+        f'[cloud]\nurl = "{cloud}"\ntimeout_s = 60\n[spool]\npath = "{folder / "spool.sqlite"}"\n'
         f'[http]\nport = 0\n[renewal]\nurl = "{url}"\nevery_s = 0.3\n'
     )
     return Running([ESKIN, "gateway", "--config", str(config)], log=folder / "gateway.log")
@@ -63,7 +63,7 @@ def sensor_node(
     site.write_bytes((own.site.directory / CHAIN_FILE).read_bytes())
     config.write_text(
         f'[node]\nname = "fingertip"\nprofile = "fingertip"\nspeed = {speed}\n'
-        f"[broker]\nport = {broker.node_port}\nresend_s = 1.0\ndrain_s = 12\n"
+        f"[broker]\nport = {broker.node_port}\nresend_s = 1.0\ndrain_s = 100\n"
         f'[identity]\ndirectory = "{own.node.directory}"\nsite = "{site}"\n'
         f'[flash]\npath = "{folder / "flash.sqlite"}"\n'
         f'[truth]\npath = "{folder / "truth.sqlite"}"\n'
@@ -72,7 +72,7 @@ def sensor_node(
     return Running([ESKIN, "node", "--config", str(config)], log=folder / "node.log")
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(500)
 def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None:
     own = Identities(tmp_path / "pki")
     aged = datetime.now(UTC) - timedelta(seconds=60)
@@ -93,7 +93,7 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
             before = len(cloud.stored)
             renewals(own, 2)
             wait_until(lambda: len(cloud.stored) > before + 5, "data arrive")
-            assert node.stop(seconds=40) == 0
+            assert node.stop(seconds=150) == 0
             assert "waiting=0" in node.output(), node.output()
             require_each_once(cloud)
             before = len(cloud.stored)
@@ -101,10 +101,10 @@ def test_everything_is_stored_once_over_several_renewals(tmp_path: Path) -> None
             wait_until(lambda: len(cloud.stored) > before + 5, "data arrive")
             own.authority.revoke("fingertip")
             refused = "certificate of fingertip was revoked"
-            receiver.wait_for(lambda: refused in receiver.output(), "it is refused", seconds=5)
+            receiver.wait_for(lambda: refused in receiver.output(), "it is refused")
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(600)
 def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> None:
     pki, names = tmp_path / "pki", numbered("skin", 2)
     own = Identities(pki)
@@ -129,13 +129,13 @@ def test_members_of_a_fleet_are_renewed_and_follow_the_roots(tmp_path: Path) -> 
             cloud.stored.clear()
             wait_until(lambda: heard() == set(names), "both are heard under their next names")
             rotate = [ESKIN, "pki", "rotate", "--root", "--dir", str(own.ca)]
-            subprocess.run(rotate, check=True, capture_output=True, timeout=60)
+            subprocess.run(rotate, check=True, capture_output=True, timeout=120)
             roots = [pki / name / ROOT_FILE for name in names]
             wait_until(
                 lambda: all(len(load_certificates(file)) == 2 for file in roots),
                 "both trust the new root, too",
             )
-            assert fleet.stop(seconds=60) == 0
+            assert fleet.stop() == 0
             assert "waiting=0" in fleet.output(), fleet.output()
 
 
@@ -158,5 +158,4 @@ def renewals(own: Identities, count: int, expected: Iterable[str] = NAMES) -> No
     wait_until(
         lambda: all(now >= then for now, then in zip(issued(), enough, strict=True)),
         f"all are renewed {count} times",
-        seconds=60,
     )

@@ -14,40 +14,47 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(600)
 def test_revoked_node_is_out_and_stays_out(tmp_path: Path) -> None:
     data = tmp_path / "data"
     with RunningDemo(data, "--nodes", "2", "--speed", "0.25") as demo:
         demo.wait_for_more(["fingertip", "palm"])
         revoke = [ESKIN, "pki", "revoke", "--dir", str(data / "ca"), "--name", "palm"]
-        subprocess.run(revoke, check=True, capture_output=True, timeout=30)
+        subprocess.run(revoke, check=True, capture_output=True, timeout=120)
         broker = data / "logs" / "broker.log"
-        wait_until(lambda: "ended: client=" in broker.read_text(), "the broker ends it", seconds=5)
-        demo.wait_for_more(["fingertip"])
+        wait_until(lambda: "ended: client=" in broker.read_text(), "the broker ends it")
+
+        def is_out() -> bool:
+            """Whether nothing of it comes while others' comes; some may have been under way."""
+            before = demo.samples()
+            demo.wait_for_more(["fingertip"])
+            return demo.samples()["palm"] == before["palm"]
+
+        wait_until(is_out, "no more of it comes")
         before = demo.samples()
         demo.wait_for_more(["fingertip"])
         assert demo.samples()["palm"] == before["palm"]
-        assert demo.stop(seconds=60) == 0
+        assert demo.stop() == 0
         demo.start()
         demo.wait_for(
             lambda: "palm was revoked, so it is kept out" in demo.output(), "it is told who is out"
         )
         demo.wait_for_more(["fingertip"])
         assert demo.samples()["palm"] == before["palm"]
-        assert demo.stop(seconds=60) == 0
+        assert demo.stop() == 0
         assert "Traceback" not in broker.read_text()
 
 
-@pytest.mark.timeout(200)
+@pytest.mark.timeout(600)
 def test_demo_says_which_of_its_own_parts_was_revoked(tmp_path: Path) -> None:
     data = tmp_path / "data"
     argv = [ESKIN, "demo", "--nodes", "1", "--data", str(data), "--port", str(free_port())]
     first = subprocess.run(
-        [*argv, "--duration", "0.1"], capture_output=True, text=True, timeout=90, check=False
+        [*argv, "--duration", "0.1"], capture_output=True, text=True, timeout=250, check=False
     )
     assert first.returncode == 0, first.stderr
     revoke = [ESKIN, "pki", "revoke", "--dir", str(data / "ca"), "--name", "gateway.demo"]
-    subprocess.run(revoke, check=True, capture_output=True, timeout=30)
-    again = subprocess.run(argv, capture_output=True, text=True, timeout=30, check=False)
+    subprocess.run(revoke, check=True, capture_output=True, timeout=120)
+    again = subprocess.run(argv, capture_output=True, text=True, timeout=200, check=False)
     assert again.returncode == 2
     assert "gateway.demo was revoked" in again.stderr

@@ -84,12 +84,12 @@ class Site:
     def __enter__(self) -> Self:
         with ExitStack() as running:
             running.enter_context(self.service)
-            self.service.wait_for(lambda: accepts(self.port), "it listens", seconds=120)
+            self.service.wait_for(lambda: accepts(self.port), "it listens")
             running.enter_context(self.cloud)
             for part in (self.broker, self.gateway, self.node, self.client):
                 running.enter_context(part)
             listens = "the cloud listens"
-            self.cloud.wait_for(lambda: accepts(self.ingest), listens, seconds=120)
+            self.cloud.wait_for(lambda: accepts(self.ingest), listens)
             self._running = running.pop_all()
         return self
 
@@ -98,7 +98,7 @@ class Site:
 
     def pki_command(self, *arguments: str) -> str:
         argv = [ESKIN, "pki", *arguments, "--dir", str(self.own.ca)]
-        done = subprocess.run(argv, capture_output=True, text=True, timeout=60, check=False)
+        done = subprocess.run(argv, capture_output=True, text=True, timeout=120, check=False)
         return done.stderr if done.returncode else ""
 
     def party(self, identity: Identity) -> Party:
@@ -121,7 +121,13 @@ class Site:
         """Wait until the cloud has stored some more."""
         query = "SELECT count(*) FROM blocks"
         enough = ask(self.store, query)[0][0] + 5
-        wait_until(lambda: ask(self.store, query)[0][0] > enough, "blocks are stored", seconds=120)
+        wait_until(lambda: ask(self.store, query)[0][0] > enough, "blocks are stored")
+
+    def is_heard_anew(self) -> bool:
+        """Whether the gateway has taken something that the node's present certificate sealed."""
+        own = Identity.load(self.pki / "fingertip")
+        query = "SELECT thumbprint FROM nodes WHERE node = 'fingertip'"
+        return ask(self.folder / "spool.sqlite", query) == [(own.thumbprint,)]
 
 
 class Visitor(Thread):
@@ -160,10 +166,10 @@ class Visitor(Thread):
 
     def _get(self, folder: Path, port: int) -> None:
         context = client_context(folder / ROOT_FILE)
-        httpx.get(f"https://127.0.0.1:{port}/healthz", verify=context, timeout=20)
+        httpx.get(f"https://127.0.0.1:{port}/healthz", verify=context, timeout=60)
 
 
-@pytest.mark.timeout(500)
+@pytest.mark.timeout(1200)
 def test_root_is_replaced_under_traffic(tmp_path: Path) -> None:
     with Site(tmp_path) as site:
         site.wait_for_more()
@@ -181,7 +187,7 @@ def test_root_is_replaced_under_traffic(tmp_path: Path) -> None:
         site.wait_for_more()
         with site.party(Identity.load(stolen)) as thief:
             assert thief.refused
-        assert site.node.stop(seconds=60) == 0
+        assert site.node.stop(seconds=150) == 0
         assert "waiting=0" in site.node.output(), site.node.output()
         assert "untrusted" not in site.gateway.output()
     require_each_once(site.store)
@@ -193,7 +199,6 @@ def rotate(site: Site, old: x509.Certificate) -> None:
     wait_until(
         lambda: all(len(roots) == 2 for roots in site.roots().values()),
         "everybody trusts both roots",
-        seconds=120,
     )
     before = site.issuers()
     assert "not everybody may know it" in site.pki_command("switch")
@@ -201,16 +206,12 @@ def rotate(site: Site, old: x509.Certificate) -> None:
     wait_until(
         lambda: all(issuer != before[name] for name, issuer in site.issuers().items()),
         "everybody has a certificate under the new root",
-        seconds=120,
     )
-    # What was sealed under the old one is through then, also on a slow machine.
-    site.wait_for_more()
-    wait_until(
-        lambda: site.pki_command("retire", "--root") == "", "everybody is renewed", seconds=60
-    )
+    # What was sealed under the old one is through then, however slow the machine is.
+    wait_until(site.is_heard_anew, "the gateway hears the node under its new certificate")
+    wait_until(lambda: site.pki_command("retire", "--root") == "", "everybody is renewed")
     wait_until(
         lambda: all(roots != (old,) and len(roots) == 1 for roots in site.roots().values()),
         "nobody trusts the old root",
-        seconds=120,
     )
     site.wait_for_more()

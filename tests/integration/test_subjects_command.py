@@ -80,7 +80,7 @@ def test_person_who_is_assigned_twice_at_once_is_one(site: Site) -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(20)
+        thread.join(120)
     assert len(made) == 6
     assert len(set(made)) == 1
 

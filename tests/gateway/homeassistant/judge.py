@@ -1,7 +1,8 @@
 """Runs in Home Assistant's environment: takes announcements as its own discovery would.
 
-Reads a JSON list of objects: ``prefix``, ``topic``, ``config``, and payloads: ``states``,
-``statuses``. Writes what Home Assistant makes of each, or ends with its refusal.
+Reads a JSON list of objects: ``prefix``, ``topic``, ``config``, ``now`` (seconds since 1970), and
+payloads: ``states``, ``statuses``. Writes what Home Assistant makes of each, or ends with its
+refusal.
 """
 
 from __future__ import annotations
@@ -9,7 +10,9 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+from datetime import UTC, datetime
 from typing import Any
+from unittest.mock import patch
 
 from homeassistant.components.mqtt.discovery import TOPIC_MATCHER
 from homeassistant.components.mqtt.mixins import MQTT_ENTITY_DEVICE_INFO_SCHEMA
@@ -17,6 +20,7 @@ from homeassistant.components.mqtt.models import MqttValueTemplate
 from homeassistant.components.mqtt.sensor import DISCOVERY_SCHEMA, MQTT_SENSOR_ATTRIBUTES_BLOCKED
 from homeassistant.components.sensor import DEVICE_CLASS_UNITS
 from homeassistant.core import HomeAssistant
+from homeassistant.util import dt as dt_util
 
 
 async def judge(asked: dict[str, Any]) -> dict[str, Any]:
@@ -28,11 +32,13 @@ async def judge(asked: dict[str, Any]) -> dict[str, Any]:
     kind, unit = config.get("device_class"), config.get("unit_of_measurement")
     assert kind is None or unit in DEVICE_CLASS_UNITS[kind], f"{kind} is not measured in {unit}"
     hass = HomeAssistant("/nowhere")
+    now = datetime.fromtimestamp(asked["now"], UTC)  # it may have taken long to come as far as this
 
     def rendered(template: Any, payloads: list[str]) -> list[Any]:
         template.hass = hass
         value = MqttValueTemplate(template, hass=hass)
-        return [value.async_render_with_possible_json_value(each) for each in payloads]
+        with patch.object(dt_util, "now", lambda: now):
+            return [value.async_render_with_possible_json_value(each) for each in payloads]
 
     attributes = rendered(config["json_attributes_template"], asked["states"])
     return {
