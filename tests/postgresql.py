@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
@@ -57,7 +58,8 @@ class Server(Running):
         super().signal(number)
         if number in {signal.SIGSTOP, signal.SIGCONT}:
             for process in self._children():
-                process.send_signal(number)
+                with suppress(psutil.NoSuchProcess):  # it ended, and was reaped just now
+                    process.send_signal(number)
 
     def kill(self) -> None:
         """End all of them as a power cut would, and wait: what is left keeps the next one out."""
@@ -164,7 +166,7 @@ class Cluster:
 
     def stop(self) -> None:
         """End it, whoever is connected."""
-        self.running.stop(seconds=30)
+        self.running.stop()
 
     def shut(self, place: URL) -> None:
         """Let nobody into a database any more."""

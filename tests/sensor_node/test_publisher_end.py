@@ -30,7 +30,7 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
     site_file: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    settings = {"port": broker.node_port, "drain_s": 20.0}
+    settings = {"port": broker.node_port, "drain_s": 60.0}
     with (
         closing(Bench(tmp_path / "node", broker=settings)) as bench,
         Peer(identities, broker.gateway_port),
