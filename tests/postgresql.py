@@ -172,7 +172,8 @@ class Cluster:
         """Let nobody into a database any more."""
         name = place.database
         self.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false", database="postgres")
-        end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname ="
+        # It waits until they are gone.
+        end = "SELECT pg_terminate_backend(pid, 60000) FROM pg_stat_activity WHERE datname ="
         self.execute(f"{end} '{name}'", database="postgres")
 
     def admit(self, place: URL) -> None:
