@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 from limits.aio.storage import memory
 from xdist.scheduler import LoadScopeScheduling
 
@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
 # A run says something of the change alone: properties try the same inputs each time. The hunt
 # tries others: ARGS="--hypothesis-profile=hunt". The machine's pauses are nobody's failure.
-settings.register_profile("steady", deadline=None, derandomize=True)
-settings.register_profile("hunt", deadline=None)
+PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("steady", PATIENT, derandomize=True)
+settings.register_profile("hunt", PATIENT)
 settings.load_profile("steady")
 
 HERE = Path(__file__).parent

@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
+from contextlib import suppress
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, Self
@@ -57,7 +58,8 @@ class Server(Running):
         super().signal(number)
         if number in {signal.SIGSTOP, signal.SIGCONT}:
             for process in self._children():
-                process.send_signal(number)
+                with suppress(psutil.NoSuchProcess):  # it ended, and was reaped just now
+                    process.send_signal(number)
 
     def kill(self) -> None:
         """End all of them as a power cut would, and wait: what is left keeps the next one out."""
@@ -170,7 +172,8 @@ class Cluster:
         """Let nobody into a database any more."""
         name = place.database
         self.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false", database="postgres")
-        end = "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname ="
+        # It waits until they are gone.
+        end = "SELECT pg_terminate_backend(pid, 60000) FROM pg_stat_activity WHERE datname ="
         self.execute(f"{end} '{name}'", database="postgres")
 
     def admit(self, place: URL) -> None:

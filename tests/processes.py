@@ -126,6 +126,15 @@ class Running:
         self.process.kill()
         self.process.wait()
 
+    def ended(self, *, seconds: float = _LONG_S) -> int:
+        """Wait until it ends by itself; gives its exit status."""
+        assert self.process is not None
+        try:
+            return self.process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            raise AssertionError(f"did not end by itself:\n{self.output()}") from None
+
     def stop(self, *, seconds: float = _LONG_S) -> int:
         """End it as an operator would; gives its exit status."""
         assert self.process is not None

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from datetime import timedelta
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import cbor2
 
@@ -14,6 +15,7 @@ from eskin.messages import Command, Outcome, Position, Result
 from eskin.topics import Stream, node_topic
 from tests.cloud.clouds import warrant
 from tests.cloud.messages import NODE, START
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     import httpx
@@ -21,6 +23,9 @@ if TYPE_CHECKING:
     from eskin.messages.vocabulary import State
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
+
+SOON_S: Final = 30.0
+"""Half of the time for which `waiting_gateway` waits, unless it is woken."""
 
 
 def result(
@@ -64,6 +69,13 @@ async def fetch(
     }
     async with stand.ingest_client() as client:
         return await client.post("/api/v1/deliveries", content=body, headers=headers)
+
+
+async def waiting_gateway(stand: Stand, *held: Any) -> asyncio.Task[httpx.Response]:
+    """A gateway that asked for commands, and waits for one."""
+    asked = asyncio.create_task(fetch(stand, held, wait=2 * SOON_S))
+    await asyncio.to_thread(wait_until, lambda: stand.cloud.board.waiting == 1, "it waits")
+    return asked
 
 
 def opened(identities: Identities, signed: bytes, node: str = NODE) -> Command:

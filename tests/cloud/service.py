@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from datetime import timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import httpx
 
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from cloud.store.place import Place
     from tests.identities import Identities
 
+PATIENCE_S: Final = 60.0
+"""For so long an answer may take, where others use the machine, too."""
 PROGRAM = """
 import sys, pathlib
 from cloud.service import run
@@ -79,7 +81,7 @@ class Service(Running):
         """A reader."""
         headers = {"Authorization": f"Bearer {token}"}
         url = f"http://127.0.0.1:{self.port}"
-        return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
+        return httpx.Client(base_url=url, headers=headers, timeout=PATIENCE_S, verify=PLAIN)
 
     def authorize(self, body: bytes) -> str:
         """A gateway's token for a body."""
@@ -93,4 +95,4 @@ class Service(Running):
             "Content-Type": "application/cbor",
         }
         url = f"https://localhost:{self.ingest_port}/api/v1/ingest"
-        return httpx.post(url, content=body, headers=headers, verify=context, timeout=60)
+        return httpx.post(url, content=body, headers=headers, verify=context, timeout=PATIENCE_S)

@@ -114,7 +114,9 @@ def brute(said: list[Block], window: Window) -> list[tuple[int, int, Answer]]:
 
 
 @settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=25,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(said=measured(), start=st.integers(-50, 300), span=st.integers(0, 500))
 def test_anomalies_equal_a_look_at_each_sample(
@@ -131,7 +133,9 @@ def test_anomalies_equal_a_look_at_each_sample(
 
 
 @settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=30,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(said=drawn_blocks(), window=windows)
 def test_a_standing_band_is_asked_as_a_threshold(

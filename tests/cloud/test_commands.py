@@ -16,11 +16,9 @@ from eskin.messages import CommandName
 from eskin.moment import SECOND, format_moment
 from tests.cloud.clouds import Stand, batch, problem, put
 from tests.cloud.messages import NODE, block, status
-from tests.cloud.orders import fetch, opened, order, result
-from tests.processes import wait_until
+from tests.cloud.orders import SOON_S, fetch, opened, order, result, waiting_gateway
 
 if TYPE_CHECKING:
-    import httpx
     from sqlalchemy import Connection
 
     from eskin.messages.vocabulary import Arguments, State
@@ -29,6 +27,12 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 
 RATE = {"name": "set", "arguments": {"rate": 500}}
+
+
+@pytest.fixture(autouse=True)
+def seldom(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Who waits for a command looks for none by itself."""
+    monkeypatch.setattr("cloud.routes.deliveries._LOOK_S", 2 * SOON_S)
 
 
 @pytest.fixture
@@ -50,12 +54,6 @@ async def issued(stand: Stand, body: Any = RATE) -> int:
     number = answer.json()["id"]
     assert isinstance(number, int)
     return number
-
-
-async def waiting_gateway(stand: Stand, *held: Any) -> asyncio.Task[httpx.Response]:
-    asked = asyncio.create_task(fetch(stand, held, wait=30.0))
-    await asyncio.to_thread(wait_until, lambda: stand.cloud.board.waiting == 1, "it waits")
-    return asked
 
 
 async def test_command_is_numbered_and_signed_for_its_node(
@@ -104,18 +102,18 @@ async def test_commands_are_given_one_by_one_in_their_order(known: Stand) -> Non
 async def test_waiting_gateway_is_woken_by_a_command_and_by_its_answer(known: Stand) -> None:
     waiting = await waiting_gateway(known)
     number = await issued(known)
-    given = cbor2.loads((await asyncio.wait_for(waiting, 4)).content)
+    given = cbor2.loads((await asyncio.wait_for(waiting, SOON_S)).content)
     assert [(n, i) for n, i, _ in given["give"]] == [(NODE, number)]
     waiting = await waiting_gateway(known, [NODE, number, True])
     await known.ingest(batch(result(1, number)))
-    changes = cbor2.loads((await asyncio.wait_for(waiting, 4)).content)
+    changes = cbor2.loads((await asyncio.wait_for(waiting, SOON_S)).content)
     assert changes == {"give": [], "drop": [[NODE, number]]}
 
 
 async def test_closing_cloud_lets_nobody_wait(known: Stand) -> None:
     waiting = await waiting_gateway(known)
     known.cloud.board.close()
-    assert (await asyncio.wait_for(waiting, 4)).status_code == 200
+    assert (await asyncio.wait_for(waiting, SOON_S)).status_code == 200
 
 
 async def test_state_of_a_command_follows_its_way(known: Stand) -> None:

@@ -143,7 +143,9 @@ def ask(store: Store, window: Window) -> list[Stretch]:
 
 
 @settings(
-    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=40,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(one=said_of(CHANNEL), other=said_of(OTHER), window=windows)
 def test_comparison_equals_brute_force(
@@ -179,7 +181,9 @@ def value_at(signal: list[tuple[int, int, float]], moment: int) -> float | None:
 
 
 @settings(
-    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=25,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(one=said_of(CHANNEL), other=said_of(OTHER), window=windows, seed=st.integers(0, 2**32))
 def test_every_signal_and_every_clock_within_the_intervals_agrees(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 from contextlib import aclosing
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
@@ -31,7 +32,10 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 
 
-async def test_subscriber_hears_what_is_ingested_in_order(stand: Stand) -> None:
+async def test_subscriber_hears_what_is_ingested_in_order(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("cloud.live.pace.PATIENCE_S", math.inf)  # however slowly it reads
     hearing = asyncio.create_task(take(stand, 5))
     await stand.ingest(batch(status(0), block(1), peak(2)))
     await stand.ingest(batch(block(1), gap(3), block(4)))

@@ -85,8 +85,10 @@ def killed_at_step(source: Path, target: URL, step: int) -> None:
 
     child = os.fork()
     if child == 0:
-        move(source, target, now=START, progress=die)
-        os._exit(1)
+        try:
+            move(source, target, now=START, progress=die)
+        finally:
+            os._exit(1)
     _, ended = os.waitpid(child, 0)
     assert os.WTERMSIG(ended) == signal.SIGKILL
 

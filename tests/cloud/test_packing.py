@@ -12,7 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import delete, select
 
-from cloud.packing import keep_packed
+from cloud.packing import _catch_up, keep_packed
 from cloud.pyramid.building import build
 from cloud.query.export import Export, Mark, Source
 from cloud.query.places import find_channel
@@ -34,6 +34,7 @@ from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from cloud.state import Cloud
     from eskin.messages import Block
     from tests.identities import Identities
 
@@ -279,19 +280,19 @@ def test_fault_in_the_middle_leaves_every_block_once(store: Store, monkeypatch: 
 
 @pytest.mark.anyio
 async def test_cloud_packs_in_the_background_but_not_where_it_is_told_not_to(
-    tmp_path: Path, identities: Identities
+    tmp_path: Path, identities: Identities, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    async def once(cloud: Cloud, stopping: asyncio.Event) -> None:
+        await _catch_up(cloud, stopping)
+        stopping.set()
+
+    monkeypatch.setattr("cloud.packing._catch_up", once)
     for on in (False, True):
         folder = tmp_path / str(on)
         folder.mkdir()
         section, live = PackingSection(on=on), LiveSection(backlog=2)
         with standing(folder, identities, packing=section, live=live) as stand:
             put(stand.cloud.store, *map(said, range(45)))
-            stopping = asyncio.Event()
-            task = asyncio.create_task(keep_packed(stand.cloud, stopping))
-            while on and not packs(stand.cloud.store):  # noqa: ASYNC110 - code under test
-                await asyncio.sleep(0.02)
-            stopping.set()
-            await task
+            await keep_packed(stand.cloud, asyncio.Event())
             # A stream at the edge of the backlog reads on while others store: the last four stay.
             assert packs(stand.cloud.store) == [21] * on

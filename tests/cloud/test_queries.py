@@ -133,7 +133,9 @@ def check_hull(series: Series, said: list[Block], window: Window) -> None:
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(said=blocks(), window=windows, points=st.integers(1, 20))
 def test_series_equals_brute_force(
@@ -200,7 +202,9 @@ questions = st.one_of(
 
 
 @settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 @given(said=blocks(), window=windows, question=questions)
 def test_states_equal_brute_force(

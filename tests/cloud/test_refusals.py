@@ -38,11 +38,11 @@ async def test_node_whose_every_message_is_refused_fills_no_log(
     stand: Stand, caplog: pytest.LogCaptureFixture
 ) -> None:
     await stand.ingest(batch(block(0)))
+    stand.cloud.refusals._clock = lambda: 0.0  # all of it within a second, on any machine
     with caplog.at_level(logging.WARNING):
         for number in range(1, 200, 20):
             bad = [block(number + k, unit="V") for k in range(20)]
             answer = await stand.ingest(batch(*bad))
             assert {item["result"] for item in answer.json()["items"]} == {"rejected"}
-    told = [record for record in caplog.records if "rejected" in record.getMessage()]
-    assert 1 <= len(told) < 10
-    assert "a channel keeps its unit" in told[0].getMessage()
+    (told,) = (record for record in caplog.records if "rejected" in record.getMessage())
+    assert "a channel keeps its unit" in told.getMessage()

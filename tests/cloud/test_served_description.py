@@ -15,7 +15,7 @@ from cloud.store import Store
 from tests.cloud.clouds import batch
 from tests.cloud.described import check_answer
 from tests.cloud.messages import block, gap, peak, status
-from tests.cloud.service import Service
+from tests.cloud.service import PATIENCE_S, Service
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -44,11 +44,11 @@ def make_token(service: Service, scopes: tuple[Scope, ...]) -> str:
 def test_everybody_is_answered_as_described(service: Service, visitor: str) -> None:
     url = f"http://127.0.0.1:{service.port}"
     reader = {"Authorization": f"Bearer {make_token(service, (Scope.READ,))}"}
-    raw = httpx.get(f"{url}/openapi.json", headers=reader).json()
+    raw = httpx.get(f"{url}/openapi.json", headers=reader, timeout=PATIENCE_S).json()
     scopes = VISITORS[visitor]
     headers = {"Authorization": f"Bearer {make_token(service, scopes)}"} if scopes else {}
     schema = schemathesis.openapi.from_dict(raw)
-    schema.config.update(base_url=url)
+    schema.config.update(base_url=url, request_timeout=PATIENCE_S)
     count = 0
     for result in schema.exclude(path="/api/v1/live").get_all_operations():
         found: Any = result

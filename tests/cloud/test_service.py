@@ -23,7 +23,7 @@ from eskin.identity import Identity, IdentityKind, client_context
 from eskin.settings import table
 from tests.cloud.clouds import batch
 from tests.cloud.messages import CHANNEL, NODE, block, peak
-from tests.cloud.service import PROGRAM, Service
+from tests.cloud.service import PATIENCE_S, PROGRAM, Service
 from tests.processes import Running
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 def test_body_of_an_answer_does_not_wait_until_its_head_is_acknowledged() -> None:
     with (
         bind("people", "127.0.0.1", 0) as listening,
-        socket.create_connection(listening.getsockname()[:2], timeout=20),
+        socket.create_connection(listening.getsockname()[:2], timeout=PATIENCE_S),
         listening.accept()[0] as accepted,
     ):
         assert accepted.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
@@ -70,7 +70,7 @@ def test_batch_over_tls_reaches_a_live_stream_and_a_series(service: Service) -> 
 
     thread = threading.Thread(target=listen)
     thread.start()
-    assert listening.wait(20)
+    assert listening.wait(PATIENCE_S)
     answer = service.ingest(batch(block(0), peak(1)))
     assert [item["result"] for item in answer.json()["items"]] == ["stored", "stored"]
     service.wait_for(lambda: "event: peak" in heard, "the peak was heard")
@@ -80,7 +80,7 @@ def test_batch_over_tls_reaches_a_live_stream_and_a_series(service: Service) -> 
         assert series["lo"] == [1.0]
         assert client.get("/readyz").json() == {"status": "ok"}
     assert service.stop() == 0
-    thread.join(20)
+    thread.join(PATIENCE_S)
     assert not thread.is_alive()
     assert "stopped" in service.output()
     assert "Traceback" not in service.output()
@@ -97,7 +97,7 @@ def test_acknowledged_batch_survives_a_power_cut(service: Service) -> None:
 
 def test_gateways_listener_speaks_tls_only(standing: Service) -> None:
     with pytest.raises(httpx.TransportError):
-        httpx.get(f"http://127.0.0.1:{standing.ingest_port}/healthz", timeout=20)
+        httpx.get(f"http://127.0.0.1:{standing.ingest_port}/healthz", timeout=PATIENCE_S)
     old = ssl.create_default_context(cafile=standing.server.directory / "root.pem")
     old.set_ciphers("DEFAULT@SECLEVEL=0")
     with pytest.warns(DeprecationWarning, match="TLSv1"):
@@ -105,7 +105,9 @@ def test_gateways_listener_speaks_tls_only(standing: Service) -> None:
     with pytest.warns(DeprecationWarning, match="TLSv1_1"):
         old.maximum_version = ssl.TLSVersion.TLSv1_1
     with pytest.raises(httpx.ConnectError):
-        httpx.get(f"https://localhost:{standing.ingest_port}/healthz", verify=old, timeout=20)
+        httpx.get(
+            f"https://localhost:{standing.ingest_port}/healthz", verify=old, timeout=PATIENCE_S
+        )
 
 
 def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> None:
@@ -134,7 +136,9 @@ def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> 
 def test_rubbish_leaves_no_line_in_the_log(standing: Service) -> None:
     before = len(standing.output().splitlines())
     for _ in range(5):
-        with socket.create_connection(("127.0.0.1", standing.port), timeout=20) as connection:
+        with socket.create_connection(
+            ("127.0.0.1", standing.port), timeout=PATIENCE_S
+        ) as connection:
             connection.sendall(b"\x16\x03\x01\x00 rubbish\r\n\r\n")
             assert b" 400 " in connection.recv(4096)
     # A request that comes after them is answered, so all that was to be said of them was said.
@@ -147,7 +151,7 @@ def test_people_cannot_ingest_and_gateways_cannot_ask(standing: Service) -> None
     context = client_context(standing.server.directory / "root.pem")
     base = f"https://localhost:{standing.ingest_port}"
     headers = {"Authorization": f"Bearer {standing.token()}"}
-    answer = httpx.get(f"{base}/api/v1/nodes", verify=context, headers=headers, timeout=20)
+    answer = httpx.get(f"{base}/api/v1/nodes", verify=context, headers=headers, timeout=PATIENCE_S)
     assert answer.status_code == 404
     with standing.people(standing.token()) as client:
         assert client.post("/api/v1/ingest").status_code == 405
@@ -176,8 +180,7 @@ def test_second_cloud_on_the_same_store_is_refused(
     config = Path(other.argv[-1])
     config.write_text(config.read_text().replace(str(other.place), str(standing.place)))
     Running.start(other)
-    assert other.process is not None
-    assert other.process.wait(20) == 1
+    assert other.ended() == 1
     assert "another cloud" in other.output()
 
 
@@ -189,7 +192,7 @@ def test_people_come_by_https_where_there_is_a_certificate(
         with Store(service.place) as store:
             code = create_login_code(store, lifetime=timedelta(minutes=1))
         url = f"https://localhost:{service.port}/login?code={code}"
-        answer = httpx.get(url, verify=client_context(own / "root.pem"), timeout=20)
+        answer = httpx.get(url, verify=client_context(own / "root.pem"), timeout=PATIENCE_S)
         assert answer.status_code == 303
         assert "Secure" in answer.headers["set-cookie"]
         service.signal(signal.SIGINT)
@@ -204,8 +207,7 @@ def test_port_in_use_is_said_in_one_line(standing: Service, tmp_path: Path) -> N
     path.write_text(config)
     second = Running([sys.executable, "-c", PROGRAM, str(path)], log=tmp_path / "second.log")
     second.start()
-    assert second.process is not None
-    assert second.process.wait(20) == 1
+    assert second.ended() == 1
     assert second.output().strip().startswith("eskin: people.port: 127.0.0.1:")
 
 
@@ -255,7 +257,6 @@ def test_every_setting_is_described() -> None:
 def test_unusable_identity_is_named(tmp_path: Path, identities: Identities) -> None:
     service = Service(tmp_path, identities, more=f"identity = '{tmp_path}'\n")
     Running.start(service)
-    assert service.process is not None
-    assert service.process.wait(20) == 1
+    assert service.ended() == 1
     assert "people.identity" in service.output()
     assert Identity.load(service.server.directory).name == "server.cloud"

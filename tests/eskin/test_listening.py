@@ -13,6 +13,7 @@ import pytest
 from eskin.doorway import bind
 from eskin.listener import Listener
 from eskin.listening import PROMPT, Bounds
+from tests.eskin.passing import LONG_S, outlast
 
 if TYPE_CHECKING:
     import ssl
@@ -22,8 +23,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.anyio
 BRIEF = Bounds(head_s=0.2, body_s=0.2, head_bytes=2000, body_bytes=100)
-LONG_S = 30.0
-"""Of no effect in a test: what waits for it is wrong."""
+"""For who is refused so, however slowly we ourselves ask."""
 PATIENT = Bounds(head_s=LONG_S, body_s=LONG_S, head_bytes=2000, body_bytes=100)
 GET = b"GET /path HTTP/1.1\r\nHost: here\r\n\r\n"
 
@@ -78,17 +78,23 @@ async def say(port: int, *parts: bytes) -> bytes:
         writer.close()
 
 
-async def status(port: int, *parts: bytes) -> int:
-    """The status of what is refused so, as problem details."""
-    head, _, body = (await say(port, *parts)).partition(b"\r\n\r\n")
+def status_of(answer: bytes) -> int:
+    """The status of a refusal, which is problem details."""
+    head, _, body = answer.partition(b"\r\n\r\n")
     assert b"application/problem+json" in head
     assert json.loads(body)["status"] == int(head.split()[1])
     return int(head.split()[1])
 
 
-async def test_head_that_never_ends_is_refused() -> None:
-    async with listening(BRIEF) as port:
-        assert await status(port, b"GET / HTTP/1.1\r\nHost: here\r\nX-Slow: ") == 408
+async def status(port: int, *parts: bytes) -> int:
+    """The status of what is refused so."""
+    return status_of(await say(port, *parts))
+
+
+async def test_head_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    head = b"GET / HTTP/1.1\r\nHost: here\r\nX-Slow: "
+    async with listening(PATIENT) as port:
+        assert status_of(await outlast(monkeypatch, port, head)) == 408
 
 
 async def test_whoever_says_nothing_is_let_go() -> None:
@@ -112,23 +118,27 @@ async def test_drop_by_drop_earns_no_more_time() -> None:
         assert b"200" not in bytes(said[0] if isinstance(said[0], bytes) else b"")
 
 
-async def test_second_head_on_a_connection_has_its_time_too() -> None:
-    async with listening(BRIEF) as port:
-        said = await say(port, GET, b"GET / HTTP/1.1\r\nHost: ")
-        assert said.startswith(b"HTTP/1.1 200")
-        assert said.count(b"HTTP/1.1 200") == 1  # and then it was closed
+async def test_second_head_on_a_connection_has_its_time_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with listening(PATIENT) as port:
+        said = GET + b"GET / HTTP/1.1\r\nHost: "
+        told = await outlast(monkeypatch, port, said, answer=b"\r\n\r\n")
+        assert told.startswith(b"HTTP/1.1 200")
+        assert told.count(b"HTTP/1.1 200") == 1  # and then it was closed
 
 
-async def test_body_that_never_ends_is_refused() -> None:
+async def test_body_that_never_ends_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     post = b"POST / HTTP/1.1\r\nHost: here\r\nContent-Length: 50\r\n\r\nsome"
-    async with listening(BRIEF) as port:
-        assert await status(port, post) == 408
+    async with listening(PATIENT) as port:
+        assert status_of(await outlast(monkeypatch, port, post)) == 408
 
 
-async def test_body_after_its_answer_is_not_waited_for() -> None:
+async def test_body_after_its_answer_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
     post = b"POST /early HTTP/1.1\r\nHost: here\r\nContent-Length: 50\r\n\r\nsome"
-    async with listening(BRIEF) as port:
-        assert (await say(port, post)).startswith(b"HTTP/1.1 200")
+    async with listening(PATIENT) as port:
+        told = await outlast(monkeypatch, port, post, answer=b"early")
+        assert told.startswith(b"HTTP/1.1 200")
 
 
 @pytest.mark.parametrize(

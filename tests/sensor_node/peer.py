@@ -29,21 +29,18 @@ class Peer:
 
     Attributes:
         acknowledging: Whether it answers.
-        messages: What it has opened, by position.
-        copies: How often each came.
         order: Positions in order of their first arrival.
         held: The last that the node said it still holds.
-        retained: Retained messages that waited for it, by topic.
         strangers: Messages that came before their sender's introduction.
     """
 
     def __init__(self, identities: Identities, port: int, *, acknowledging: bool = True) -> None:
         self.acknowledging = acknowledging
-        self.messages: dict[Position, Message] = {}
-        self.copies: Counter[Position] = Counter()
+        self._messages: dict[Position, Message] = {}
+        self._copies: Counter[Position] = Counter()
         self.order: list[Position] = []
         self.held: Position | None = None
-        self.retained: Counter[str] = Counter()
+        self._retained: Counter[str] = Counter()
         self.strangers = 0
         self._identities = identities
         self._trust = Trust(*identities.authority.roots)
@@ -62,12 +59,27 @@ class Peer:
     def __enter__(self) -> Self:
         self.client.connect("127.0.0.1", self._port)
         self.client.loop_start()
-        assert self._subscribed.wait(10)
+        assert self._subscribed.wait(60)
         return self
 
     def __exit__(self, *_: object) -> None:
         self.client.disconnect()
         self.client.loop_stop()
+
+    @property
+    def messages(self) -> dict[Position, Message]:
+        """What it has opened by now, by position; a copy, as more may come meanwhile."""
+        return self._messages.copy()
+
+    @property
+    def copies(self) -> Counter[Position]:
+        """How often each came by now."""
+        return self._copies.copy()
+
+    @property
+    def retained(self) -> Counter[str]:
+        """Retained messages that waited for it, by topic."""
+        return self._retained.copy()
 
     def acknowledge(
         self, node: str, positions: list[Position], *, topic: str = "", watched: int = 0
@@ -87,7 +99,7 @@ class Peer:
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
         envelope = bytes(message.payload)
         if message.retain:
-            self.retained[message.topic] += 1
+            self._retained[message.topic] += 1
         chain = introduction(envelope)
         if chain is not None:
             leaf = self._trust.verify(chain, IdentityKind.NODE)
@@ -102,9 +114,9 @@ class Peer:
             self._sealers[opened.sender] = Sealer(self._identities.site, node)
         said = decode_message(opened.plaintext)
         self.held = opened.held
-        if said.position not in self.messages:
+        if said.position not in self._messages:
             self.order.append(said.position)
-        self.messages[said.position] = said
-        self.copies[said.position] += 1
+        self._messages[said.position] = said
+        self._copies[said.position] += 1
         if self.acknowledging:
             self.acknowledge(opened.sender, [said.position])

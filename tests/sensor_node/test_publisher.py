@@ -190,7 +190,7 @@ def test_broker_that_dies_and_comes_back_loses_nothing(
     with publishing():
         with Peer(identities, broker.gateway_port) as peer:
             wait_until(lambda: empty(bench), "flash is empty")
-            first = set(peer.messages)
+        first = set(peer.messages)  # also what it took while it left
         broker.kill()
         bench.run_to(3.0)
         assert not empty(bench)
@@ -233,7 +233,7 @@ def test_lossy_and_narrow_air_delays_and_loses_nothing(
     with Peer(identities, broker.gateway_port) as peer:
         begun = time.monotonic()
         with publishing():
-            wait_until(lambda: empty(bench), "flash is empty", seconds=30.0)
+            wait_until(lambda: empty(bench), "flash is empty")
         took = time.monotonic() - begun
     assert {p: m.encode() for p, m in peer.messages.items() if p in before} == before
     # With envelopes and repeats; 0.2 s are on the air ahead.
@@ -241,7 +241,7 @@ def test_lossy_and_narrow_air_delays_and_loses_nothing(
     assert bench.traffic.received > 0
 
 
-@its_broker(drain_s=10.0)
+@its_broker(drain_s=60.0)
 def test_stop_waits_for_acknowledgements_in_the_pipe(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
 ) -> None:

@@ -30,7 +30,7 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
     site_file: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    settings = {"port": broker.node_port, "drain_s": 20.0}
+    settings = {"port": broker.node_port, "drain_s": 60.0}
     with (
         closing(Bench(tmp_path / "node", broker=settings)) as bench,
         Peer(identities, broker.gateway_port),
@@ -48,11 +48,12 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
         known = lambda: outbox.newest_status is not None and outbox.messages == 0  # noqa: E731
         wait_until(known, "the gateway knows it")
         introduced, renewed = outbox.newest_status, iter([True])
-        monkeypatch.setattr(
-            NodeKeys,
-            "refresh",
-            lambda _keys, _now: publisher._until < math.inf and next(renewed, False),
-        )
+
+        def refresh(_keys: NodeKeys, _now: float) -> bool:
+            wait_until(lambda: publisher._until < math.inf, "it is told to end, in its last turn")
+            return next(renewed, False)
+
+        monkeypatch.setattr(NodeKeys, "refresh", refresh)
         publisher.stop()
         assert next(renewed, None) is None
         assert outbox.newest_status != introduced

@@ -134,7 +134,7 @@ def test_statements_of_the_text_have_a_verdict_that_fits(folder: Path) -> None:
 def test_command_writes_the_same_bytes_and_says_where(folder: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [ESKIN, "figures", "--out", str(tmp_path / "out")],
-        capture_output=True, text=True, timeout=100, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout == f"{2 * len(FIGURES) + 1} files in {tmp_path / 'out'}\n"
@@ -146,7 +146,7 @@ def test_command_says_what_is_wrong(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     done = subprocess.run(
         [ESKIN, "figures", "--out", str(tmp_path / "file")],
-        capture_output=True, text=True, timeout=100, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr.startswith(f"eskin: --out: {tmp_path / 'file'} cannot be written")

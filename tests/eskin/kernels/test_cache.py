@@ -37,6 +37,10 @@ cache._save_data = pause
 """
 
 
+SLOWEST_S = 200
+"""For an interpreter that starts, and compiles a kernel."""
+
+
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """Where the kernel lies."""
@@ -79,10 +83,10 @@ def test_second_process_waits_for_the_first_and_compiles_only_what_is_new(
 ) -> None:
     with start(folder, TELL, value) as second:
         wait_until(lambda: waits(second), "the second waits")
-        assert first.communicate("\n", timeout=60)[0] == "1.5\n"
-        assert second.communicate(timeout=60)[0].split() == said
+        assert first.communicate("\n", timeout=SLOWEST_S)[0] == "1.5\n"
+        assert second.communicate(timeout=SLOWEST_S)[0].split() == said
     with start(folder, TELL, "3.0", value) as third:
-        assert third.communicate(timeout=60)[0].split() == ["1.5", said[0], kept]
+        assert third.communicate(timeout=SLOWEST_S)[0].split() == ["1.5", said[0], kept]
 
 
 def test_death_of_the_first_leaves_the_kernel_to_the_second(
@@ -91,4 +95,4 @@ def test_death_of_the_first_leaves_the_kernel_to_the_second(
     with start(folder, TELL, "5.0") as second:
         wait_until(lambda: waits(second), "the second waits")
         first.kill()
-        assert second.communicate(timeout=60)[0].split() == ["2.5", "0"]
+        assert second.communicate(timeout=SLOWEST_S)[0].split() == ["2.5", "0"]

@@ -52,7 +52,6 @@ def _ask(folder: Path) -> list[str]:
         env=os.environ | {"PYTHONPATH": f"{folder}:{Path(__file__).parents[3]}"},
         capture_output=True,
         text=True,
-        timeout=100,
         check=True,
     )
     return done.stdout.split()
@@ -91,7 +90,7 @@ def test_second_start_compiles_nothing(tmp_path: Path) -> None:
         int(
             subprocess.run(
                 [sys.executable, "-c", code],
-                env=environment, capture_output=True, text=True, timeout=110, check=True,
+                env=environment, capture_output=True, text=True, check=True,
             ).stdout
         )
         for _ in range(2)

@@ -28,7 +28,7 @@ def token(tmp_path_factory: pytest.TempPathFactory) -> KeysSection:
     pin.chmod(0o600)
     for label in ("eskin", "locked"):
         command = ["softhsm2-util", "--init-token", "--free", "--label", label, "--pin", "2718"]
-        subprocess.run([*command, "--so-pin", "31415"], check=True, capture_output=True, timeout=30)
+        subprocess.run([*command, "--so-pin", "31415"], check=True, capture_output=True)
     return KeysSection(module=MODULE, pin=pin)
 
 

@@ -7,15 +7,19 @@ import hmac
 import os
 import subprocess
 import sys
-from threading import Thread
+import time
+from threading import Event, Thread
+from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
 
+from eskin import lockfile
 from eskin.errors import NoKeyError, PrivacyError
 from eskin.privacy import FileMaster, Vault
 from eskin.privacy import files as room
 from eskin.privacy.turn import turn
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -151,16 +155,21 @@ def test_key_that_comes_while_its_subject_is_erased_is_not_left(
 ) -> None:
     other = Vault(vault.directory, vault._master)
     burial = Thread(target=other.bury, args=[LATE])
-    write = vault._write
+    write, waits = vault._write, Event()
+
+    def sleep(seconds: float) -> None:
+        waits.set()
+        time.sleep(seconds)
 
     def late(subject: Subject) -> None:
         burial.start()
-        burial.join(0.3)
+        wait_until(lambda: waits.is_set() or not burial.is_alive(), "it waits, or is over")
         write(subject)
 
+    monkeypatch.setattr(lockfile, "time", SimpleNamespace(monotonic=time.monotonic, sleep=sleep))
     monkeypatch.setattr(vault, "_write", late)
     assert vault.keep(LATE, bytes(32))
-    burial.join(20)
+    burial.join()
     assert not (vault.directory / "subjects" / LATE).exists()
     with pytest.raises(NoKeyError, match="destroyed"):
         vault.find(LATE)
@@ -280,6 +289,6 @@ def test_key_of_which_several_are_made_at_once_is_one(tmp_path: Path) -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(20)
+        thread.join()
     assert len(made) == 8
     assert set(made) == {(tmp_path / "key").read_bytes()}

@@ -288,7 +288,7 @@ def test_command_says_what_is_wrong_in_one_line_with_status_2(tmp_path: Path) ->
     path = write(tmp_path, SHORT + TAP.replace("t05", "t77"))
     done = subprocess.run(
         [sys.executable, "-m", "eskin", "export", "--scenario", path, "--out", tmp_path / "out"],
-        capture_output=True, text=True, timeout=60, check=False,
+        capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2
     assert done.stderr == (

@@ -66,7 +66,7 @@ def reported_by(client: httpx.Client, node: str) -> Any:
 
 def shift(stack: RealStack, node: str) -> None:
     """Move one stored interval of a node past all that was true."""
-    with closing(sqlite3.connect(stack.store)) as db, db:
+    with closing(sqlite3.connect(stack.store, timeout=60)) as db, db:
         where = "WHERE node = ? AND channel = 't01.capacitance' LIMIT 1"
         row = db.execute(f"SELECT rowid, data FROM blocks {where}", (node,)).fetchone()  # noqa: S608
         block = Block.decode(bytes(row[1]))
