@@ -33,7 +33,8 @@ _WINDOW: Final = 4000
 _AT_ONCE: Final = 100
 _SAMPLES: Final = 600
 """Most samples of memory; at least one a second where there is time for it."""
-_REST_S: Final = 10.0
+_REST_S: Final = 30.0
+"""A cloud gives memory back within 10 s of the last load, a gateway a little later."""
 _STRETCHES: Final = 60
 
 

@@ -34,6 +34,26 @@ def test_short_noisy_run_is_undecided() -> None:
     assert trend(0.0, noise=0.02, seconds=np.arange(0.0, 60.0)).verdict == "undecided"
 
 
+def stepped(growth: float, seed: int) -> Trend:
+    """The same, and four times an hour a burst leaves a heap some percent higher for minutes."""
+    random = np.random.default_rng(seed)
+    used = BASE * (1.0 + growth * HOUR / 3600.0 + 0.001 * random.normal(size=HOUR.size))
+    for _ in range(random.poisson(4)):
+        begin, lasts = random.uniform(0.0, 3600.0), random.exponential(360.0)
+        height = random.uniform(0.02, 0.07) * BASE
+        used += np.where((HOUR >= begin) & (HOUR < begin + lasts), height, 0.0)
+    return Trend.of(list(HOUR), list(used))
+
+
+def test_steps_neither_hide_a_leak_nor_look_like_one() -> None:
+    leaks = [stepped(0.08, seed).verdict for seed in range(100)]
+    assert leaks.count("flat") <= 2
+    assert leaks.count("grows") >= 70
+    still = [stepped(0.0, seed).verdict for seed in range(100)]
+    assert still.count("grows") <= 2
+    assert still.count("flat") >= 70
+
+
 def test_filling_of_caches_at_the_start_is_left_out() -> None:
     used = BASE * np.where(HOUR < 600.0, 0.5 + HOUR / 1200.0, 1.0)
     assert Trend.of(list(HOUR), list(used)).verdict == "flat"
