@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from contextlib import closing
 from typing import TYPE_CHECKING
 
@@ -48,12 +49,15 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
         known = lambda: outbox.newest_status is not None and outbox.messages == 0  # noqa: E731
         wait_until(known, "the gateway knows it")
         introduced, renewed = outbox.newest_status, iter([True])
+        in_turn = threading.Event()
 
         def refresh(_keys: NodeKeys, _now: float) -> bool:
+            in_turn.set()
             wait_until(lambda: publisher._until < math.inf, "it is told to end, in its last turn")
             return next(renewed, False)
 
         monkeypatch.setattr(NodeKeys, "refresh", refresh)
+        wait_until(in_turn.is_set, "a turn has begun")
         publisher.stop()
         assert next(renewed, None) is None
         assert outbox.newest_status != introduced
