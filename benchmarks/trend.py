@@ -25,11 +25,11 @@ _FLAT: Final = 0.05
 class Trend:
     """Growth an hour as a share of the mean, in the interval ``[lo, hi]`` with 95 % confidence.
 
-    It is Sen's slope between the medians of twenty stretches of time: samples that follow each other
-    closely are not independent, and a burst leaves a heap higher for minutes, which is no trend. A
-    line of least squares takes such a step for a part of one: it called leaks flat under steps, and
-    memory that does not grow undecided, more often. Steps that last longer than a stretch still
-    make the interval less sure than it says.
+    It is Sen's slope between the medians of twenty stretches of time: samples that follow each
+    other closely are not independent, and a burst leaves a heap higher for minutes, which is no
+    trend. A line of least squares takes such a step for a part of one: it called leaks flat under
+    steps, and memory that does not grow undecided, more often. Steps that last longer than a
+    stretch still make the interval less sure than it says.
 
     Attributes:
         mean: Mean memory after the warm-up, bytes.

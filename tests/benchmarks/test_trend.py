@@ -41,7 +41,7 @@ def stepped(growth: float, seed: int) -> Trend:
     for _ in range(random.poisson(4)):
         begin, lasts = random.uniform(0.0, 3600.0), random.exponential(360.0)
         height = random.uniform(0.02, 0.07) * BASE
-        used += np.where((HOUR >= begin) & (HOUR < begin + lasts), height, 0.0)
+        used += np.where((begin <= HOUR) & (begin + lasts > HOUR), height, 0.0)
     return Trend.of(list(HOUR), list(used))
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
 import pytest
@@ -26,17 +25,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.anyio
 
 
-@pytest.fixture
-def one_moment(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All that is counted falls into one window, whenever the test begins and however long it is.
-
-    Windows begin at whole seconds, minutes and so on of the time of day.
-    """
-    moment = SimpleNamespace(time=lambda: 1_800_000_030.0)
-    monkeypatch.setattr("limits.aio.storage.memory.time", moment)
-
-
-@pytest.mark.usefixtures("one_moment")
+@pytest.mark.usefixtures("standing_windows")
 async def test_flood_from_one_address_is_refused(tmp_path: Path, identities: Identities) -> None:
     few = LimitsSection(requests_per_s=1)
     with standing(tmp_path, identities, limits=few) as stand:
@@ -51,7 +40,7 @@ async def test_flood_from_one_address_is_refused(tmp_path: Path, identities: Ide
             assert (await client.get("/api/v1/nodes")).status_code == 200
 
 
-@pytest.mark.usefixtures("one_moment")
+@pytest.mark.usefixtures("standing_windows")
 async def test_bad_credentials_are_limited_and_good_ones_are_not(
     tmp_path: Path, identities: Identities
 ) -> None:
@@ -69,7 +58,7 @@ async def test_bad_credentials_are_limited_and_good_ones_are_not(
         assert (await stand.get("/api/v1/nodes")).status_code == 200
 
 
-@pytest.mark.usefixtures("one_moment")
+@pytest.mark.usefixtures("standing_windows")
 async def test_refused_sign_ins_do_not_fill_the_audit_log(
     tmp_path: Path, identities: Identities
 ) -> None:

@@ -15,7 +15,6 @@ from cloud.live.printing import reduce_block
 from cloud.live.selection import Selection
 from cloud.settings import LiveSection
 from cloud.store.intake import Outcome
-from eskin.messages import Block
 from eskin.moment import format_moment
 from tests.cloud.clouds import batch, problem, put, standing
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
@@ -26,6 +25,7 @@ if TYPE_CHECKING:
 
     from cloud.query.series import Series
     from cloud.store.place import Place
+    from eskin.messages import Block
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -267,17 +267,6 @@ async def test_stream_is_refused_with_what_to_do(stand: Stand) -> None:
     assert answer.headers["retry-after"]
 
 
-@pytest.mark.parametrize(("grain", "least"), [(0, 1), (DT, 1), (7 * DT, 7), (10**18, 500)])
-def test_entries_are_as_long_as_they_may_be_and_no_longer_than_twice(
-    grain: int, least: int
-) -> None:
-    series = reduce_block(NODE, block(0, [1.0] * 500, [2.0] * 500), 1000, grain)
-    assert least <= series.dt // DT <= max(1, 2 * least)
-    assert len(series.t) == -(-500 * DT // series.dt)
-    few = reduce_block(NODE, block(0, [1.0] * 500, [2.0] * 500), 5, grain)
-    assert len(few.t) <= 5
-
-
 async def test_who_asks_for_another_grain_is_told_other_entries(stand: Stand) -> None:
     await stand.ingest(batch(block(0, [1.0, 3.0, 5.0, 7.0], [2.0, 4.0, 6.0, 8.0])))
     coarse = Selection(frozenset(), frozenset(), 50, 2 * DT)
@@ -285,20 +274,3 @@ async def test_who_asks_for_another_grain_is_told_other_entries(stand: Stand) ->
     assert (every["data"]["lo"], every["data"]["resolution"]) == ([1.0, 3.0, 5.0, 7.0], "sample")
     assert (few["data"]["lo"], few["data"]["hi"]) == ([1.0, 5.0], [4.0, 8.0])
     assert (few["data"]["dt"], few["data"]["resolution"]) == (2 * DT, "hull")
-
-
-@pytest.mark.parametrize("points", [1, 7, 50, 499, 500, 1000])
-def test_reduced_block_is_the_hull_of_its_samples(points: int) -> None:
-    draw = np.random.default_rng(points)
-    lo = draw.normal(size=500)
-    said = block(0, lo, lo + draw.random(500), time=(START, START + 7), coverage=0.999)
-    series = reduce_block(NODE, Block.decode(said.encode()), points)
-    assert len(series.t) <= points
-    assert len(series.t) * series.dt == 500 * said.tube.dt, "the last one claims nobody else's time"
-    moments = said.tube.moments - series.t0
-    for t, low, high in zip(series.t, series.lo, series.hi, strict=True):
-        inside = (moments >= t) & (moments < t + series.dt)
-        assert low == said.tube.values.inf[inside].min()
-        assert high == said.tube.values.sup[inside].max()
-    assert series.resolution == ("sample" if points >= 500 else "hull")
-    assert series.coverage <= 0.999
