@@ -16,7 +16,7 @@ from cloud.store.tiles import stale
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Collection, Iterable, Iterator, Sequence
 
     from sqlalchemy import Connection, Table
 
@@ -96,7 +96,7 @@ class Ledger:
         connection: Connection,
         *,
         boots: Iterable[tuple[str, int]],
-        places: Iterable[tuple[str, str]],
+        places: Collection[tuple[str, str]],
     ) -> None:
         """Read at once what a batch will ask for, where it is not remembered.
 
@@ -107,7 +107,8 @@ class Ledger:
         """
         unknown = [key for key in dict.fromkeys(boots) if key not in self._ranges]
         self._prepare_rows(connection, nodes, dict.fromkeys((node,) for node, _ in unknown))
-        self._prepare_rows(connection, channels, dict.fromkeys(places))
+        self._prepare_rows(connection, channels, places)
+        self._prepare_counts(connection, places)
         if not unknown:
             return
         found: dict[tuple[str, int], list[tuple[int, int]]] = {key: [] for key in unknown}
@@ -133,6 +134,17 @@ class Ledger:
             query = select(table).where(tuple_(*columns).in_(part))
             for row in connection.execute(query).mappings():
                 rows[tuple(row[column.name] for column in columns)] = dict(row)
+
+    def _prepare_counts(self, connection: Connection, places: Iterable[tuple[str, str]]) -> None:
+        known = self._rows[channels]
+        growing = dict.fromkeys(node for node, channel in places if not known[node, channel])
+        unknown = [node for node in growing if node not in self._channels_of]
+        here = channels.c.node
+        query = select(here, func.count()).group_by(here)
+        for part in _parts(unknown):
+            self._channels_of |= dict.fromkeys(part, 0)
+            for node, count in connection.execute(query.where(here.in_(part))):
+                self._channels_of[node] = count
 
     def ranges(self, connection: Connection, node: str, boot: int) -> StoredNumbers:
         """What was stored of one boot of a node."""
