@@ -95,7 +95,7 @@ class Stored:
             )
 
         def work() -> None:
-            for future in [store.write(keep(batch)) for batch in batches]:
+            for future in [store.write(keep(batch), together=True) for batch in batches]:
                 future.result(600)
 
         return _rate(work, len(said) * SAMPLES)

@@ -101,7 +101,6 @@ class LongStore:
         channel["longest"] = _SPAN
         channel["lo"], channel["hi"] = -2.0, 2.0
         ledger.change(channels, NODE, CHANNEL)
-        ledger.save(connection)
 
 
 def _pattern(number: int, random: np.random.Generator) -> Row:

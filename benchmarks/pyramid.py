@@ -138,7 +138,6 @@ def fill(
         def keep(connection: Any, rows: list[dict[str, Any]] = rows) -> None:
             insert_many(connection, blocks, rows)
             add_blocks(store.ledger, require_row(connection, store.ledger, NODE, said[0][0]), rows)
-            store.ledger.save(connection)
 
         store.write(keep).result()
 

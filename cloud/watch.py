@@ -1,4 +1,4 @@
-"""What the cloud looks after by itself: silent nodes, renewed certificates, who looks on."""
+"""What the cloud looks after by itself: silent nodes, renewed certificates, who looks on, locks."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from cloud.chore import repeat
+from cloud.store.hung import end_hung_writer
 from cloud.store.intake import Outcome
 from cloud.store.news import WATCHED, tell
 from cloud.store.presence import give_up
@@ -39,6 +40,7 @@ async def watch(cloud: Cloud, certificates: Sequence[Certificate], stopping: asy
         for certificate in certificates:
             if certificate.refresh():
                 log.info("certificate renewed")
+        await asyncio.to_thread(end_hung_writer, cloud.store)
         silence = int(cloud.settings.nodes.silence_s * SECOND)
         # After a start, every node is first given the time to be heard.
         if cloud.clock() - begun >= silence:

@@ -6,6 +6,7 @@ A setting ``port`` of section ``broker`` is written ``[broker] port = 8883`` in 
 
 from __future__ import annotations
 
+import json
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -59,7 +60,11 @@ class RenewalSection(Section):
 class KeysSection(Section):
     """Where the keys of subjects are: of persons, of whom biometric channels tell."""
 
-    directory: Path | None = Field(default=None, description="folder of the key store")
+    directory: Path | None = Field(
+        default=None,
+        description="folder of the key store; without it `keys` beside a flash or a spool, and a "
+        "cloud keeps sealed channels and shows none",
+    )
     module: Path | None = Field(
         default=None,
         description="PKCS#11 library of the hardware that holds the master key; without it the "
@@ -158,8 +163,8 @@ def _default(field: Any) -> str | None:
     value = field.get_default(call_default_factory=True)
     if value is PydanticUndefined:
         return None
-    if isinstance(value, bool):
-        return str(value).lower()
+    if isinstance(value, bool | tuple):
+        return json.dumps(value)
     return str(value)
 
 

@@ -32,7 +32,7 @@ async def received(
     Args:
         cloud: The cloud.
         request: What a gateway posts.
-        within: The caller asks `Warrant.require_first` in its own transaction.
+        within: The caller asks `Warrant.is_first` in its own transaction.
 
     Raises:
         IngestError: It is not CBOR, from no gateway of ours, too long, or of another hash.

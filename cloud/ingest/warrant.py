@@ -39,22 +39,14 @@ class Warrant:
         gateway: Common name.
         sha256: Hash of the body that it was made for, hexadecimal.
         condition: What the gateway tells of itself, if it does.
-        is_first: Whether the token comes for the first time, asked in a transaction.
+        is_first: Whether the token comes for the first time; asked in a transaction, with which it
+            is remembered.
     """
 
     gateway: str
     sha256: str
     condition: Condition | None
     is_first: Callable[[Connection], bool]
-
-    def require_first(self, connection: Connection) -> None:
-        """Check that the token was not used before, and remember it with this transaction.
-
-        Raises:
-            UnauthenticatedError: It was.
-        """
-        if not self.is_first(connection):
-            raise _used()
 
     def require_body(self, sha256: str) -> None:
         """Check the hash of the body that came.
@@ -101,7 +93,7 @@ class Verifier:
 
         Args:
             authorization: The header.
-            within: The caller asks `Warrant.require_first` in its own transaction; what it writes
+            within: The caller asks `Warrant.is_first` in its own transaction; what it writes
                 there is then all that the token is good for.
 
         Raises:
@@ -137,7 +129,7 @@ class Verifier:
             is_first = self._replay.within(known, until=until, now=now)
             return Warrant(name, claims["sha256"], condition, is_first)
         if not self._replay.first(known, until=until, now=now):
-            raise _used()
+            raise used_before()
         return Warrant(name, claims["sha256"], condition, lambda _: True)
 
     def _require_claims(self, claims: dict[str, Any], name: str, now: float) -> float:
@@ -162,7 +154,8 @@ class Verifier:
         return expires
 
 
-def _used() -> UnauthenticatedError:
+def used_before() -> UnauthenticatedError:
+    """Why a token is refused that does not come for the first time."""
     return UnauthenticatedError("the token was used before; make one for each request")
 
 

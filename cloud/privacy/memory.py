@@ -109,7 +109,9 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> Non
     empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "bytes": 0}
     empty |= dict.fromkeys(("t_first", "t_last", "grain", "built", "packed"))
     memory.execute(insert(channels), dict(channel) | empty)
-    outcome = take_in(memory, Ledger(), items, gateway="", now=0, dead_letters=0)
+    ledger = Ledger()
+    outcome = take_in(memory, ledger, items, gateway="", now=0, dead_letters=0)
+    ledger.save(memory)
     refused = [receipt.reason for receipt in outcome.results if receipt.reason is not None]
     if refused:
         raise QueryError("channel", refused[0])

@@ -146,7 +146,6 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
         ledger.outdate(row, comb, since=begun)
     more = full or row["built"] is None
     ledger.change(channels, *place)
-    ledger.save(connection)
     return more
 
 

@@ -4,6 +4,7 @@ import asyncio
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
+from typing import Final
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -12,7 +13,7 @@ from starlette.responses import Response
 from cloud.dependencies import CloudState
 from cloud.ingest.batch import read_batch
 from cloud.ingest.reception import apart, received
-from cloud.ingest.warrant import Warrant
+from cloud.ingest.warrant import Warrant, used_before
 from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
@@ -24,6 +25,9 @@ from cloud.store.salvage import take_in_apart
 from eskin.messages import Result
 
 router = APIRouter(tags=["ingest"])
+
+_NOTHING: Final = Outcome([], [], 0)
+"""Of a batch whose token was used before."""
 
 
 @router.post(
@@ -38,6 +42,8 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
         with cloud.metrics.ingest_seconds.time():
             items = await apart(len(body), lambda: read_batch(body))
             outcome = await _store(cloud, warrant, items)
+    if outcome is _NOTHING:
+        raise used_before()
     for kind, count in Counter(receipt.result for receipt in outcome.results).items():
         cloud.metrics.items.labels(kind).inc(count)
     reasons = [result.reason for result in outcome.results if result.reason is not None]
@@ -52,13 +58,16 @@ async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outco
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(take: Callable[..., Outcome], connection: Connection) -> Outcome:
-        warrant.require_first(connection)
+        if not warrant.is_first(connection):
+            return _NOTHING  # an error would undo the batches beside it
         now, gateway = cloud.clock(), warrant.gateway
         outcome = take(connection, store.ledger, items, gateway=gateway, now=now, dead_letters=most)
         hear(connection, gateway, warrant.condition, now=now, outcome=outcome)
         return outcome
 
-    written = store.write(partial(work, take_in), instead=partial(work, take_in_apart))
+    written = store.write(
+        partial(work, take_in), instead=partial(work, take_in_apart), together=True
+    )
     cloud.feed.follow(written, asyncio.get_running_loop())
     outcome = await asyncio.wrap_future(written)
     if any(isinstance(item.message, Result) for item in items):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from sqlalchemy import insert
 
-from cloud.store.bulk import insert_many
+from cloud.store.bulk import Inserts, inserts
 from cloud.store.channels import add_veiled, check_channels, declare, named
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
@@ -80,7 +80,7 @@ class _Batch:
     connection: Connection
     ledger: Ledger
     now: int
-    blocks: list[Row] = field(default_factory=list)
+    blocks: Inserts
     events: list[Row] = field(default_factory=list)
     veiled: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
@@ -103,7 +103,7 @@ def take_in(
     now: int,
     dead_letters: int,
 ) -> Outcome:
-    """Store a batch within a transaction.
+    """Store a batch within a transaction; what the ledger learns is to be saved before its end.
 
     Args:
         connection: The writing thread's, in a transaction.
@@ -113,18 +113,16 @@ def take_in(
         now: UTC ns.
         dead_letters: How many dead letters are kept.
     """
-    batch = _Batch(connection, ledger, now)
+    batch = _Batch(connection, ledger, now, inserts(connection, blocks))
     _prepare(batch, items)
     results = [_take(batch, item, gateway) for item in items]
     lag = _settle(batch)
-    if batch.blocks:
-        insert_many(connection, blocks, batch.blocks)
+    batch.blocks.finish()
     if batch.events:
         connection.execute(insert(events), batch.events)
     if batch.veiled:
         connection.execute(insert(veiled), batch.veiled)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
-    ledger.save(connection)
     return Outcome(results, batch.entries, buried, lag)
 
 
@@ -194,7 +192,7 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
     row = block_row(node, block, item.data, cursor, batch.now)
     stretch.rows.append(row)
     stretch.ranges.add(sequence)
-    batch.blocks.append(row)
+    batch.blocks.add(row)
     batch.entries.append(Entry(cursor, node, block.channel, item.data, None, batch.now))
     return _KEPT
 

@@ -173,5 +173,4 @@ def _keep(connection: Connection, store: Store, made: Made) -> bool:
         row["longest"] = max(row["longest"], *(each["t_end"] - each["t"] for each in made.rows))
     row["packed"] = made.until
     ledger.change(channels, made.node, made.channel)
-    ledger.save(connection)
     return True

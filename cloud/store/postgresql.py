@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import URL, Engine, create_engine, event
 from sqlalchemy.pool import QueuePool
 
+from cloud.store.copying import attend
+
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
@@ -32,6 +34,7 @@ def writing_engine(url: URL) -> Engine:
     So a transaction sees all that was written before, by whichever process, as with SQLite.
     """
     engine = _engine(url, size=1, options=_WRITING)
+    attend(engine)
 
     @event.listens_for(engine, "begin")
     def lock(connection: Connection) -> None:

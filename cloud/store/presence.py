@@ -117,8 +117,6 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
         event |= {"cursor": cursor, "received": now}
         connection.execute(insert(events), event)
         entries.append(Entry(cursor, node, None, None, event, now))
-    if entries:
-        ledger.save(connection)
     return entries
 
 

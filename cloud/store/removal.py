@@ -76,7 +76,6 @@ def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, n
             _count(connection, ledger, sweep, table, rows)
             gone += sum(map(_messages, rows))
     if gone:
-        ledger.save(connection)
         _explain(connection, sweep, gone, now)
     return gone
 

@@ -38,9 +38,11 @@ def take_in_apart(
     """
 
     def take(item: Item) -> Outcome:
-        return take_in(
+        outcome = take_in(
             connection, ledger, [item], gateway=gateway, now=now, dead_letters=dead_letters
         )
+        ledger.save(connection)  # with the next one, all that is not saved may be forgotten
+        return outcome
 
     def take_or_bury(item: Item) -> Outcome:
         savepoint = connection.begin_nested()

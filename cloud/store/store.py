@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final, Self, TypeVar
 from sqlalchemy import update
 from sqlalchemy.exc import SQLAlchemyError
 
+from cloud.store.copying import finish
 from cloud.store.faults import explain
 from cloud.store.ledger import Ledger
 from cloud.store.migrations import migrate, require_current
@@ -72,6 +73,7 @@ class Store:
             self._writing,
             capacity=queue,
             on_begin=self._begin,
+            on_save=self._save,
             on_rollback=self.ledger.forget,
             probe=_touch,
         )
@@ -91,18 +93,24 @@ class Store:
         self.close()
 
     def write(
-        self, work: Callable[[Connection], T], *, instead: Callable[[Connection], T] | None = None
+        self,
+        work: Callable[[Connection], T],
+        *,
+        instead: Callable[[Connection], T] | None = None,
+        together: bool = False,
     ) -> Future[T]:
         """Have work done within a transaction; the future is done once it is durable.
 
         Args:
-            work: What is done.
+            work: What is done; what the ledger learns by it is saved.
             instead: Done where that broke by an error that is none of ours.
+            together: Whether it reads nothing by SQL that work like it changes through the
+                ledger; then that is saved once for all. See `Writer.submit`.
 
         Raises:
             StoreError: Too many writes wait, or the store is closed.
         """
-        return self.writer.submit(work, instead=instead)
+        return self.writer.submit(work, instead=instead, together=together)
 
     def finish(self, work: Callable[[Connection], T]) -> T:
         """Have work done within a transaction, and wait until it is durable.
@@ -167,6 +175,11 @@ class Store:
         """A newer program may have migrated meanwhile, and another process may have written."""
         require_current(connection)
         self.ledger.refresh(connection)
+
+    def _save(self, connection: Connection) -> None:
+        """Write what is only remembered, and rows that are under way."""
+        self.ledger.save(connection)
+        finish(connection)
 
     def _dispose(self) -> None:
         self._writing.dispose()

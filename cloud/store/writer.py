@@ -6,7 +6,7 @@ import logging
 import queue
 import threading
 from concurrent.futures import Future
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -29,15 +29,18 @@ _MOST_SHARED: Final = 32
 class _Job:
     ways: tuple[Callable[[Connection], Any], ...]
     future: Future[Any]
+    together: bool
 
 
 class Writer:
-    """Runs jobs, each within a savepoint, and commits them together.
+    """Runs jobs and commits them together; each is undone alone where it breaks.
 
     Args:
         engine: With one connection.
         capacity: Jobs that may wait.
         on_begin: Called at the beginning of each transaction.
+        on_save: Called before its end, and around each job that is done for itself, to write what
+            is only remembered yet.
         on_rollback: Called when what jobs did was undone, so that caches are forgotten.
         probe: Writes a little; after a fault it must succeed, lest a job that writes nothing
             passes for a store that is well again.
@@ -54,12 +57,14 @@ class Writer:
         *,
         capacity: int,
         on_begin: Callable[[Connection], None],
+        on_save: Callable[[Connection], None],
         on_rollback: Callable[[], None],
         probe: Callable[[Connection], None],
     ) -> None:
         self._engine = engine
         self._jobs: queue.Queue[_Job | None] = queue.Queue(capacity)
         self._on_begin = on_begin
+        self._on_save = on_save
         self._on_rollback = on_rollback
         self._probe = probe
         self._closing = threading.Event()
@@ -76,13 +81,19 @@ class Writer:
         return self._jobs.qsize()
 
     def submit(
-        self, work: Callable[[Connection], T], *, instead: Callable[[Connection], T] | None = None
+        self,
+        work: Callable[[Connection], T],
+        *,
+        instead: Callable[[Connection], T] | None = None,
+        together: bool = False,
     ) -> Future[T]:
         """Have work done within a transaction; the future is done after its commit.
 
         Args:
             work: What is done.
             instead: Done where that broke by an error that is none of ours: what nobody foresaw.
+            together: Whether jobs like it need no savepoint between them, as they rarely break.
+                Where one does, the whole transaction is undone, and each job is done for itself.
 
         Raises:
             StoreError: Too many wait, or the store is closed.
@@ -93,7 +104,7 @@ class Writer:
                 raise StoreError("the store is closed; nothing more is written")
             try:
                 ways = (work,) if instead is None else (work, instead)
-                self._jobs.put_nowait(_Job(ways, future))
+                self._jobs.put_nowait(_Job(ways, future, together))
             except queue.Full:
                 raise StoreError(
                     f"{self._jobs.maxsize} writes wait already; try again in a moment"
@@ -122,33 +133,42 @@ class Writer:
             if batch:
                 self._commit(batch)
 
-    def _commit(self, batch: list[_Job]) -> None:
+    def _commit(self, batch: list[_Job]) -> Exception | None:
+        """Do jobs and commit them; gives why that failed, which each of them was told."""
         done: list[tuple[_Job, Any]] = []
+        working = False
         try:
             with self._engine.begin() as connection:
                 self._on_begin(connection)
                 if self.fault is not None:
                     self._probe(connection)
+                working = True
                 for job in batch:
                     self._do(connection, job, done)
-        except (SQLAlchemyError, StoreError, MemoryError, OSError) as error:
+                self._on_save(connection)
+                working = False
+        except Exception as error:  # noqa: BLE001 - each job is told, and the thread goes on
+            if working and _is_of_shared_work(batch, error):
+                return self._redo(batch, error)
             self._fail(batch, error)
-            return
-        except Exception as error:  # nothing is committed either, and the thread goes on
-            log.exception("commit broke")
-            self._fail(batch, error)
-            return
+            return error
         self.fault = None
         self.commits += 1
         self.jobs += len(done)
         for job, result in done:
             job.future.set_result(result)
+        return None
 
     def _do(self, connection: Connection, job: _Job, done: list[tuple[_Job, Any]]) -> None:
+        if job.together:
+            done.append((job, job.ways[0](connection)))
+            return
+        self._on_save(connection)  # of the jobs before: this one may be undone without them
         for way in job.ways:
             savepoint = connection.begin_nested()
             try:
                 result = way(connection)
+                self._on_save(connection)
             except Exception as error:
                 if is_of_the_store(error):
                     raise  # nobody's work is committed
@@ -163,7 +183,21 @@ class Writer:
                 done.append((job, result))
                 return
 
+    def _redo(self, batch: list[_Job], error: Exception) -> Exception | None:
+        """Nothing is committed, as somebody's work broke: do each job for itself."""
+        log.warning("shared work broke, doing %d jobs one by one", len(batch), exc_info=error)
+        self._on_rollback()
+        waiting = [replace(job, together=False) for job in batch if not job.future.done()]
+        while waiting:
+            broken = self._commit([waiting.pop(0)])
+            if broken is not None:  # what made this one wait shall not make others wait, too
+                self._fail(waiting, broken)
+                return broken
+        return None
+
     def _fail(self, batch: list[_Job], error: Exception) -> None:
+        if not isinstance(error, SQLAlchemyError | StoreError | MemoryError | OSError):
+            log.error("commit broke", exc_info=error)  # and the thread goes on
         self._on_rollback()
         cause = explain(error)
         self.fault = f"the store cannot be written: {cause}"
@@ -173,6 +207,10 @@ class Writer:
                 failure = StoreError(f"{self.fault}; then send again")
                 failure.__cause__ = error
                 job.future.set_exception(failure)
+
+
+def _is_of_shared_work(batch: list[_Job], error: Exception) -> bool:
+    return any(job.together for job in batch) and not is_of_the_store(error)
 
 
 def _collect(job: _Job | None, batch: list[_Job]) -> bool:

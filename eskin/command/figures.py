@@ -30,7 +30,8 @@ def figures(out: Out) -> None:
             written = write_figures(out, progress=show)
         except ImportError as error:
             raise SettingsError(
-                "eskin figures", f"{error}; pip install 'eskin[figures]' brings matplotlib"
+                "eskin figures",
+                f"{error}; install eskin with its part 'figures', which brings matplotlib",
             ) from error
         except OSError as error:
             raise SettingsError(

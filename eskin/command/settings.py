@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from pydantic import BaseModel
 
-    from eskin.settings import Settings
+    from eskin.settings import Setting, Settings
 
 PROCESSES: dict[str, type[Settings]] = {
     "eskin node": NodeSettings,
@@ -27,6 +27,9 @@ PROCESSES: dict[str, type[Settings]] = {
     "eskin cloud": CloudSettings,
     "eskin pki serve": AuthoritySettings,
 }
+
+_ELSEWHERE = {"taxel": "*the profile's*"}
+"""What is given elsewhere where it is not set."""
 
 _HEAD = """\
 # Settings
@@ -43,7 +46,8 @@ A table in double brackets, such as `[[taxel]]`, may stand more than once, and i
 `eskin demo` keeps these in its data folder (`eskin-data/`, or what `--data` names):
 
 - `nodes/NAME/node.toml` is **yours to edit**. It is made at the node's first start, read at each
-  start, and never overwritten. Delete it to have it made again.
+  start, and never overwritten. Delete it to have it made again. Its paths are absolute: if you
+  move the data folder, change them, or delete the file.
 - `gateway/gateway.toml`, `cloud/cloud.toml` and `access.json` are the demo's: written anew at each
   start, as ports change. What you change there is lost.
 
@@ -73,13 +77,19 @@ def _tables() -> Iterator[str]:
     for process, settings in PROCESSES.items():
         yield f"## `{process}`\n\n| setting | default | what it is |\n|---|---|---|"
         for row in table(settings):
-            default = "*must be given*" if row.default is None else f"`{row.default}`"
-            yield f"| `{row.name}` | {default} | {row.help} |"
+            yield f"| `{row.name}` | {_shown(row)} | {row.help} |"
         yield ""
         if settings is NodeSettings:
             yield from _taxels()
         if settings is AuthoritySettings:
             yield from keys_table("`[[identity]]`", Expected)
+
+
+def _shown(row: Setting) -> str:
+    """A default as people read it."""
+    if row.name in _ELSEWHERE:
+        return _ELSEWHERE[row.name]
+    return {None: "*must be given*", "None": "*none*"}.get(row.default, f"`{row.default}`")
 
 
 def _taxels() -> Iterator[str]:

@@ -120,12 +120,19 @@ def export(
         Path, typer.Option(help="File with a token with the scopes read and biometric.")
     ],
     out: Annotated[Path, typer.Option(help="JSON lines; a new file, mode 0600.")],
+    root: Annotated[
+        Path | None,
+        typer.Option(help="PEM file of the CA that certified the cloud; else the system's CAs."),
+    ] = None,
     name: Name = None,
 ) -> None:
     """Fetch all that the cloud holds of a person, for the person."""
     import httpx
 
+    from eskin.identity import client_context
+
     vault, _ = _open(config)
+    trusted = True if root is None else client_context(root)
     known = [subject.pseudonym for subject in _find(vault, _asked(name), None)]
     headers = {"Authorization": f"Bearer {_secret(token)}"}
     place = f"{url.rstrip('/')}/api/v1/subjects"
@@ -133,7 +140,9 @@ def export(
         with ExitStack() as asked:
             answers = []
             for each in (f"{place}/{pseudonym}/export" for pseudonym in known):
-                question = httpx.stream("GET", each, headers=headers, timeout=60, trust_env=False)
+                question = httpx.stream(
+                    "GET", each, headers=headers, timeout=60, trust_env=False, verify=trusted
+                )
                 answers.append(asked.enter_context(question))
                 if answers[-1].status_code != httpx.codes.OK:
                     raise SettingsError("--url", f"{each} answered {answers[-1].status_code}")

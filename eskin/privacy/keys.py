@@ -56,6 +56,6 @@ def _master(settings: KeysSection, directory: Path) -> Master:
         from eskin.privacy.hardware import TokenMaster  # noqa: PLC0415 - an optional part
     except ImportError as error:
         raise SettingsError(
-            "keys.module", "needs python-pkcs11: pip install 'eskin[hardware]'"
+            "keys.module", "needs python-pkcs11; install eskin with its part 'hardware'"
         ) from error
     return TokenMaster(settings.module, settings.token, settings.pin)

@@ -81,7 +81,8 @@ def put_items(store: Store, items: Sequence[Item], *, dead_letters: int = 100) -
             gateway="gateway.g1",
             now=store.clock(),
             dead_letters=dead_letters,
-        )
+        ),
+        together=True,
     ).result(20)
 
 

@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import func, insert, select, text
 
 from cloud.store import Store, migrations
-from cloud.store.bulk import insert_many
+from cloud.store.channels import add_blocks
 from cloud.store.events import ENERGY
 from cloud.store.intake import take_in
 from cloud.store.item import Item
@@ -93,13 +93,13 @@ def test_shortage_is_the_stores_fault_and_no_messages(
     def short(*args: Any) -> None:
         if next(fails, False):
             raise shortage
-        insert_many(*args)
+        add_blocks(*args)
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
         items = [Item.read(NODE, block(n).encode()) for n in range(3)]
         return take(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("cloud.store.intake.insert_many", short)
+    monkeypatch.setattr("cloud.store.stretch.add_blocks", short)
     ways = partial(work, take_in), partial(work, take_in_apart)
     with pytest.raises(StoreError, match=r"memory left|Input/output"):
         store.write(ways[0], instead=ways[1]).result(20)
@@ -120,7 +120,7 @@ def test_shortage_while_in_parts_buries_nothing(
         items = [Item.read(NODE, block(0).encode())]
         return take(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("cloud.store.intake.insert_many", short)
+    monkeypatch.setattr("cloud.store.stretch.add_blocks", short)
     with pytest.raises(StoreError, match="memory left"):
         store.write(partial(work, take_in), instead=partial(work, take_in_apart)).result(20)
     assert rows(store, dead_letters) == []

@@ -16,25 +16,25 @@ def arrival(mid: int, size: int = 1) -> Arrival:
 
 def test_full_inbox_refuses_and_counts() -> None:
     inbox = Inbox(2, most_bytes=10_000_000)
-    assert [inbox.put([arrival(number)]) for number in range(3)] == [True, True, False]
+    assert [inbox.put([arrival(number)]) for number in range(3)] == [1, 1, 0]
     assert inbox.statistics == InboxStatistics(depth=2, capacity=2, most=2, refused=1, used=2)
     assert [a.mid for a in inbox.take(5, linger_s=0, wait_s=0)] == [0, 1]
-    assert inbox.put([arrival(9)])
+    assert inbox.put([arrival(9)]) == 1
 
 
 def test_inbox_full_of_bytes_refuses_and_takes_again_when_there_is_room() -> None:
     inbox = Inbox(100, most_bytes=2 * MOST_ENVELOPE)
-    assert inbox.put([arrival(0, MOST_ENVELOPE)])
+    assert inbox.put([arrival(0, MOST_ENVELOPE)]) == 1
     was_full = [inbox.full]
-    assert inbox.put([arrival(1, 1)])
+    assert inbox.put([arrival(1, 1)]) == 1
     was_full.append(inbox.full)  # the next message might be one of the largest
-    assert not inbox.put([arrival(2, MOST_ENVELOPE)])
+    assert inbox.put([arrival(2, MOST_ENVELOPE)]) == 0
     assert inbox.statistics.used == MOST_ENVELOPE + 1
     assert inbox.statistics.refused == 1
     inbox.take(1, linger_s=0, wait_s=0)
     was_full.append(inbox.full)
     assert was_full == [False, True, False]
-    assert inbox.put([arrival(2, MOST_ENVELOPE)])
+    assert inbox.put([arrival(2, MOST_ENVELOPE)]) == 1
 
 
 def test_take_gives_batches_in_order() -> None:

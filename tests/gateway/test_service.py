@@ -70,7 +70,7 @@ def test_gateway_without_broker_or_cloud_says_why(
     parts = [reason.partition(":")[0] for reason in report["reasons"]]
     assert parts == ["broker", "cloud", "commands"]
     assert report["spool"]["messages"] == 1
-    assert report["spool"]["oldest_age_s"] >= 0.0
+    assert 0.0 <= report["spool"]["oldest_age_s"] < 600.0
 
 
 def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from typing import TYPE_CHECKING, Final
 
@@ -10,6 +11,9 @@ import pytest
 from typer.testing import CliRunner
 
 from eskin.command import app
+from eskin.identity import IdentityKind
+from eskin.identity.identity import ROOT_FILE
+from eskin.identity.tls import server_context
 from eskin.privacy import open_vault
 from eskin.settings import KeysSection
 
@@ -17,7 +21,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from eskin.identity import Identity
     from eskin.privacy import Vault
+    from tests.identities import Identities
 
 NAME: Final = "Grace Hopper"
 CUT_OFF: Final = 10
@@ -105,8 +111,9 @@ def test_nobody_is_asked_for_a_name_before_the_settings_are_read(words: tuple[st
     assert "Name" not in done.output
 
 
-@pytest.fixture
-def cloud() -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
+@contextmanager
+def answering(own: Identity | None = None) -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
+    """A cloud that answers exports; over TLS if it has an identity."""
     asked: list[tuple[str, str | None]] = []
 
     class Answers(BaseHTTPRequestHandler):
@@ -122,11 +129,20 @@ def cloud() -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
             return
 
     with HTTPServer(("127.0.0.1", 0), Answers) as server:
+        if own is not None:
+            context = server_context(own, client_certificates=False)
+            server.socket = context.wrap_socket(server.socket, server_side=True)
         thread = threading.Thread(target=server.serve_forever)
         thread.start()
-        yield f"http://127.0.0.1:{server.server_port}", asked
+        yield f"http{'' if own is None else 's'}://127.0.0.1:{server.server_port}", asked
         server.shutdown()
         thread.join()
+
+
+@pytest.fixture
+def cloud() -> Iterator[tuple[str, list[tuple[str, str | None]]]]:
+    with answering() as place:
+        yield place
 
 
 def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
@@ -142,6 +158,21 @@ def test_export_asks_by_pseudonym_and_keeps_the_answer_for_its_owner_alone(
     assert asked == [(f"/api/v1/subjects/{grace.pseudonym}/export", "Bearer eskin_abc")]
     assert out.read_bytes() == LINES
     assert out.stat().st_mode & 0o077 == 0
+
+
+def test_cloud_of_our_own_ca_is_trusted_where_its_root_is_named(
+    site: Site, identities: Identities
+) -> None:
+    site.run("assign", "--node", "hand", "--name", NAME)
+    token, out = site.folder / "token", site.folder / "out.jsonl"
+    token.write_text("eskin_abc\n")
+    own = identities.make(IdentityKind.SERVER, "server.exports")
+    with answering(own) as (url, asked):
+        words = ["export", "--url", url, "--token", str(token), "--name", NAME, "--out", str(out)]
+        assert "certificate" in site.run(*words, status=2)
+        assert asked == []
+        site.run(*words, "--root", str(own.directory / ROOT_FILE))
+    assert out.read_bytes() == LINES
 
 
 def test_all_of_a_name_are_exported(

@@ -31,15 +31,21 @@ def test_answer_is_that_of_all_members(a: Interval, b: Interval) -> None:
         (a <= b, {x <= y for x, y in members}),
         (a > b, {x > y for x, y in members}),
         (a >= b, {x >= y for x, y in members}),
-        (a == b, {x == y for x, y in members} | ({False} if a.wid > 0 or b.wid > 0 else set())),
-        (a != b, {x != y for x, y in members} | ({True} if a.wid > 0 or b.wid > 0 else set())),
+        (a == b, {x == y for x, y in members} | _truths_of_equality(a, b)),
+        (a != b, {x != y for x, y in members} | {not truth for truth in _truths_of_equality(a, b)}),
     ):
         if answer.certain:
             assert truths == {True}
         elif answer.impossible:
             assert truths == {False}
-        elif not a.disjoint(b):
-            assert True in truths or float(min(a.wid, b.wid)) == 0.0 or a.intersection(b).wid >= 0
+        else:
+            assert truths == {True, False}
+
+
+def _truths_of_equality(a: Interval, b: Interval) -> set[bool]:
+    """Of members that no grid may have in common: one that both have, one that another has not."""
+    met = set() if a.disjoint(b) else {True}
+    return met | ({False} if a.wid > 0 or b.wid > 0 else set())
 
 
 def test_answers_combine_by_kleenes_logic() -> None:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -273,6 +274,7 @@ def test_numbers_of_an_interval_are_as_in_the_standard() -> None:
     assert not Interval(0.0, INF).is_common_interval
     assert Interval(0.0, 1.0).is_common_interval
     wide = Interval(0.1, 0.30000000000000004)
-    assert wide.wid == math.nextafter(0.20000000000000004, 1.0) or wide.wid >= 0.2
+    true = Fraction(float(wide.sup)) - Fraction(float(wide.inf))
+    assert Fraction(math.nextafter(float(wide.wid), 0.0)) < true <= Fraction(float(wide.wid))
     assert np.array_equal(Interval([0.0, 1.0], [1.0, 2.0]).contains([0.5, 5.0]), [True, False])
     assert not ENTIRE.contains(INF)

@@ -51,6 +51,7 @@ def make(folder: Path) -> Target:
             now=said.START,
             dead_letters=100,
         )
+        store.ledger.save(connection)
         assert len(outcome.results) == len(items)
         for receipt in outcome.results:
             assert receipt.result in {"stored", "duplicate", "rejected"}

@@ -1,0 +1,66 @@
+"""Batches that are stored as ingest stores them, several in one commit."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from contextlib import contextmanager
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from cloud.store.intake import take_in
+from cloud.store.item import Item
+from cloud.store.salvage import take_in_apart
+from tests.cloud.messages import NODE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sqlalchemy import Connection
+
+    from cloud.store import Store
+    from cloud.store.intake import Outcome
+    from tests.cloud.clouds import Said
+
+
+def bring(
+    store: Store,
+    *said: Said,
+    then: Callable[[Connection], object] | None = None,
+    together: bool = True,
+) -> Any:
+    """Have messages stored as ingest has, in a batch that may do something more before its end."""
+    items = [Item.read(NODE, message.encode()) for message in said]
+
+    def work(take: Callable[..., Outcome], connection: Connection) -> Outcome:
+        now = store.clock()
+        outcome = take(connection, store.ledger, items, gateway="g", now=now, dead_letters=9)
+        if then is not None:
+            then(connection)
+        return outcome
+
+    ways = partial(work, take_in), partial(work, take_in_apart)
+    return store.write(ways[0], instead=ways[1], together=together)
+
+
+@contextmanager
+def one_commit(store: Store) -> Iterator[None]:
+    """What is to be written meanwhile waits, and then shares a commit."""
+    started: Future[None] = Future()
+    held: Future[None] = Future()
+
+    def wait(_: Connection) -> None:
+        started.set_result(None)
+        held.result(60)
+
+    first = store.write(wait)
+    started.result(60)
+    try:
+        yield
+    finally:
+        held.set_result(None)
+    first.result(60)
+
+
+def kinds(outcome: Outcome) -> list[str]:
+    """What became of each item."""
+    return [receipt.result for receipt in outcome.results]
