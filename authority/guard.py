@@ -13,6 +13,7 @@ import logging
 import signal
 import subprocess
 import time
+from functools import partial
 from threading import Event
 from typing import TYPE_CHECKING, Final
 
@@ -79,6 +80,7 @@ class Guard:
         self._trust = Trust.following(identity / ROOT_FILE)
         self._revoked: set[tuple[str, str]] = set()
         self._faults: dict[str, str] = {}
+        self._seen: _State = ()
         self._stopping = Event()
 
     def run(self, *, patience: float = 60.0) -> int:
@@ -98,20 +100,27 @@ class Guard:
 
         for number in (signal.SIGTERM, signal.SIGINT):
             signal.signal(number, end)
-        seen = self._state()
-        while broker.poll() is None and not self._stopping.wait(_LOOK_S):
-            seen = self._look(broker, seen)
-        broker.terminate()
-        return broker.wait()
+        try:
+            self._seen = self._state()
+            while broker.poll() is None and not self._stopping.wait(_LOOK_S):
+                self._look(broker)
+        finally:  # one that nobody guards would let in the revoked
+            broker.terminate()
+            status = broker.wait()
+        return status
 
-    def _look(self, broker: subprocess.Popen[bytes], seen: _State) -> _State:
+    def _look(self, broker: subprocess.Popen[bytes]) -> None:
         """Bring what the CA says now, and end connections that it would not let in any more."""
         self._attempt("fetching lists", self._fetch)
-        state = self._state()
-        if state != seen:
-            broker.send_signal(signal.SIGHUP)
+        self._attempt("telling the broker", partial(self._tell, broker))
         self._attempt("ending connections", self._end_revoked)
-        return state
+
+    def _tell(self, broker: subprocess.Popen[bytes]) -> None:
+        """Have the broker read its files anew, where one is another one."""
+        state = self._state()
+        if state != self._seen:
+            broker.send_signal(signal.SIGHUP)
+        self._seen = state
 
     def _first(self, deadline: float) -> None:
         while True:
@@ -131,9 +140,13 @@ class Guard:
         try:
             do()
         except (IdentityError, OSError) as error:
-            if str(error) != before:
+            if repr(error) != before:
                 log.warning("%s failed, trying again: %s", what, error)
-            self._faults[what] = str(error)
+            self._faults[what] = repr(error)
+        except Exception as error:  # such as an answer that is none: the broker goes on, guarded
+            if repr(error) != before:
+                log.exception("%s failed, trying again", what)
+            self._faults[what] = repr(error)
 
     def _fetch(self) -> None:
         """Fetch what the CA says of each kind; what fails of one hinders no other."""

@@ -36,8 +36,15 @@ def requested_key(request: bytes) -> ec.EllipticCurvePublicKey:
 
 
 def requested_name(request: bytes) -> str:
-    """The common name of a request (DER); empty where it has none."""
-    names = x509.load_der_x509_csr(request).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    """The common name of a request (DER); empty where it has none.
+
+    Raises:
+        IdentityError: It cannot be read.
+    """
+    try:
+        names = x509.load_der_x509_csr(request).subject.get_attributes_for_oid(NameOID.COMMON_NAME)
+    except UNREADABLE as error:
+        raise IdentityError(f"no PKCS #10 request: {error}") from error
     return str(names[0].value) if names else ""
 
 

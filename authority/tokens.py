@@ -228,12 +228,11 @@ def _read(path: Path) -> dict[str, Enrolment]:
     if not path.exists():
         return {}
     try:
-        entries = json.loads(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise IdentityError(f"{path}: enrolment tokens cannot be read: {error}") from error
-    return {
-        entry["name"]: Enrolment(
-            **entry | {"kind": IdentityKind(entry["kind"]), "hosts": tuple(entry["hosts"])}
-        )
-        for entry in entries
-    }
+        return {
+            entry["name"]: Enrolment(
+                **entry | {"kind": IdentityKind(entry["kind"]), "hosts": tuple(entry["hosts"])}
+            )
+            for entry in json.loads(path.read_bytes())
+        }
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise IdentityError(f"{path}: enrolment tokens cannot be read: {error!r}") from error

@@ -13,7 +13,6 @@ from cloud.store.hung import end_hung_writer
 from cloud.store.intake import Outcome
 from cloud.store.news import WATCHED, tell
 from cloud.store.presence import give_up
-from eskin.errors import StoreError
 from eskin.moment import SECOND
 
 if TYPE_CHECKING:
@@ -62,10 +61,7 @@ async def _tell_onlookers(cloud: Cloud) -> None:
         for begin in range(0, len(nodes), _NAMES):
             tell(connection, WATCHED, *nodes[begin : begin + _NAMES])
 
-    try:
-        await asyncio.wrap_future(cloud.store.write(work))
-    except StoreError as error:
-        log.warning("other processes do not hear who looks on: reason=%s", error)
+    await asyncio.wrap_future(cloud.store.write(work))
 
 
 async def _judge(cloud: Cloud, silence: int) -> None:
@@ -74,9 +70,6 @@ async def _judge(cloud: Cloud, silence: int) -> None:
         told = give_up(connection, cloud.store.ledger, silent_since=now - silence, now=now)
         return Outcome([], told, 0)
 
-    try:
-        written = cloud.store.write(work)
-        cloud.feed.follow(written, asyncio.get_running_loop())
-        await asyncio.wrap_future(written)
-    except StoreError as error:
-        log.warning("silent nodes not judged: reason=%s", error)
+    written = cloud.store.write(work)
+    cloud.feed.follow(written, asyncio.get_running_loop())
+    await asyncio.wrap_future(written)

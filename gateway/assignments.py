@@ -112,6 +112,8 @@ class Assignments:
                 ]
             except (ValueError, TypeError) as error:
                 raise PrivacyError(f"{path}: is no list of who wore the node") from error
+            if not entries or entries[0][0] != ALWAYS:
+                raise PrivacyError(f"{path}: does not say who wore the node from the beginning")
             known = self._read[node] = version, entries
         return known[1]
 

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import time
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+from eskin.errors import SpoolError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,53 +20,47 @@ if TYPE_CHECKING:
     from gateway.presence import Presence
     from gateway.revocations import Revocations
     from gateway.spool import Spool
+    from gateway.steward import Steward
     from gateway.worker import Worker
 
 
+@dataclass(kw_only=True, slots=True)
 class Health:
     """Asks all parts; holds nothing itself."""
 
-    def __init__(
-        self,
-        *,
-        broker: MqttBroker,
-        inbox: Inbox,
-        worker: Worker,
-        spool: Spool,
-        forwarder: Forwarder,
-        courier: Courier,
-        presence: Presence,
-        revocations: Revocations,
-    ) -> None:
-        self._broker = broker
-        self._inbox = inbox
-        self._worker = worker
-        self._spool = spool
-        self._forwarder = forwarder
-        self._courier = courier
-        self._presence = presence
-        self._revocations = revocations
+    broker: MqttBroker
+    inbox: Inbox
+    worker: Worker
+    spool: Spool
+    forwarder: Forwarder
+    courier: Courier
+    presence: Presence
+    revocations: Revocations
+    steward: Steward
+    _unread: str | None = field(default=None, init=False)
 
     def reasons(self) -> list[str]:
         """Why the gateway is not healthy; empty where it is."""
         faults = {
-            "broker": self._broker.fault,
-            "spool": self._worker.fault,
-            "cloud": self._forwarder.fault,
-            "commands": self._courier.fault,
-            "revocations": self._revocations.fault,
+            "broker": self.broker.fault,
+            "spool": self.worker.fault or self._unread,
+            "cloud": self.forwarder.fault,
+            "commands": self.courier.fault,
+            "revocations": self.revocations.fault,
+            "subjects": self.steward.fault,
         }
         return [f"{part}: {fault}" for part, fault in faults.items() if fault is not None]
 
     def report(self) -> dict[str, Any]:
         """All of it, as ``/healthz`` answers."""
-        spool, inbox = self._spool.statistics, self._inbox.statistics
+        spool, inbox = self.spool.statistics, self.inbox.statistics
+        oldest_age = self.oldest_age()
         reasons = self.reasons()
         return {
             "status": "degraded" if reasons else "ok",
             "reasons": reasons,
-            "broker": {"connected": self._broker.connected},
-            "cloud": {"reachable": self._forwarder.reachable},
+            "broker": {"connected": self.broker.connected},
+            "cloud": {"reachable": self.forwarder.reachable},
             "inbox": {
                 "messages": inbox.depth,
                 "capacity": inbox.capacity,
@@ -74,22 +72,30 @@ class Health:
                 "messages": spool.messages,
                 "bytes": spool.used,
                 "capacity_bytes": spool.capacity,
-                "oldest_age_s": self.oldest_age(),
-                "left_out": self._forwarder.left_out,
+                "oldest_age_s": oldest_age,
+                "left_out": self.forwarder.left_out,
                 "dead_letters": spool.dead_letters,
                 "dropped_letters": spool.dropped_letters,
             },
-            "nodes": {"online": self._presence.online},
+            "nodes": {"online": self.presence.online},
         }
 
     def oldest_age(self) -> float | None:
-        """Seconds since the oldest message in the spool came; ``None`` where there is none."""
-        oldest = self._spool.oldest()
+        """Seconds since the oldest message in the spool came; ``None`` where there is none.
+
+        NaN where the spool cannot be read: no other figure shall be missing for it.
+        """
+        try:
+            oldest = self.spool.oldest()
+        except SpoolError as error:
+            self._unread = str(error)
+            return math.nan
+        self._unread = None
         return None if oldest is None else max(0.0, (time.time_ns() - oldest) / 1e9)
 
     def export(self, counters: Counters) -> None:
         """Add the parts' own figures to the counters."""
-        spool, inbox, broker = self._spool, self._inbox, self._broker
+        spool, inbox, broker = self.spool, self.inbox, self.broker
         gauges: dict[str, tuple[str, Callable[[], float]]] = {
             "spool_messages": ("messages in the spool", lambda: spool.statistics.messages),
             "spool_bytes": ("bytes of messages in the spool", lambda: spool.statistics.used),
@@ -102,7 +108,7 @@ class Health:
             ),
             "spool_left_out": (
                 "messages in the spool that the cloud fails at",
-                lambda: self._forwarder.left_out,
+                lambda: self.forwarder.left_out,
             ),
             "inbox_messages": ("messages in the inbox", lambda: inbox.statistics.depth),
             "inbox_bytes": ("their bytes", lambda: inbox.statistics.used),
@@ -112,9 +118,9 @@ class Health:
             "broker_connected": ("1 while connected", lambda: broker.connected),
             "cloud_reachable": (
                 "1 while the cloud answers",
-                lambda: self._forwarder.reachable is True,
+                lambda: self.forwarder.reachable is True,
             ),
-            "nodes_online": ("nodes heard lately", lambda: self._presence.online),
+            "nodes_online": ("nodes heard lately", lambda: self.presence.online),
             "healthy": ("1 while nothing is wrong", lambda: not self.reasons()),
         }
         for name, (text, read) in gauges.items():

@@ -101,6 +101,10 @@ class Keyring:
                 if str(error) != fault:
                     log.warning("renewed identity not taken, trying again: %s", error)
                 fault = str(error)
+            except Exception as error:  # those that it has are good, until another look
+                if repr(error) != fault:
+                    log.exception("renewed identity not taken, trying again")
+                fault = repr(error)
 
     def _load_sites(self) -> dict[bytes, Identity]:
         own = [self._site, *past_identities(self._settings.site)]

@@ -240,6 +240,7 @@ class Gateway:
             courier=self.courier,
             presence=self._presence,
             revocations=self._revocations,
+            steward=self.steward,
         )
         health.export(self.counters)
         return Monitor(self._settings.http, health=health, counters=self.counters)

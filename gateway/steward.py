@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final
 
@@ -78,13 +79,21 @@ class Steward:
                 if self.fault is None:
                     log.warning("subjects: %s; trying again", error)
                 self.fault = str(error)
+            except Exception as error:  # erasures are tried again, whatever it was
+                failures = min(failures + 1, 10)
+                if self.fault is None:
+                    log.exception("subjects: it broke; trying again")
+                self.fault = f"it broke: {type(error).__name__}"
             else:
                 failures, self.fault = 0, None
 
     @property
-    def pending(self) -> int:
-        """Erasures that the cloud has not confirmed."""
-        return sum(grave.confirmed is None for grave in self._vault.graves())
+    def pending(self) -> float:
+        """Erasures that the cloud has not confirmed; NaN where the key store cannot be read."""
+        try:
+            return sum(grave.confirmed is None for grave in self._vault.graves())
+        except (PrivacyError, OSError):
+            return math.nan
 
     def tend(self) -> None:
         """Look once for what is erased or new, and tell the cloud: erasures first.
@@ -132,6 +141,7 @@ class Steward:
                     log.warning("subject is not told, trying again: reason=%s", error)
                 self._unread.add(pseudonym)
             else:
+                self._unread.discard(pseudonym)
                 yield pseudonym, node, key
 
     def _key(self, pseudonym: str) -> bytes | None:
@@ -139,6 +149,4 @@ class Steward:
         if not self._share:
             self._vault.require(pseudonym)
             return None
-        key = self._vault.find(pseudonym).key
-        self._unread.discard(pseudonym)
-        return key
+        return self._vault.find(pseudonym).key

@@ -13,6 +13,8 @@ from cloud.store.postgresql import arguments
 from eskin.errors import EskinError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from sqlalchemy import URL
 
     from cloud.state import Cloud
@@ -23,22 +25,33 @@ _PAUSE_S: Final = 1.0
 
 
 async def relay(cloud: Cloud, place: URL) -> None:
-    """Listen until cancelled; comes back to a server that was away."""
+    """Listen until cancelled; comes back to a server that was away, which is told once."""
+    told: type[Exception] | None = None
+
+    def listening() -> None:
+        nonlocal told
+        told = None
+
     while True:
         try:
-            await _listen(cloud, place)
+            await _listen(cloud, place, listening)
         except (psycopg.Error, EskinError, OSError) as error:
-            log.warning("other processes are not heard: reason=%s", error)
-        except Exception:  # others write what they like there; ingest and queries go on
-            log.exception("other processes are not heard: broke, trying again")
+            if told is not type(error):
+                log.warning("other processes are not heard: reason=%s", error)
+            told = type(error)
+        except Exception as error:  # others write what they like there; ingest and queries go on
+            if told is not type(error):
+                log.exception("other processes are not heard: broke, trying again")
+            told = type(error)
             cloud.metrics.faults.labels("relay").inc()
         await asyncio.sleep(_PAUSE_S)
 
 
-async def _listen(cloud: Cloud, place: URL) -> None:
+async def _listen(cloud: Cloud, place: URL, listening: Callable[[], None]) -> None:
     words = arguments(place)
     async with await psycopg.AsyncConnection.connect(autocommit=True, **words) as connection:
         await connection.execute(f"LISTEN {CHANNEL}".encode())
+        listening()
         # What was told while nobody listened.
         await cloud.feed.catch_up()
         cloud.board.wake()

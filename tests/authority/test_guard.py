@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import logging
 import signal
+import subprocess
 from typing import TYPE_CHECKING
 from unittest.mock import Mock
+
+import pytest
 
 from authority import guard as guard_module
 from authority.asking import NotReadyError
@@ -16,8 +19,6 @@ from tests.identities import Identities
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-    import pytest
 
 
 def test_kind_that_cannot_be_fetched_hinders_no_other_and_is_said_once(
@@ -80,10 +81,56 @@ def test_revoked_party_is_refused_and_ended_at_the_next_look(
     assert guard_module._LOOK_S <= 0.5, "so whoever is revoked is out in about a second"
     guard, broker = Guard(["true"], identity=identity, url="https://ca", folder=tmp_path), Mock()
     guard._first(0.0)
-    seen = guard._state()
+    guard._seen = guard._state()
     own.authority.revoke("fingertip")
-    seen = guard._look(broker, seen)
+    guard._look(broker)
     broker.send_signal.assert_called_with(signal.SIGHUP)
     assert ended == [["fingertip"]]
-    guard._look(broker, seen)
+    guard._look(broker)
     assert ended == [["fingertip"]], "once"
+
+
+@pytest.mark.parametrize("fault", [KeyError("items"), ValueError("no JSON"), OSError("no file")])
+def test_what_nobody_foresaw_ends_neither_guard_nor_broker(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+    fault: Exception,
+) -> None:
+    def breaks() -> None:
+        raise fault
+
+    own = Identities(tmp_path)
+    guard = Guard(["true"], identity=own.gateway.directory, url="https://ca", folder=tmp_path)
+    for part in ("_fetch", "_state", "_end_revoked"):
+        monkeypatch.setattr(guard, part, breaks)
+    for _ in range(3):
+        guard._look(Mock())
+    said = [record.getMessage().partition(" failed")[0] for record in caplog.records]
+    assert said == ["fetching lists", "telling the broker", "ending connections"]
+
+
+def test_broker_that_cannot_be_guarded_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = Identities(tmp_path)
+    guard = Guard(
+        ["sleep", "600"], identity=own.gateway.directory, url="https://ca", folder=tmp_path
+    )
+    started: list[subprocess.Popen[bytes]] = []
+    start = subprocess.Popen
+
+    def popen(argv: Sequence[str]) -> subprocess.Popen[bytes]:
+        started.append(start(argv))
+        return started[0]
+
+    def breaks() -> None:
+        raise OSError("no file")
+
+    monkeypatch.setattr(guard, "_first", lambda _: None)
+    monkeypatch.setattr(guard, "_state", breaks)
+    monkeypatch.setattr("authority.guard.subprocess.Popen", popen)
+    monkeypatch.setattr("authority.guard.signal.signal", lambda *_: None)
+    with pytest.raises(OSError, match="no file"):
+        guard.run()
+    assert started[0].returncode == -signal.SIGTERM

@@ -122,7 +122,7 @@ def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
     ],
 )
 def test_sums_must_be_those_of_the_blocks(burnt: Store, change: str, words: str) -> None:
-    burnt.write(lambda connection: connection.exec_driver_sql(change)).result(20)
+    burnt.write(lambda connection: connection.exec_driver_sql(change)).result(120)
     (fault,) = wrong(burnt, CUT)
     assert words in fault
 

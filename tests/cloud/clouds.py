@@ -83,7 +83,7 @@ def put_items(store: Store, items: Sequence[Item], *, dead_letters: int = 100) -
             dead_letters=dead_letters,
         ),
         together=True,
-    ).result(20)
+    ).result(120)
 
 
 def emptied(store: Store) -> Store:
@@ -95,7 +95,7 @@ def emptied(store: Store) -> Store:
                 connection.execute(delete(table))
         connection.execute(update(feed).values(cursor=0, writer=None))
 
-    store.write(clear).result(20)
+    store.write(clear).result(120)
     return store
 
 

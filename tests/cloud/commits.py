@@ -50,15 +50,15 @@ def one_commit(store: Store) -> Iterator[None]:
 
     def wait(_: Connection) -> None:
         started.set_result(None)
-        held.result(60)
+        held.result(120)
 
     first = store.write(wait)
-    started.result(60)
+    started.result(120)
     try:
         yield
     finally:
         held.set_result(None)
-    first.result(60)
+    first.result(120)
 
 
 def kinds(outcome: Outcome) -> list[str]:

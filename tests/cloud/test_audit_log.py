@@ -81,7 +81,7 @@ async def test_administrators_read_it_latest_first(stand: Stand) -> None:
 
 
 async def test_pages_join(stand: Stand) -> None:
-    stand.cloud.store.write(lambda connection: record_many(connection, 1100)).result(20)
+    stand.cloud.store.write(lambda connection: record_many(connection, 1100)).result(120)
     async with stand.client(token=admin_token(stand)) as client:
         one = (await client.get("/api/v1/audit-log")).json()
         two = (await client.get("/api/v1/audit-log", params={"cursor": one["next"]})).json()
@@ -94,7 +94,7 @@ async def test_pages_join(stand: Stand) -> None:
 async def test_store_refuses_to_change_it(stand: Stand, change: str) -> None:
     written = stand.cloud.store.write(lambda c: c.exec_driver_sql(change))
     with pytest.raises(SQLAlchemyError, match="append only"):
-        written.result(20)
+        written.result(120)
     assert deeds(stand) == [("command line", "token created", token_id(digest(stand.token)))]
 
 
@@ -108,7 +108,7 @@ def test_whatever_is_changed_behind_its_back_is_noticed(
     path = Path(mkdtemp(dir=tmp_path)) / "store.sqlite"
     count = data.draw(st.integers(2, 6))
     with Store(path) as store:
-        store.write(lambda connection: record_many(connection, count)).result(20)
+        store.write(lambda connection: record_many(connection, count)).result(120)
     victim = data.draw(st.integers(0, count - 1))
     column = data.draw(
         st.sampled_from(["time", "actor", "address", "action", "target", "detail", "digest", ""])

@@ -180,9 +180,9 @@ async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) 
 async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
     stand.cloud.store.write(
         lambda c: c.execute(text("ALTER TABLE feed RENAME TO lost")).rowcount
-    ).result(20)
+    ).result(120)
     problem(await stand.ingest(batch(block(0))), 503)
     with pytest.raises(StoreError):
-        stand.cloud.store.write(lambda _: None).result(20)
+        stand.cloud.store.write(lambda _: None).result(120)
     problem(await stand.get("/readyz"), 503)
     assert (await stand.get("/healthz")).json() == {"status": "ok"}

@@ -17,6 +17,8 @@ from eskin.errors import PrivacyError, StoreError
 from eskin.memory import MUCH
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from tests.cloud.clouds import Stand
 
 
@@ -101,3 +103,51 @@ async def test_what_nobody_foresaw_ends_no_work_in_the_background(
     running.cancel()
     await asyncio.wait([running])
     assert f'work="{name}"'.encode() in cloud.metrics.write()
+
+
+@pytest.mark.anyio
+async def test_server_that_is_not_heard_is_told_once_until_it_was_heard(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A night without a database shall not fill a log."""
+    faults = iter([OSError("away"), OSError("away"), None, OSError("away"), OSError("away")])
+    ended = asyncio.Event()
+
+    async def listen(_: object, __: object, listening: Callable[[], None]) -> None:
+        fault = next(faults, ended)
+        if isinstance(fault, OSError):
+            raise fault
+        listening()
+        if fault is ended:
+            ended.set()
+
+    monkeypatch.setattr(relay, "_PAUSE_S", 0.001)
+    monkeypatch.setattr(relay, "_listen", listen)
+    running = asyncio.create_task(relay.relay(stand.cloud, Mock()))
+    async with asyncio.timeout(60):
+        await ended.wait()
+    running.cancel()
+    await asyncio.wait([running])
+    assert caplog.text.count("other processes are not heard: reason=away") == 2
+
+
+@pytest.mark.anyio
+async def test_store_that_is_away_for_long_is_told_once_by_who_looks_after_nodes(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    times, stopping = 0, asyncio.Event()
+
+    def away(*_: object, **__: object) -> None:
+        nonlocal times
+        times += 1
+        if times == 5:
+            stopping.set()
+        raise StoreError("away")
+
+    monkeypatch.setattr("cloud.watch._INTERVAL", 0.001)
+    monkeypatch.setattr("cloud.watch.SECOND", 0)  # so that every silence is too long
+    monkeypatch.setattr(stand.cloud.store, "write", away)
+    async with asyncio.timeout(60):
+        await watch(stand.cloud, [], stopping)
+    assert times >= 5
+    assert caplog.text.count("away") == 1

@@ -191,7 +191,7 @@ async def test_too_many_waiting_commands_are_refused(known: Stand) -> None:
         for _ in range(MOST_WAITING):
             issue(connection, wanted, sign=lambda _: b"", now=known.clock())
 
-    known.cloud.store.write(fill).result(20)
+    known.cloud.store.write(fill).result(120)
     assert "wait for fingertip already" in problem(await order(known, RATE), 409)
     known.clock.turn(1)
     await issued(known)

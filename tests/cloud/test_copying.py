@@ -34,7 +34,7 @@ def test_connection_that_is_lost_in_the_middle_of_rows_stores_nothing(store: Sto
 
     broken = bring(store, block(1), then=cut)
     with pytest.raises(StoreError, match="then send again"):
-        broken.result(60)
+        broken.result(120)
     assert kinds(put(store, block(0), block(1))) == ["duplicate", "stored"]
 
 
@@ -47,7 +47,7 @@ def test_shortage_in_the_middle_of_rows_stores_nothing(store: Store, fault: Exce
         broken = [bring(store, block(0)), bring(store, block(1), then=short)]
     for each in broken:
         with pytest.raises(StoreError, match=r"memory left|Input/output"):
-            each.result(60)
+            each.result(120)
     assert kinds(put(store, block(0), block(1))) == ["stored"] * 2
 
 
@@ -61,7 +61,7 @@ def test_rows_that_cannot_be_begun_leave_the_connection_free(
     with monkeypatch.context() as patch:
         patch.setattr("psycopg.Copy.set_types", breaks)
         told = bring(store, block(0))
-        if told.exception(60) is None:
+        if told.exception(120) is None:
             assert kinds(told.result()) == ["rejected"]
     assert kinds(put(store, block(0))) == ["stored"]
 
@@ -74,5 +74,5 @@ def test_rows_go_to_the_server_while_the_next_ones_are_taken(store: Store) -> No
         driver: Any = connection.connection.driver_connection
         under_way.append(driver.pgconn.transaction_status == TransactionStatus.ACTIVE)
 
-    bring(store, block(1), then=look).result(60)
+    bring(store, block(1), then=look).result(120)
     assert under_way == [True]

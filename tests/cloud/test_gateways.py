@@ -102,7 +102,7 @@ async def test_gateway_that_waits_for_an_answer_may_be_silent(stand: Stand) -> N
         (row,) = list_gateways(connection)
     stand.cloud.store.write(
         lambda c: hear(c, row["gateway"], None, now=stand.clock(), wait=20 * SECOND)
-    ).result(20)
+    ).result(120)
     for seconds, health in ((24, "online"), (2, "late"), (10, "offline")):
         stand.clock.turn(seconds)
         assert (await listed(stand))[0]["health"] == health
@@ -158,7 +158,7 @@ def test_latest_word_of_each_gateway_is_kept(
         for k, (name, condition) in enumerate(said):
             hear(connection, name, condition, now=k)
 
-    store.write(work).result(20)
+    store.write(work).result(120)
     for k, (name, condition) in enumerate(said):
         fresh = {"gateway": name, "first_heard": k, "stored": 0, "duplicate": 0, "rejected": 0}
         row = expected.setdefault(name, EMPTY | fresh)

@@ -44,13 +44,13 @@ def test_writer_that_hangs_between_rows_is_ended_and_tries_again(
     with Store(shared_database) as hung, Store(shared_database) as other:
         assert not end_hung_writer(other, after_s=0.0)
         broken = hung.write(hang, together=True)
-        begun.result(60)
+        begun.result(120)
         assert not end_hung_writer(other, after_s=3600.0)
         wait_until(lambda: end_hung_writer(other, after_s=0.05), "the one that hangs is ended")
         assert put(other, block(1)).results[0].result == "stored"
         held.set_result(None)
         with pytest.raises(StoreError, match="then send again"):
-            broken.result(60)
+            broken.result(120)
         assert [each.result for each in put(hung, block(1), block(2)).results] == [
             "duplicate",
             "stored",

@@ -41,7 +41,7 @@ def test_durability_is_asked_of_the_server(store: Store) -> None:
         names = ("fsync", "synchronous_commit", "full_page_writes")
         return [connection.execute(text(f"SHOW {name}")).scalar_one() for name in names]
 
-    assert store.write(asked).result(20) == ["on"] * 3
+    assert store.write(asked).result(120) == ["on"] * 3
 
 
 def test_of_programs_that_start_at_once_one_migrates(cluster: Cluster) -> None:
@@ -69,7 +69,7 @@ def test_first_version_is_brought_up_to_date(
 
 def test_program_of_before_writes_nothing_more_after_a_migration(store: Store) -> None:
     later = migrations.CURRENT + 1
-    store.write(lambda c: c.execute(versions.insert().values(version=later, applied=0))).result(20)
+    store.write(lambda c: c.execute(versions.insert().values(version=later, applied=0))).result(120)
     try:
         with pytest.raises(StoreError, match="start the newer program"):
             put(store, block(0))
@@ -151,7 +151,7 @@ def test_server_that_hangs_is_waited_for(cluster: Cluster, store: Store) -> None
                 waiting.result(1.0)
         finally:
             cluster.running.signal(signal.SIGCONT)
-        assert [receipt.result for receipt in waiting.result(20).results] == ["stored"]
+        assert [receipt.result for receipt in waiting.result(120).results] == ["stored"]
 
 
 @pytest.mark.parametrize(
@@ -162,12 +162,12 @@ def test_fault_says_what_to_do(store: Store, code: str, remedy: str) -> None:
     refusal = f"BEGIN RAISE EXCEPTION 'no' USING ERRCODE = '{code}'; END"
     make = f"CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ {refusal} $$"
     when = "CREATE TRIGGER refuse BEFORE INSERT ON blocks EXECUTE FUNCTION refuse()"
-    store.write(lambda c: [c.execute(text(words)) for words in (make, when)]).result(20)
+    store.write(lambda c: [c.execute(text(words)) for words in (make, when)]).result(120)
     try:
         with pytest.raises(StoreError, match=remedy):
             put(store, block(0))
     finally:
-        store.write(lambda c: c.execute(text("DROP FUNCTION refuse CASCADE"))).result(20)
+        store.write(lambda c: c.execute(text("DROP FUNCTION refuse CASCADE"))).result(120)
     assert put(store, block(0)).results[0].result == "stored"
 
 
@@ -184,10 +184,10 @@ async def test_fault_is_a_problem_that_says_what_to_do(
 
 def test_audit_log_is_append_only(store: Store) -> None:
     deed = Deed("somebody\0", "::1", Action.SIGN_IN)
-    store.write(lambda c: record(c, deed, now=START)).result(20)
+    store.write(lambda c: record(c, deed, now=START)).result(120)
     for change in (update(audit_log).values(actor="me"), delete(audit_log)):
         with pytest.raises(Exception, match="append only"):
-            store.write(lambda c, change=change: c.execute(change)).result(20)  # type: ignore[misc]
+            store.write(lambda c, change=change: c.execute(change)).result(120)  # type: ignore[misc]
     with store.read() as connection:
         assert check_deeds(connection) is None
         assert connection.execute(select(func.count()).select_from(audit_log)).scalar_one() == 1

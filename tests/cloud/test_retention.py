@@ -125,7 +125,7 @@ async def test_what_is_left_of_an_erased_subject_is_removed_whatever_its_age(
         await stand.ingest(site.batch(declared(), *(pulse(n) for n in range(1, 20))))
         await stand.ingest(site.batch(pulse(20), subject=bo))
         gone = {"subject": site.ada.pseudonym, "erased": 1}
-        stand.cloud.store.write(lambda c: c.execute(insert(erased_subjects), gone)).result(20)
+        stand.cloud.store.write(lambda c: c.execute(insert(erased_subjects), gone)).result(120)
         assert await sweep(stand.cloud) == 19
         assert [row["subject"] for row in rows(stand, veiled)] == [bo.pseudonym]
         (channel,) = [row for row in rows(stand, channels) if row["node"] == HAND]

@@ -151,7 +151,7 @@ def test_store_from_before_knows_when_a_node_was_heard_last(stand: Stand) -> Non
         if heard is not None:
             stand.clock.now = heard
             put(store, block(1))
-        store.write(as_before).result(20)
+        store.write(as_before).result(120)
         with store.read() as connection:
             assert last_reading(connection) == (None if heard is None else Reading(heard))
 

@@ -47,7 +47,7 @@ def counted(stand: Stand) -> dict[str, int]:
 
 
 def shorten(store: Store, sweep: Sweep) -> None:
-    store.write(lambda c: remove(c, store.ledger, sweep, most=1000, now=store.clock())).result(20)
+    store.write(lambda c: remove(c, store.ledger, sweep, most=1000, now=store.clock())).result(120)
 
 
 async def test_bytes_a_sample_are_all_bytes_by_all_samples(stand: Stand) -> None:
@@ -94,7 +94,7 @@ async def test_store_from_before_counts_the_bytes_of_its_channels_once(stand: St
         migrations.migrate(connection, now=1)
         store.ledger.forget()
 
-    store.write(as_before).result(20)
+    store.write(as_before).result(120)
     assert await told(stand) == counted(stand)
     put(store, said(5))
     assert await told(stand) == counted(stand)

@@ -74,7 +74,7 @@ def test_batches_that_share_a_commit_are_saved_once(store: Store) -> None:
     event.listen(store._writing, "before_cursor_execute", note)
     with one_commit(store):
         written = [bring(store, block(10 * k), block(10 * k + 1)) for k in range(1, 9)]
-    assert [kinds(each.result(60)) for each in written] == [["stored"] * 2] * 8
+    assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
     assert saved.count("UPDATE channels") == saved.count("UPDATE nodes") == 1
     assert saved.count("UPDATE feed") == 1
     store.ledger.forget()
@@ -92,8 +92,8 @@ def test_work_of_another_kind_sees_what_batches_before_it_left(store: Store) -> 
         first = store.write(count)
         bring(store, block(2))
         second = store.write(count)
-    assert first.result(60) == (2, 2)
-    assert second.result(60) == (3, 3)
+    assert first.result(120) == (2, 2)
+    assert second.result(120) == (3, 3)
 
 
 @pytest.mark.parametrize(("then", "told"), [
@@ -112,10 +112,10 @@ def test_batch_that_breaks_harms_none_beside_it(
         after = bring(store, block(4))
         other = store.write(lambda c: c.execute(select(func.count()).select_from(blocks)).scalar())
     with pytest.raises(told):
-        broken.result(60)
-    assert kinds(before.result(60)) == ["stored", "stored"]
-    assert kinds(after.result(60)) == ["stored"]
-    assert other.result(60) == 3
+        broken.result(120)
+    assert kinds(before.result(120)) == ["stored", "stored"]
+    assert kinds(after.result(120)) == ["stored"]
+    assert other.result(120) == 3
     assert kinds(put(store, block(1), block(3), block(4))) == ["duplicate", "stored", "duplicate"]
     assert "commit failed" not in caplog.text
     with store.read() as connection:
@@ -131,7 +131,7 @@ def test_message_that_breaks_what_stores_it_is_buried_alone(
     monkeypatch.setattr("cloud.store.intake.peak_row", breaks)
     with one_commit(store):
         written = [bring(store, block(0)), bring(store, block(1), peak(2)), bring(store, block(3))]
-    assert [kinds(each.result(60)) for each in written] == [
+    assert [kinds(each.result(120)) for each in written] == [
         ["stored"], ["stored", "rejected"], ["stored"],
     ]  # fmt: skip
 
@@ -174,7 +174,7 @@ def _said(number: int) -> Said:
 
 
 def _outcome(future: Any) -> object:
-    error = future.exception(60)
+    error = future.exception(120)
     return kinds(future.result()) if error is None else type(error)
 
 

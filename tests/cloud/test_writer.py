@@ -61,8 +61,8 @@ def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> Non
 
     failed, good = store.write(fails), store.write(lambda c: c.execute(select(feed.c.cursor)).all())
     with pytest.raises(ValueError, match="after its work"):
-        failed.result(20)
-    assert good.result(20) == [(0,)]
+        failed.result(120)
+    assert good.result(120) == [(0,)]
     assert rows(store, blocks) == []
     assert results(put(store, block(0))) == ["stored"]
     assert rows(store, channels)[0]["blocks"] == 1
@@ -71,12 +71,12 @@ def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> Non
 def test_full_disk_is_told_and_nothing_is_acknowledged(file_store: Store) -> None:
     store = file_store
     put(store, block(0))
-    pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(20)
-    store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(20)
+    pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(120)
+    store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(120)
     with pytest.raises(StoreError, match="full"):
         put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
     assert "full" in str(store.writer.fault)
-    store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(20)
+    store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(120)
     store.check()
     assert not store.writer.fault
     again = put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
@@ -102,9 +102,9 @@ def test_shortage_is_the_stores_fault_and_no_messages(
     monkeypatch.setattr("cloud.store.stretch.add_blocks", short)
     ways = partial(work, take_in), partial(work, take_in_apart)
     with pytest.raises(StoreError, match=r"memory left|Input/output"):
-        store.write(ways[0], instead=ways[1]).result(20)
+        store.write(ways[0], instead=ways[1]).result(120)
     assert rows(store, blocks) == []
-    assert results(store.write(ways[0], instead=ways[1]).result(20)) == ["stored"] * 3
+    assert results(store.write(ways[0], instead=ways[1]).result(120)) == ["stored"] * 3
     assert store.writer.fault is None
 
 
@@ -122,7 +122,7 @@ def test_shortage_while_in_parts_buries_nothing(
 
     monkeypatch.setattr("cloud.store.stretch.add_blocks", short)
     with pytest.raises(StoreError, match="memory left"):
-        store.write(partial(work, take_in), instead=partial(work, take_in_apart)).result(20)
+        store.write(partial(work, take_in), instead=partial(work, take_in_apart)).result(120)
     assert rows(store, dead_letters) == []
 
 
@@ -151,15 +151,15 @@ def test_waiting_jobs_share_a_commit(store: Store) -> None:
 
     def wait(_: Connection) -> None:
         started.set_result(None)
-        held.result(20)
+        held.result(120)
 
     first = store.write(wait)
-    started.result(20)
+    started.result(120)
     before = store.writer.commits
     more = [store.write(lambda c: c.execute(select(feed.c.cursor)).scalar_one()) for _ in range(9)]
     held.set_result(None)
-    first.result(20)
-    assert [future.result(20) for future in more] == [0] * 9
+    first.result(120)
+    assert [future.result(120) for future in more] == [0] * 9
     store.close()
     assert store.writer.commits == before + 2
 
@@ -170,11 +170,11 @@ def test_full_queue_refuses(tmp_path: Path) -> None:
 
     def wait(_: Connection) -> None:
         started.set_result(None)
-        held.result(20)
+        held.result(120)
 
     with Store(tmp_path / "s.sqlite", queue=2) as store:
         store.write(wait)
-        started.result(20)
+        started.result(120)
         store.write(lambda _: None)
         store.write(lambda _: None)
         with pytest.raises(StoreError, match="2 writes wait"):
@@ -190,10 +190,10 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
 
     def wait(_: Connection) -> None:
         started.set_result(None)
-        held.result(20)
+        held.result(120)
 
     store.write(wait)
-    started.result(20)
+    started.result(120)
     given_up = store.write(lambda c: c.execute(insert(versions).values(version=9, applied=0)))
     assert given_up.cancel()
     held.set_result(None)
@@ -221,7 +221,7 @@ def test_store_of_before_is_given_the_columns_of_nodes(tmp_path: Path) -> None:
                 connection.execute(text(f"ALTER TABLE nodes DROP COLUMN {name}"))
             connection.execute(text("DELETE FROM versions WHERE version >= 4"))
 
-        store.write(back).result(20)
+        store.write(back).result(120)
     with Store(path) as store:
         put(store, block(0))
         (node,) = rows(store, nodes)
@@ -233,7 +233,7 @@ def test_later_schema_is_refused(tmp_path: Path) -> None:
     with Store(path) as store:
         store.write(
             lambda c: c.execute(insert(versions).values(version=migrations.CURRENT + 1, applied=0))
-        ).result(20)
+        ).result(120)
         with pytest.raises(StoreError, match="schema version"):
             store.check()
     with pytest.raises(StoreError, match="newer program"):
@@ -294,5 +294,5 @@ def test_durability_is_asked_of_sqlite(file_store: Store) -> None:
             connection.execute(text("PRAGMA synchronous")).scalar_one(),
         )
 
-    assert file_store.write(pragmas).result(20) == ("wal", 2)
+    assert file_store.write(pragmas).result(120) == ("wal", 2)
     assert isinstance(file_store.writer, Writer)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 
+from eskin.errors import SpoolError
 from eskin.topics import Stream
 from tests.gateway.messages import block, status
 from tests.gateway.wire_node import WireNode
@@ -71,6 +72,24 @@ def test_gateway_without_broker_or_cloud_says_why(
     assert parts == ["broker", "cloud", "commands"]
     assert report["spool"]["messages"] == 1
     assert 0.0 <= report["spool"]["oldest_age_s"] < 600.0
+
+
+def test_spool_that_cannot_be_read_is_a_reason_and_hides_no_figure(
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreadable() -> None:
+        raise SpoolError("spool.sqlite: it cannot be read: disk I/O error")
+
+    monkeypatch.setattr(gateway.spool, "oldest", unreadable)
+    answer = healthz(gateway)
+    assert answer.status_code == 503
+    assert "spool: spool.sqlite: it cannot be read: disk I/O error" in answer.json()["reasons"]
+    assert answer.json()["spool"]["oldest_age_s"] is None
+    figures = ask(gateway, "/metrics").text.splitlines()
+    assert "eskin_gateway_spool_oldest_seconds NaN" in figures
+    assert any(line.startswith("eskin_gateway_spool_bytes ") for line in figures)
+    monkeypatch.undo()
+    wait_until(lambda: healthz(gateway).status_code == 200, "it is well again")
 
 
 def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:

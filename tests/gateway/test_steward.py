@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,6 +13,7 @@ from gateway import steward as room
 from gateway.assignments import Assignments
 from gateway.steward import Steward
 from gateway.veiling import Veiling
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -152,3 +154,46 @@ def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None
     with pytest.raises(PrivacyError, match="no list"):
         steward.tend()
     assert steward.pending == 0
+
+
+@pytest.mark.parametrize("history", ["[]", '[[5, "somebody"]]'])
+def test_history_without_a_beginning_is_told_as_such(site: Site, history: str) -> None:
+    site.assignments.assign(NODE, site.vault.create("Ada"), since=1)
+    (site.vault.directory / "nodes" / NODE).write_text(history)
+    assignments = Assignments(site.vault)
+    for ask in (assignments.worn, assignments.wearers, lambda: assignments.subject(NODE, 3)):
+        with pytest.raises(PrivacyError, match="from the beginning"):
+            ask()
+
+
+def test_steward_outlives_what_nobody_foresaw_and_says_so(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken: list[Exception] = [ZeroDivisionError()]
+    steward = site.start()
+    tend = steward.tend
+
+    def once() -> None:
+        if broken:
+            raise broken[0]
+        tend()
+
+    monkeypatch.setattr(room, "_TICK_S", 0.01)
+    monkeypatch.setattr(steward, "tend", once)
+    steward.start()
+    try:
+        wait_until(lambda: steward.fault == "it broke: ZeroDivisionError", "the fault is told")
+        broken.clear()
+        wait_until(lambda: steward.fault is None, "it went on")
+    finally:
+        steward.stop()
+
+
+def test_count_of_erasures_that_cannot_be_read_is_no_number(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreadable() -> None:
+        raise PrivacyError("graves cannot be read")
+
+    monkeypatch.setattr(site.vault, "graves", unreadable)
+    assert math.isnan(site.start().pending)
