@@ -26,6 +26,7 @@ from cloud.store.schema import (
 from cloud.store.writer import Writer
 from eskin.errors import StoreError
 from tests.cloud.clouds import put, put_items
+from tests.cloud.commits import one_commit
 from tests.cloud.messages import NODE, START, block, status
 
 if TYPE_CHECKING:
@@ -146,19 +147,10 @@ def test_commit_that_breaks_by_what_nobody_foresaw_ends_no_writing(
 
 
 def test_waiting_jobs_share_a_commit(store: Store) -> None:
-    held: Future[None] = Future()
-    started: Future[None] = Future()
-
-    def wait(_: Connection) -> None:
-        started.set_result(None)
-        held.result(120)
-
-    first = store.write(wait)
-    started.result(120)
-    before = store.writer.commits
-    more = [store.write(lambda c: c.execute(select(feed.c.cursor)).scalar_one()) for _ in range(9)]
-    held.set_result(None)
-    first.result(120)
+    with one_commit(store):
+        before = store.writer.commits
+        cursor = select(feed.c.cursor)
+        more = [store.write(lambda c: c.execute(cursor).scalar_one()) for _ in range(9)]
     assert [future.result(120) for future in more] == [0] * 9
     store.close()
     assert store.writer.commits == before + 2
