@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import sys
 import threading
@@ -9,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Final
 
+import cbor2
 import numpy as np
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
@@ -17,12 +19,15 @@ from eskin.envelope import Opener, Sealer
 from eskin.identity import Identity, client_context
 from eskin.interval import Interval
 from eskin.messages import Acknowledgement, Block, ChannelInfo, Encoding, Position, Status
+from eskin.messages.fields import dump
+from eskin.messages.head import Kind, position_fields
 from eskin.topics import Stream, node_topic
 from eskin.tube import Tube
 
 WINDOW: Final = 2000
 SAMPLES: Final = 250
 RESEND_S: Final = 5.0
+_SHAPES: Final = 64
 
 
 class Loader:
@@ -90,12 +95,22 @@ class Loader:
 
 
 def sample_block(position: Position) -> bytes:
-    """A block of 250 samples: 1.1 kB."""
+    """A block of 250 samples: 1.1 kB. Only its position and time are made for each anew."""
     start = time.time_ns() + position.sequence * SAMPLES * 1_000_000
-    phase = position.sequence * SAMPLES + np.arange(SAMPLES)
+    fields = dict(_shape(position.sequence % _SHAPES))
+    fields |= position_fields(Kind.BLOCK, position) | {7: [start, start + 4_000_000]}
+    return dump(fields)
+
+
+@functools.cache
+def _shape(number: int) -> dict[int, object]:
+    """The fields of a block with one stretch of the signal."""
+    phase = number * SAMPLES + np.arange(SAMPLES)
     values = 5e-11 * (1.1 + np.sin(phase * 0.0126))
-    tube = Tube((start, start + 4_000_000), 1_000_000, Interval.relative(values, 0.01), "F", 1.0)
-    return Block.pack(position, "t01.capacitance", 0, tube, Encoding.Q16).encode()
+    tube = Tube((0, 4_000_000), 1_000_000, Interval.relative(values, 0.01), "F", 1.0)
+    block = Block.pack(Position(1, 1), "t01.capacitance", 0, tube, Encoding.Q16)
+    fields: dict[int, object] = cbor2.loads(block.encode())
+    return fields
 
 
 if __name__ == "__main__":
