@@ -22,11 +22,16 @@ _LITTLE: Final = 1_048_576
 
 async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTERVAL) -> None:
     """Look every few seconds, until told to stop."""
-    seen = rested = cloud.uploads.taken
+
+    def worked() -> int:
+        # Packing goes on for a while when nothing comes any more.
+        return cloud.uploads.taken + cloud.store.packed
+
+    seen = rested = worked()
 
     async def look() -> None:
         nonlocal seen, rested
-        before, seen = seen, cloud.uploads.taken
+        before, seen = seen, worked()
         if seen - before < _LITTLE and seen - rested >= MUCH:
             rested = seen
             await _shrink(cloud)

@@ -43,7 +43,8 @@ class Made:
         channel: The channel.
         gone: Keys of the blocks that were packed.
         rows: Their packs.
-        saved: How many bytes fewer these are.
+        size: Bytes of the blocks that were packed.
+        saved: How many bytes fewer the packs have.
         since: From when on the page was, UTC ns; ``None`` for the channel's beginning.
         until: From when on the next one is.
         more: Whether there is a next one.
@@ -53,6 +54,7 @@ class Made:
     channel: str
     gone: Sequence[tuple[Any, ...]]
     rows: Sequence[Row]
+    size: int
     saved: int
     since: int | None
     until: int
@@ -96,6 +98,7 @@ def pack_some(store: Store, place: tuple[str, str], behind: int) -> bool:
         made = _make(connection, place, behind)
     if made is None:
         return False
+    store.packed += made.size
     written = store.write(lambda connection: _keep(connection, store, made))
     return written.result() and made.more
 
@@ -122,17 +125,18 @@ def _make(connection: Connection, place: tuple[str, str], behind: int) -> Made |
     until = rows[old - left]["t"] if old - left < len(rows) else rows[-1]["t"] + 1
     gone: list[tuple[Any, ...]] = []
     packs: list[Row] = []
-    saved = 0
+    size = saved = 0
     for group in groups:
         try:
             packs.append(join(group))
         except MessageError:
             continue  # of a kind that stays as it came
         gone += [tuple(row[column.name] for column in _KEY) for row in group]
-        saved += sum(len(row["data"]) for row in group) - len(packs[-1]["data"])
+        came = sum(len(row["data"]) for row in group)
+        size, saved = size + came, saved + came - len(packs[-1]["data"])
     if until == since and not packs:
         return None
-    return Made(*place, gone, packs, saved, since, until, full)
+    return Made(*place, gone, packs, size, saved, since, until, full)
 
 
 def _group(rows: Sequence[Any]) -> tuple[list[list[Any]], int]:

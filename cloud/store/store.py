@@ -38,6 +38,7 @@ class Store:
         place: The file, or the server's URL.
         clock: Gives UTC ns.
         readers: Most connections that read.
+        packed: Bytes of the blocks that were packed, since the start.
         ledger: What the writer remembers of what is stored.
         writer: The thread that writes.
     """
@@ -58,6 +59,7 @@ class Store:
         self.place = place
         self.clock = clock
         self.readers = readers
+        self.packed = 0
         self.ledger = Ledger()
         self._writing = writing_engine(place)
         self._reading = reading_engine(place, readers=readers)

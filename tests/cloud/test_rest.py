@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def shrunk(loads: Sequence[int], *, fault: Exception | None = None) -> list[int]:
-    """Which interval began with a shrinking, where so many bytes came before each."""
+def shrunk(
+    loads: Sequence[int], *, packed: Sequence[int] = (), fault: Exception | None = None
+) -> list[int]:
+    """Which interval began with a shrinking, where so many bytes came, or were packed, before."""
     uploads, stopping, found = Uploads(1 << 40), asyncio.Event(), []
-    waiting = iter(loads)
+    waiting, packing = iter(loads), iter(packed)
     turn = 0
 
     def shrink() -> None:
@@ -41,16 +43,21 @@ def shrunk(loads: Sequence[int], *, fault: Exception | None = None) -> list[int]
                 return True
             with uploads.hold(load):
                 pass
+            cloud.store.packed += next(packing, 0)
             raise TimeoutError
 
     cloud = Mock(uploads=uploads)
-    cloud.store.shrink = shrink
+    cloud.store.shrink, cloud.store.packed = shrink, 0
     asyncio.run(rest(cloud, Steps(), interval=60.0))
     return found
 
 
 def test_memory_is_given_back_once_after_a_load_is_gone() -> None:
     assert shrunk([MUCH, MUCH, 0, 0, 0]) == [3]
+
+
+def test_packing_that_goes_on_after_a_load_takes_memory_too() -> None:
+    assert shrunk([MUCH, 0, 0, 0, 0], packed=[0, MUCH, MUCH, 0, 0]) == [4]
 
 
 def test_steady_load_and_a_trickle_are_left_alone() -> None:
