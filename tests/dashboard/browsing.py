@@ -133,6 +133,10 @@ class Visit:
         )
         return facts
 
+    def newest(self) -> int:
+        """Where what the first chart painted ends, ns since 1970; 0 before it painted."""
+        return int(self.chart().get("newest") or 0)
+
     def wait_for_chart(self, seconds: float = 60.0, **facts: str) -> dict[str, str]:
         """Wait until the first chart says so, and has painted it."""
 

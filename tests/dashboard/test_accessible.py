@@ -227,8 +227,8 @@ def test_escape_takes_the_box_away_that_covers_the_picture(visit: Visit) -> None
     box.wait_for()
     visit.page.keyboard.press("Escape")
     box.wait_for(state="hidden")
-    newest = visit.chart()["newest"]
-    wait_until(lambda: visit.chart()["newest"] != newest, "the picture goes on")
+    newest = visit.newest()
+    wait_until(lambda: visit.newest() != newest, "the picture goes on")
     assert box.is_hidden()
     plot.hover(position={"x": size["width"] / 3, "y": size["height"] - 3})
     box.wait_for()

@@ -194,8 +194,8 @@ def test_live_view_resumes_without_a_break_when_the_cloud_restarts(
         status = visit.page.get_by_test_id("live-status")
         status.get_by_text("Receiving").wait_for()
         visit.wait_for_chart(mode="live")
-        begin = newest(visit)
-        wait_until(lambda: newest(visit) > begin, "events arrive")
+        begin = visit.newest()
+        wait_until(lambda: visit.newest() > begin, "events arrive")
         visit.evaluate(STATES)
         demo.children()["cloud"].kill()
         wait_until(lambda: "waiting" in visit.evaluate("states"), "it is noticed")
@@ -213,8 +213,3 @@ def test_live_view_resumes_without_a_break_when_the_cloud_restarts(
         wait_until(healed, "the live band is whole again")
         assert sent[0] is None
         assert int(sent[-1] or 0) > 0
-
-
-def newest(visit: Visit) -> int:
-    """Where what is painted ends."""
-    return int(visit.chart()["newest"] or 0)

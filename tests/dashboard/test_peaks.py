@@ -156,7 +156,7 @@ def test_event_that_is_told_while_the_list_is_loaded_stays_in_it(visit: Visit) -
     wait_until(tells, "there is an event that was not stored yet")
     # Blocks that were measured since are told behind it.
     now = time.time_ns()
-    wait_until(lambda: int(visit.chart()["newest"]) > now, "the stream has told of it")
+    wait_until(lambda: visit.newest() > now, "the stream has told of it")
     route.fulfill(response=answer)
     wait_until(lambda: stored | told <= set(visit.evaluate(LISTED)), "the list holds all of them")
 
