@@ -12,18 +12,16 @@ from datetime import timedelta
 from functools import partial
 from typing import Annotated
 
-from fastapi import FastAPI, HTTPException, Path, Request, Response
-from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse
+from fastapi import FastAPI, HTTPException, Path, Response
 from pydantic import BaseModel, ConfigDict, Field
 
-from authority.allowance import TooOftenError
 from authority.desk import Desk
 from authority.enrolments import Enrolments
+from authority.problems import answer_problems
 from authority.renewals import Renewals
 from authority.requests import der_of_pem
 from authority.tokens import Tokens
-from eskin.errors import AuthorityError, IdentityError, LockedError
+from eskin.errors import IdentityError
 from eskin.identity import Authority, IdentityKind, common_name
 from eskin.identity.certificates import pem
 from eskin.identity.roots import offered_roots
@@ -31,8 +29,6 @@ from eskin.identity.roots import offered_roots
 log = logging.getLogger(__name__)
 
 _PEM = "application/x-pem-file"
-_LONGEST_DETAIL = 1000
-_PAUSE_S = 10
 
 
 class EnrolmentRequest(BaseModel):
@@ -74,7 +70,7 @@ def create_application(
     app.state.follow = _nothing
     desk = Desk(authority.directory)
 
-    _add_refusals(app)
+    answer_problems(app)
 
     @app.post("/enrol")
     async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:
@@ -95,60 +91,6 @@ def create_application(
 
     _add_public(app, authority, desk)
     return app
-
-
-def _add_refusals(app: FastAPI) -> None:
-    """How it says no."""
-
-    @app.exception_handler(IdentityError)
-    async def refuse(_: Request, error: IdentityError) -> JSONResponse:
-        log.warning("refused: %s", error)
-        return JSONResponse(
-            {"type": "about:blank", "title": "Forbidden", "status": 403, "detail": str(error)},
-            status_code=403,
-            media_type="application/problem+json",
-        )
-
-    @app.exception_handler(TooOftenError)
-    async def slow_down(_: Request, error: TooOftenError) -> JSONResponse:
-        log.warning("refused: %s", error)
-        return _later(429, "Too Many Requests", str(error))
-
-    @app.exception_handler(LockedError)
-    async def wait(_: Request, error: LockedError) -> JSONResponse:
-        log.warning("not now: %s", error)
-        return _later(503, "Service Unavailable", "the CA is being changed; come again")
-
-    @app.exception_handler(AuthorityError)
-    async def fail(_: Request, error: AuthorityError) -> JSONResponse:
-        log.error("the CA cannot be used: %s", error)
-        said = "the CA cannot be used until its operator has looked at it; come again"
-        return _later(503, "Service Unavailable", said)
-
-    @app.exception_handler(RequestValidationError)
-    async def refuse_body(_: Request, error: RequestValidationError) -> JSONResponse:
-        faults = "; ".join(f"{fault['loc'][-1]}: {fault['msg']}" for fault in error.errors())
-        said = faults[:_LONGEST_DETAIL].encode("ascii", "backslashreplace").decode()
-        return JSONResponse(
-            {
-                "type": "about:blank",
-                "title": "Unprocessable Content",
-                "status": 422,
-                "detail": said,
-            },
-            status_code=422,
-            media_type="application/problem+json",
-        )
-
-
-def _later(status: int, title: str, detail: str) -> JSONResponse:
-    """The request is good, and may come again."""
-    return JSONResponse(
-        {"type": "about:blank", "title": title, "status": status, "detail": detail},
-        status_code=status,
-        headers={"Retry-After": str(_PAUSE_S)},
-        media_type="application/problem+json",
-    )
 
 
 def _add_public(app: FastAPI, authority: Authority, desk: Desk) -> None:

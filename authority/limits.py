@@ -5,11 +5,11 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Final
 
-from fastapi.responses import JSONResponse
-
+from authority.problems import problem
 from eskin.limiting import Rate, counted
 
 if TYPE_CHECKING:
+    from fastapi.responses import JSONResponse
     from starlette.types import ASGIApp, Receive, Scope, Send
 
 _REFUSALS: Final = {HTTPStatus.FORBIDDEN, HTTPStatus.UNPROCESSABLE_ENTITY}
@@ -49,11 +49,5 @@ class LimitsMiddleware:
 
 
 def _flood(what: str, rate: Rate) -> JSONResponse:
-    status = HTTPStatus.TOO_MANY_REQUESTS
-    said = {"type": "about:blank", "title": status.phrase, "status": int(status)}
-    return JSONResponse(
-        said | {"detail": f"too many {what} from your address; wait a little"},
-        status_code=status,
-        headers=rate.pause,
-        media_type="application/problem+json",
-    )
+    detail = f"too many {what} from your address; wait a little"
+    return problem(HTTPStatus.TOO_MANY_REQUESTS, detail, headers=rate.pause)

@@ -30,6 +30,8 @@ class Metrics:
 
     def __init__(self, store: Store, feed: Feed, board: Board) -> None:
         self._registry = CollectorRegistry()
+        self._store = store
+        self._use = measure_disk(store)
         self.items = Counter(
             "eskin_cloud_items",
             "Messages that gateways brought.",
@@ -71,23 +73,22 @@ class Metrics:
 
     def write(self) -> bytes:
         """All figures in Prometheus' text format."""
+        self._use = measure_disk(self._store)
         return generate_latest(self._registry)
 
     def _watch(self, store: Store) -> None:
         self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
-        self._gauge(
-            "store_bytes", "What the store takes of the disk.", lambda: measure_disk(store).taken
-        )
+        self._gauge("store_bytes", "What the store takes of the disk.", lambda: self._use.taken)
         self._gauge(
             "store_free_bytes",
             "Of these, what is free for what comes next; 0 where the server does not tell.",
-            lambda: measure_disk(store).free,
+            lambda: self._use.free,
         )
-        self._gauge("samples", "Samples in the store.", lambda: measure_disk(store).samples)
+        self._gauge("samples", "Samples in the store.", lambda: self._use.samples)
         self._gauge(
             "store_bytes_per_sample",
             "Bytes a sample, of what is taken and not free.",
-            lambda: measure_disk(store).each or 0.0,
+            lambda: self._use.each or 0.0,
         )
         self._gauge("commits", "Commits since the start.", lambda: store.writer.commits)
         self._gauge(

@@ -88,7 +88,6 @@ def make_cloud(
     trust = Trust.following(own.identity / ROOT_FILE)
     verifier = Verifier(
         Gatekeeper(trust, revocations=own.revocations).verify,
-        audience=own.audience,
         skew=own.skew_s,
         clock=clock,
         # One process needs no commit to know what it has seen.

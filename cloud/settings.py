@@ -6,9 +6,9 @@ from pathlib import Path
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from cloud.loopback import is_loopback
 from cloud.store.place import Place, read_url, stays_here
 from eskin.errors import SettingsError, shown
+from eskin.loopback import is_loopback
 from eskin.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 
 
@@ -130,9 +130,6 @@ class GatewaysSection(Section):
     port: int = Field(default=8443, ge=0, le=65535, description="port; 0 takes a free one")
     identity: Path = Field(
         description="folder of the server's identity; its root.pem is whom gateways must lead to"
-    )
-    audience: str = Field(
-        default="eskin-cloud", min_length=1, max_length=100, description="audience of tokens"
     )
     revocations: Path | None = Field(
         default=None, description="the gateways' revocation list (PEM); read again when it changes"

@@ -12,7 +12,7 @@ import orjson
 
 from cloud.access import token_id
 from cloud.commands.wish import is_settled
-from cloud.query.series import union_coverage
+from eskin.coverage import union_coverage
 from eskin.messages import Shedding, Sustained
 from eskin.moment import format_moment
 from eskin.privacy import is_biometric

@@ -192,14 +192,21 @@ class CloudError(EskinError):
     Attributes:
         status: HTTP status, where there was an answer.
         retry_after: Seconds for which the cloud asked for patience.
+        unanswered: Whether the cloud was reached, and gave no answer in time.
     """
 
     def __init__(
-        self, reason: str, *, status: int | None = None, retry_after: float | None = None
+        self,
+        reason: str,
+        *,
+        status: int | None = None,
+        retry_after: float | None = None,
+        unanswered: bool = False,
     ) -> None:
         super().__init__(reason)
         self.status = status
         self.retry_after = retry_after
+        self.unanswered = unanswered
 
 
 class StoreError(EskinError):

@@ -10,11 +10,11 @@ from eskin.messages import BlockSummary, Gap, Peak, Status
 from gateway import public
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
 
     from gateway.acknowledger import Acknowledger
     from gateway.arrival import Arrival
-    from gateway.broker import Broker
+    from gateway.broker import Broker, Publication
     from gateway.counters import Counters
     from gateway.discovery import Discovery
     from gateway.intake import Outcome
@@ -69,7 +69,7 @@ class Answers:
         """Answer for a batch that is durable."""
         self._broker.publish(self._acknowledgements(outcome))
         self._broker.acknowledge(arrivals)
-        self._broker.publish(list(self._publications(outcome)))
+        self._tell(self._publications(outcome))
 
     def release(self, arrivals: Sequence[Arrival]) -> None:
         """Let the broker forget messages that are not acknowledged to their nodes."""
@@ -86,9 +86,15 @@ class Answers:
             self._presence.excuse(now)
             if self._discovery is not None:
                 self._discovery.renew()
-        self._broker.publish(list(self._presence.silent(now)))
+        self._tell(self._presence.silent(now))
         if self._discovery is not None:
-            self._broker.publish(list(self._discovery.idle()))
+            self._tell(self._discovery.idle())
+
+    def _tell(self, publications: Iterable[Publication]) -> None:
+        """Hand public messages to the broker."""
+        told = list(publications)
+        self._counters.published.inc(len(told))
+        self._broker.publish(told)
 
     def _acknowledgements(self, outcome: Outcome) -> Iterator[tuple[str, bytes, bool]]:
         now = self._now()

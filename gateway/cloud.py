@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from email.utils import parsedate_to_datetime
 from functools import lru_cache
-from time import time
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
 import httpx
@@ -13,10 +11,11 @@ import orjson
 
 from eskin.errors import CloudError
 from eskin.messages.opening import ARRAY, BYTES, TEXT, opening
+from gateway.refusal import require_ok
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from gateway.onlookers import Onlookers
     from gateway.warrants import Warrants
@@ -63,7 +62,6 @@ class HttpsCloud:
         onlookers: Hear which nodes somebody looks at.
         context: Leads to our root.
         timeout_s: Seconds to wait.
-        clock: Seconds since 1970.
     """
 
     def __init__(
@@ -74,12 +72,10 @@ class HttpsCloud:
         onlookers: Onlookers,
         context: ssl.SSLContext,
         timeout_s: float,
-        clock: Callable[[], float] = time,
     ) -> None:
         self._url = url
         self._warrants = warrants
         self._onlookers = onlookers
-        self._clock = clock
         # The environment's proxies are no part of the way from a gateway to its cloud.
         self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
 
@@ -93,32 +89,16 @@ class HttpsCloud:
         headers = self._warrants.headers(body)
         try:
             with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
-                if answer.status_code != httpx.codes.OK:
-                    raise self._refusal(answer)
+                require_ok(answer)
                 body = _read(answer)
         except httpx.HTTPError as error:
-            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
+            raise CloudError(
+                f"{self._url}: {type(error).__name__}: {error}",
+                unanswered=isinstance(error, httpx.ReadTimeout),
+            ) from error
         answers, watched = _answers(body, len(messages))
         self._onlookers.note(watched)
         return answers
-
-    def _refusal(self, answer: httpx.Response) -> CloudError:
-        return CloudError(
-            f"{self._url} answered {answer.status_code} {answer.reason_phrase}",
-            status=answer.status_code,
-            retry_after=self._patience(answer.headers.get("Retry-After")),
-        )
-
-    def _patience(self, value: str | None) -> float | None:
-        """Seconds of a Retry-After: a number, or a date (RFC 9110, section 10.2.3)."""
-        if value is None:
-            return None
-        if value.isascii() and value.isdigit():
-            return float(value[:9])
-        try:
-            return max(0.0, parsedate_to_datetime(value).timestamp() - self._clock())
-        except (ValueError, OverflowError):
-            return None
 
 
 def as_batch(messages: Sequence[tuple[str, bytes]]) -> bytes:

@@ -11,6 +11,7 @@ import httpx
 from eskin.errors import CloudError, IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.messages.fields import MOST_BYTES, MOST_COUNT, integer, items, load_any
+from gateway.refusal import require_ok
 
 if TYPE_CHECKING:
     import ssl
@@ -106,11 +107,7 @@ class HttpsDeliveries:
                 timeout=timeout,
                 extensions={"trace": self._note},
             ) as answer:
-                if answer.status_code != httpx.codes.OK:
-                    raise CloudError(
-                        f"{self._url} answered {answer.status_code} {answer.reason_phrase}",
-                        status=answer.status_code,
-                    )
+                require_ok(answer)
                 return Changes.read(await _read(answer))
         except httpx.HTTPError as error:
             raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error

@@ -163,11 +163,11 @@ class Forwarder:
         if halved and len(stored) > 1:  # what it cannot do in time, it does twice
             self._most = len(stored) // 2
         elif error.status == _TOO_LARGE:
-            self._bury(stored, [str(error)])
+            self._spool.settle(stored, [self._letter(stored[0], str(error))])
             self._aside.forget(stored[0])
             self._counters.cloud_rejected.inc()
             return 1
-        elif error.status == httpx.codes.INTERNAL_SERVER_ERROR:
+        elif error.unanswered or error.status == httpx.codes.INTERNAL_SERVER_ERROR:
             if self._aside.hold(stored[0]):
                 self._counters.cloud_failures.inc()
                 return 1
@@ -188,10 +188,6 @@ class Forwarder:
         self._counters.cloud_duplicate.inc(count("duplicate"))
         self._counters.cloud_rejected.inc(len(rejected))
         self._counters.latency.observe(max(0.0, (self._now() - stored[0].received) / 1e9))
-
-    def _bury(self, stored: list[Stored], reasons: list[str]) -> None:
-        pairs = zip(stored, reasons, strict=True)
-        self._spool.settle(stored, [self._letter(message, reason) for message, reason in pairs])
 
     def _letter(self, message: Stored, reason: str) -> DeadLetter:
         return DeadLetter(self._now(), message.node, f"cloud: {reason[:500]}", message.body)

@@ -55,6 +55,8 @@ _REASONS: Final = (
     (UnknownSenderError, Reason.UNKNOWN_SENDER),
     (UntrustedCertificateError, Reason.UNTRUSTED),
     (ForgedEnvelopeError, Reason.FORGED),
+    (PrivacyError, Reason.FAULT),
+    (SpoolError, Reason.FAULT),
 )
 
 

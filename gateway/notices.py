@@ -9,6 +9,7 @@ import httpx
 import orjson
 
 from eskin.errors import CloudError
+from gateway.refusal import require_ok
 
 if TYPE_CHECKING:
     import ssl
@@ -63,11 +64,7 @@ class HttpsNotices:
         try:
             headers = self._warrants.headers(body)
             answer = self._client.post(self._url, content=body, headers=headers)
-            if answer.status_code != httpx.codes.OK:
-                raise CloudError(
-                    f"{self._url} answered {answer.status_code} {answer.reason_phrase}",
-                    status=answer.status_code,
-                )
+            require_ok(answer)
             return {item["id"]: item["result"] for item in orjson.loads(answer.content)["items"]}
         except httpx.HTTPError as error:
             raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error

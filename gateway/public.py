@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import orjson
 
 from eskin import senml
+from eskin.coverage import union_coverage
 from eskin.messages import BlockSummary, Energy, Gap, Peak, Status
 from eskin.moment import format_moment
 from eskin.privacy import is_biometric
@@ -37,7 +36,7 @@ def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
             "lo": lo,  # orjson writes infinities as null
             "hi": hi,
             "unit": block.unit,
-            "coverage": union_bound(block.coverage, block.n),
+            "coverage": union_coverage(block.coverage, block.n),
             "n": block.n,
         }
     )
@@ -53,7 +52,7 @@ def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
     if t0 < senml.EARLIEST:
         return
     t1 = block.time[1] + (block.n - 1) * block.dt
-    coverage = union_bound(block.coverage, block.n)
+    coverage = union_coverage(block.coverage, block.n)
     about = {
         "coverage": (coverage, senml.RATIO),
         "span": (senml.seconds(t1 - t0), senml.SECONDS),
@@ -62,15 +61,6 @@ def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
     name = f"{node}/{block.channel}/"
     pack = senml.Pack(name, block.unit, t0, (0,), (lo,), (hi,), about)
     yield senml_topic(node, block.channel), senml.as_json(pack)
-
-
-@lru_cache(4096)
-def union_bound(coverage: float, n: int) -> float:
-    """Coverage of n samples together: ``1 - n·(1 - coverage)``, rounded down, at least zero."""
-    if coverage == 1.0:
-        return 1.0
-    miss = math.nextafter(n * math.nextafter(1.0 - coverage, math.inf), math.inf)
-    return max(0.0, math.nextafter(1.0 - miss, -math.inf))
 
 
 def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:

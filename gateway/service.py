@@ -143,6 +143,9 @@ class Gateway:
             veiling=self.veiling,
             notices=self.notices,
             share=settings.keys.share,
+            backoff=Backoff(
+                settings.cloud.retry_s, settings.cloud.retry_most_s, random=SystemRandom()
+            ),
         )
         self.counters.gauge(
             "erasures_pending",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from ipaddress import ip_address
 from pathlib import Path
 from typing import Literal
 
 from pydantic import Field, field_validator
 
+from eskin.loopback import is_loopback
 from eskin.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
 from eskin.topics import HOME_ASSISTANT
 
@@ -124,7 +124,7 @@ class HttpSection(Section):
     @field_validator("host")
     @classmethod
     def _is_loopback(cls, value: str) -> str:
-        if value != "localhost" and not _loopback(value):
+        if not is_loopback(value):
             raise ValueError("plain HTTP stays on loopback; use 127.0.0.1, ::1 or localhost")
         return value
 
@@ -181,10 +181,3 @@ class GatewaySettings(Settings):
     def vault(self) -> Path:
         """Folder of the key store."""
         return self.keys.directory or self.spool.path.with_name("keys")
-
-
-def _loopback(value: str) -> bool:
-    try:
-        return ip_address(value).is_loopback
-    except ValueError:
-        return False

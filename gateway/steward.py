@@ -14,13 +14,13 @@ if TYPE_CHECKING:
 
     from eskin.privacy import Tombstone, Vault
     from gateway.assignments import Assignments
+    from gateway.backoff import Backoff
     from gateway.notices import Notices
     from gateway.veiling import Veiling
 
 log = logging.getLogger(__name__)
 
 _TICK_S: Final = 1.0
-_MOST_PATIENCE: Final = 30
 _MOST_AT_ONCE: Final = 1000
 
 
@@ -37,6 +37,7 @@ class Steward:
         veiling: Holds keys derived from the subjects'.
         notices: The way to the cloud.
         share: Whether the cloud may have the keys.
+        backoff: Between failures.
     """
 
     def __init__(
@@ -47,12 +48,14 @@ class Steward:
         veiling: Veiling,
         notices: Notices,
         share: bool,
+        backoff: Backoff,
     ) -> None:
         self._vault = vault
         self._assignments = assignments
         self._veiling = veiling
         self._notices = notices
         self._share = share
+        self._backoff = backoff
         self._told: set[tuple[str, str]] = set()
         self._forgotten: set[str] = set()
         self._unread: set[str] = set()
@@ -70,22 +73,24 @@ class Steward:
         self._thread.join()
 
     def _run(self) -> None:
-        failures = 0
-        while not self._stopping.wait(_TICK_S * min(2**failures, _MOST_PATIENCE)):
+        wait = _TICK_S
+        while not self._stopping.wait(wait):
             try:
                 self.tend()
             except (CloudError, PrivacyError, OSError) as error:
-                failures = min(failures + 1, 10)
+                patience = error.retry_after if isinstance(error, CloudError) else None
+                wait = self._backoff.failed(at_least=patience)
                 if self.fault is None:
                     log.warning("subjects: %s; trying again", error)
                 self.fault = str(error)
             except Exception as error:  # erasures are tried again, whatever it was
-                failures = min(failures + 1, 10)
+                wait = self._backoff.failed()
                 if self.fault is None:
                     log.exception("subjects: it broke; trying again")
                 self.fault = f"it broke: {type(error).__name__}"
             else:
-                failures, self.fault = 0, None
+                self._backoff.succeeded()
+                wait, self.fault = _TICK_S, None
 
     @property
     def pending(self) -> float:

@@ -90,6 +90,7 @@ class Worker:
             self._note_pace(len(arrivals))
             ended = not arrivals and self._stopping.is_set()
             if arrivals:
+                self._counters.received.inc(len(arrivals))
                 self.attempt(arrivals)
             try:
                 self._look_around(idle=not arrivals)
@@ -136,7 +137,6 @@ class Worker:
     def process(self, arrivals: list[Arrival]) -> None:
         """Judge a batch, make it durable, and answer."""
         outcome = self._intake.sort(arrivals)
-        self._counters.received.inc(len(arrivals))
         batch = outcome.batch
         if (batch.nodes or batch.senders) and not self._commit(batch):
             # What was refused must not count as seen when its copies come.
@@ -171,7 +171,6 @@ class Worker:
 
     def _count(self, outcome: Outcome) -> None:
         self._counters.accepted.inc(len(outcome.batch.entries))
-        self._counters.published.inc(len(outcome.messages))
         self._counters.duplicate.inc(outcome.duplicates)
         for reason, count in outcome.rejected.items():
             self._counters.rejected(reason, count)

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
 LONGEST: Final = 60
 """Seconds for which a token may be good."""
 _LONGEST_TEXT: Final = 16_384
+_AUDIENCE: Final = "eskin-cloud"
+"""Whom a gateway makes its tokens for."""
 _REQUIRED: Final = ("iss", "aud", "iat", "exp", "jti", "sha256")
 
 
@@ -67,7 +69,6 @@ class Verifier:
     Args:
         verify_chain: Gives a gateway's certificate from its chain, or raises
             `UntrustedCertificateError`.
-        audience: Whom tokens must be made for.
         skew: Seconds by which a gateway's clock may differ.
         clock: Gives UTC ns.
         replay: Remembers tokens that were used.
@@ -77,13 +78,11 @@ class Verifier:
         self,
         verify_chain: Callable[[Sequence[bytes]], x509.Certificate],
         *,
-        audience: str,
         skew: float,
         clock: Callable[[], int],
         replay: Memory,
     ) -> None:
         self._verify_chain = verify_chain
-        self._audience = audience
         self._skew = skew
         self._clock = clock
         self._replay = replay
@@ -109,7 +108,7 @@ class Verifier:
                 token,
                 key=public_key(leaf),
                 algorithms=["ES256"],
-                audience=self._audience,
+                audience=_AUDIENCE,
                 # Times are checked below, against our own clock.
                 options={
                     "require": list(_REQUIRED),

@@ -61,11 +61,6 @@ class Feed:
         """The latest cursor."""
         return self._last
 
-    @property
-    def floor(self) -> int:
-        """Entries after this cursor are in memory."""
-        return self._floor
-
     def follow(self, future: Future[Outcome], loop: asyncio.AbstractEventLoop) -> None:
         """Take over a write's entries once it is durable; in the order of commits."""
 

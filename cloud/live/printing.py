@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from cloud.query.series import Series, reduce_samples, union_coverage
+from cloud.query.series import Series, reduce_samples
 from cloud.query.span import Samples
 from cloud.shapes import dump, event_shape, series_shape
+from eskin.coverage import union_coverage
 from eskin.messages import Block, BlockSummary, decode_summary
 from eskin.moment import format_moment
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -12,6 +10,7 @@ import numpy as np
 from cloud.pyramid.blocks import read_samples
 from cloud.pyramid.hulls import EXACT, read_hulls
 from cloud.query.span import Samples, exceeds, longest_step
+from eskin.coverage import union_coverage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -129,20 +128,6 @@ def _means(pieces: Pieces) -> Floats:
     lo = np.nextafter(pieces.sum_lo / pieces.n, -np.inf)
     hi = np.nextafter(pieces.sum_hi / pieces.n, np.inf)
     return np.stack([np.maximum(lo, pieces.lo), np.minimum(hi, pieces.hi)])
-
-
-def union_coverage(coverage: float, n: int) -> float:
-    """Union bound: all of n samples are enclosed with ``1 - n·(1 - coverage)`` at least.
-
-    Rounded down, and not below 0; certainty stays certainty.
-    """
-    if coverage == 1.0 or n == 0:
-        return coverage
-    exact = 1 - n * (1 - Fraction(coverage))
-    if exact <= 0:
-        return 0.0
-    nearest = float(exact)
-    return math.nextafter(nearest, 0.0) if Fraction(nearest) > exact else nearest
 
 
 def reduce_samples(samples: Samples, points: int) -> tuple[Samples, int, int]:

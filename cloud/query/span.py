@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-import numpy as np
 from sqlalchemy import and_, bindparam, func, not_, select
 
 from cloud.store.schema import blocks
 
 if TYPE_CHECKING:
+    import numpy as np
     from numpy.typing import NDArray
     from sqlalchemy import ColumnElement, Connection, RowMapping
 
@@ -33,11 +33,6 @@ class Samples:
     dt: NDArray[np.int64]
     lo: Floats
     hi: Floats
-
-    @property
-    def breaks(self) -> NDArray[np.bool_]:
-        """Whether a gap lies between each sample and the next, shape ``(n - 1,)``."""
-        return np.asarray(np.diff(self.t) > longest_step(self.dt[:-1]))
 
 
 def longest_step(dt: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Literal
 from pydantic import BaseModel
 
 from cloud.query.question import Answer
-from cloud.query.series import union_coverage
 from cloud.routes.documents import IntervalDocument, Moment
 from cloud.routes.series_documents import CountDocument
 from cloud.shapes import seconds
+from eskin.coverage import union_coverage
 from eskin.moment import format_moment
 
 if TYPE_CHECKING:

@@ -7,8 +7,8 @@ from pydantic import BaseModel
 from starlette.responses import Response
 
 from cloud.dependencies import CloudState, address_of
-from cloud.loopback import is_loopback
 from cloud.problems import ProblemError, documented
+from eskin.loopback import is_loopback
 
 router = APIRouter(tags=["health"])
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 from sqlalchemy import URL, make_url
 from sqlalchemy.exc import ArgumentError
 
-from cloud.loopback import is_loopback
 from cloud.store import postgresql, sqlite
+from eskin.loopback import is_loopback
 
 if TYPE_CHECKING:
     from sqlalchemy import Engine

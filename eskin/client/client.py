@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import contextmanager
-from ipaddress import ip_address
 from typing import TYPE_CHECKING, Any, Final, Self
 
 import httpx
@@ -18,6 +17,7 @@ from eskin.client.pages import API, Pages
 from eskin.client.questions import Questions
 from eskin.errors import QueryError
 from eskin.identity import client_context
+from eskin.loopback import is_loopback
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -55,7 +55,7 @@ def connect(
         IdentityError: ``root`` cannot be read.
     """
     address = httpx.URL(url)
-    if address.scheme != "https" and not _is_loopback(address.host):
+    if address.scheme != "https" and not is_loopback(address.host):
         raise QueryError("url", f"{url!r} would carry the token in the clear; use https")
     http = httpx.Client(
         base_url=address,
@@ -189,10 +189,3 @@ def _bar(name: str, *, wanted: bool | None) -> Iterator[Callable[[int, int], Non
         yield advance
     finally:
         bar.stop()
-
-
-def _is_loopback(host: str) -> bool:
-    try:
-        return host == "localhost" or ip_address(host).is_loopback
-    except ValueError:
-        return False

@@ -11,11 +11,12 @@ from sqlalchemy import func, select
 from cloud.query.occupancy import measure_occupancy
 from cloud.query.places import find_channel
 from cloud.query.question import Question
-from cloud.query.series import Series, read_series, union_coverage
+from cloud.query.series import Series, read_series
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window
 from cloud.store.removal import Reason, Sweep, remove
 from cloud.store.tiles import stale
+from eskin.coverage import union_coverage
 from tests.cloud.messages import CHANNEL, NODE, START
 
 if TYPE_CHECKING:

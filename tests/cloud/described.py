@@ -25,7 +25,7 @@ UNSAYABLE: Final = (
 
 def check_answer(case: Any, headers: Mapping[str, str]) -> None:
     """Ask, with every check on: what fits the description is refused for `UNSAYABLE` alone."""
-    answer = case.call(headers=headers)
+    answer = case.call(headers=headers, timeout=120)
     excused = answer.status_code == 422 and any(
         re.search(words, answer.json()["detail"]) for words in UNSAYABLE
     )

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,9 +10,10 @@ from hypothesis import strategies as st
 
 from cloud.pyramid.hulls import bucket_width
 from cloud.query.places import find_channel
-from cloud.query.series import read_series, union_coverage
+from cloud.query.series import read_series
 from cloud.query.window import Window
 from cloud.store import Store
+from eskin.coverage import union_coverage
 from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, NODE, START, block
 
@@ -28,15 +27,6 @@ def test_buckets_cover_the_window_with_times_exact_in_float64(span: int, points:
     assert width * points >= span
     starts = np.arange(-(-span // width)) * width
     assert [int(float(start)) for start in starts[-3:]] == starts[-3:].tolist()
-
-
-@given(st.floats(0.0, 1.0), st.integers(1, 10**9))
-def test_union_coverage_is_never_too_high(coverage: float, n: int) -> None:
-    exact = max(Fraction(0), 1 - n * (1 - Fraction(coverage)))
-    found = union_coverage(coverage, n)
-    assert found >= 0.0
-    assert Fraction(found) <= exact
-    assert Fraction(math.nextafter(found, 2.0)) > exact
 
 
 def test_widely_spread_samples_keep_times_exact(store: Store) -> None:

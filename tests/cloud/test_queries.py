@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from cloud.query.places import find_channel
 from cloud.query.question import Answer, Question
-from cloud.query.series import Series, read_series, union_coverage
+from cloud.query.series import Series, read_series
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window
+from eskin.coverage import union_coverage
 from eskin.messages import Block, Encoding
 from eskin.messages.stored import read_bounds
 from tests.cloud.clouds import emptied, put

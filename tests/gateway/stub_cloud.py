@@ -28,7 +28,8 @@ class StubCloud:
 
     ``mode``: ok, error, busy, flooded, nonsense, short, slow, reject, large. ``commands`` are given
     to the gateway, a node's id and bytes; ``held`` is what it said last that it has. ``watched`` is
-    what it says of onlookers, ``failing`` bodies that break it.
+    what it says of onlookers, ``failing`` are bodies that break it, ``hanging`` bodies to
+    which it gives no answer until it is released.
     """
 
     def __init__(self, identity: Identity) -> None:
@@ -43,6 +44,7 @@ class StubCloud:
         self.requests = 0
         self.watched: object = {}
         self.failing: set[bytes] = set()
+        self.hanging: set[bytes] = set()
         self.faults: list[str] = []
         self.commands: dict[str, tuple[int, bytes]] = {}
         self.held: dict[tuple[str, int], bool] = {}
@@ -98,6 +100,8 @@ class StubCloud:
         }
         if mode in refusals:
             return refusals[mode]
+        if any(body in self.hanging for _, body in items):
+            self.release.wait()
         if any(body in self.failing for _, body in items):
             return 500, b"oops"
         if mode == "large" and len(items) > 2:

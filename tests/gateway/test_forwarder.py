@@ -131,6 +131,24 @@ def test_messages_that_the_cloud_fails_at_hold_up_no_other_and_are_not_lost(setu
     assert setup.forwarder.fault is None
 
 
+def test_message_at_which_the_cloud_hangs_holds_up_no_other(
+    stub: StubCloud, tmp_path: Path, identities: Identities
+) -> None:
+    stub.hanging = {MESSAGES[0][1]}
+    client = https(stub, identities, timeout_s=0.2)
+    made = Setup(tmp_path, client, stub)
+    made.forwarder.start()
+    wait_until(lambda: sorted(stub.stored) == MESSAGES[1:], "all others are stored")
+    wait_until(lambda: "1 message(s), one of n" in str(made.forwarder.fault), "it tells")
+    stub.hanging = set()
+    stub.release.set()
+    wait_until(lambda: made.spool.statistics.messages == 0, "the spool is empty")
+    made.forwarder.stop()
+    client.close()
+    made.spool.close()
+    assert sorted(stub.stored) == MESSAGES
+
+
 def test_cloud_that_goes_away_while_a_message_is_left_out_is_told_of(
     setup: Setup, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -254,27 +272,6 @@ def test_slow_cloud_is_given_up_and_asked_again(
     assert sorted(stub.stored) == MESSAGES
     client.close()
     made.spool.close()
-
-
-@pytest.mark.parametrize(
-    ("value", "least", "most"),
-    [
-        ("7", 7, 7),
-        ("Wed, 21 Oct 2065 07:28:00 GMT", 10**6, 10**12),
-        ("Wed, 21 Oct 2015 07:28:00 GMT", 0, 0),
-    ],
-)
-def test_retry_after_is_read_as_number_or_date(
-    stub: StubCloud, identities: Identities, value: str, least: float, most: float
-) -> None:
-    stub.mode, stub.retry_after = "busy", value
-    client = https(stub, identities)
-    with pytest.raises(CloudError) as caught:
-        client.send(MESSAGES)
-    client.close()
-    assert caught.value.status == 503
-    assert caught.value.retry_after is not None
-    assert least <= caught.value.retry_after <= most
 
 
 def test_cloud_of_other_ca_gets_nothing(tmp_path: Path, identities: Identities) -> None:

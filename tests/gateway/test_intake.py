@@ -10,6 +10,7 @@ import cbor2
 import pytest
 
 from eskin.envelope import MOST_ENVELOPE, Opener
+from eskin.errors import SpoolError
 from eskin.identity import IdentityKind, new_key
 from eskin.messages import Acknowledgement, Position
 from eskin.privacy import Unveiler, Veiled
@@ -284,3 +285,14 @@ def test_missing_or_forged_revocation_list_trusts_nobody(
     assert inside.rejected() == {"untrusted": 2}
     assert inside.revocations.fault is None
     inside.spool.close()
+
+
+def test_spool_that_cannot_be_read_is_no_fault_of_the_topic(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreadable(_named: bytes) -> None:
+        raise SpoolError("the disk is gone")
+
+    monkeypatch.setattr(inside.spool, "sender", unreadable)
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    assert inside.rejected() == {"fault": 1}

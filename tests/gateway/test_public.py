@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -97,14 +96,6 @@ def test_senml_is_silent_on_times_that_it_would_take_for_times_before_now() -> N
         Encoding.F64,
     )  # fmt: skip
     assert list(public.live_senml("n", summary(packed))) == []
-
-
-@given(coverage=st.floats(0, 1), n=st.integers(1, 1000))
-def test_union_bound_is_never_above_the_exact_one(coverage: float, n: int) -> None:
-    exact = max(Fraction(0), 1 - n * (1 - Fraction(coverage)))
-    bound = public.union_bound(coverage, n)
-    assert 0.0 <= bound <= exact
-    assert bound >= float(exact) - 1e-12
 
 
 @pytest.mark.parametrize("message", [peak(4), gap(4)])

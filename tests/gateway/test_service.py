@@ -100,6 +100,8 @@ def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:
     wait_until(lambda: gateway.counters.value("messages_stored_total") == 2, "stored")
     refused = "messages_rejected_total"
     wait_until(lambda: gateway.counters.value(refused, reason="malformed") == 1, "refused")
+    # A node's status, and hulls of one block.
+    wait_until(lambda: gateway.counters.value("publications_total") == 2, "told")
     text = ask(gateway, "/metrics").text
     for line in (
         "eskin_gateway_messages_received_total 3.0",

@@ -13,6 +13,7 @@ from gateway import steward as room
 from gateway.assignments import Assignments
 from gateway.steward import Steward
 from gateway.veiling import Veiling
+from tests.gateway.twins import quick
 from tests.processes import wait_until
 
 if TYPE_CHECKING:
@@ -51,7 +52,12 @@ class Site:
         """A gateway starts, perhaps again."""
         assignments = Assignments(self.vault)
         return Steward(
-            self.vault, assignments, veiling=Veiling(assignments), notices=self, share=share
+            self.vault,
+            assignments,
+            veiling=Veiling(assignments),
+            notices=self,
+            share=share,
+            backoff=quick(),
         )
 
 

@@ -25,7 +25,7 @@ from tests.cloud.clouds import warrant
 from tests.cloud.messages import block, peak
 from tests.cloud.sealing import ask, physician, remains, sealing
 from tests.gateway.test_intake import introduce
-from tests.gateway.twins import Inside
+from tests.gateway.twins import Inside, quick
 from tests.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -57,6 +57,7 @@ class House:
             veiling=self.inside.veiling,
             notices=self,
             share=True,
+            backoff=quick(),
         )
         self.config = folder / "gateway.toml"
         self.config.write_text(

@@ -33,7 +33,6 @@ def make(folder: Path) -> Target:
     moment = int(now.timestamp() + 600) * SECOND
     verifier = Verifier(
         lambda chain: trust.verify(chain, IdentityKind.GATEWAY),
-        audience="eskin-cloud",
         skew=30.0,
         clock=lambda: moment,
         replay=Replay(capacity=1000),
