@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from cloud.chore import repeat
@@ -22,21 +23,38 @@ _LITTLE: Final = 1_048_576
 
 async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTERVAL) -> None:
     """Look every few seconds, until told to stop."""
+    work = partial(_give_back, cloud, _Work(cloud))
+    await repeat("rest", work, cloud=cloud, stopping=stopping, every_s=interval)
 
-    def worked() -> int:
-        # Packing goes on for a while when nothing comes any more.
-        return cloud.uploads.taken + cloud.store.packed
 
-    seen = rested = worked()
+class _Work:
+    """What took memory since it was last given back."""
 
-    async def look() -> None:
-        nonlocal seen, rested
-        before, seen = seen, worked()
-        if seen - before < _LITTLE and seen - rested >= MUCH:
-            rested = seen
-            await _shrink(cloud)
+    def __init__(self, cloud: Cloud) -> None:
+        self._cloud = cloud
+        self._came = cloud.uploads.taken
+        self._worked = self._rested = self._total()
 
-    await repeat("rest", look, cloud=cloud, stopping=stopping, every_s=interval)
+    def leaves_much(self) -> bool:
+        """Whether the load is gone, and it is worth while to give back what it took."""
+        came, worked = self._came, self._worked
+        self._came, self._worked = self._cloud.uploads.taken, self._total()
+        if self._came - came >= _LITTLE:
+            return False
+        # Packing goes on for long after a load: memory is given back meanwhile, and in the end.
+        much = _LITTLE if self._worked == worked else MUCH
+        if self._worked - self._rested < much:
+            return False
+        self._rested = self._worked
+        return True
+
+    def _total(self) -> int:
+        return self._cloud.uploads.taken + self._cloud.store.packed
+
+
+async def _give_back(cloud: Cloud, work: _Work) -> None:
+    if work.leaves_much():
+        await _shrink(cloud)
 
 
 async def _shrink(cloud: Cloud) -> None:

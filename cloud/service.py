@@ -30,6 +30,7 @@ from cloud.rest import rest
 from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
+from cloud.warmup import warm_up
 from cloud.watch import watch
 from eskin.doorway import bind
 from eskin.errors import LockedError, StoreError
@@ -66,7 +67,9 @@ def run(settings: CloudSettings) -> None:
         store = stack.enter_context(
             Store(place, readers=settings.store.readers, queue=settings.store.queue)
         )
-        asyncio.run(_serve(make_cloud(settings, store, clock=time.time_ns)))
+        cloud = make_cloud(settings, store, clock=time.time_ns)
+        warm_up()
+        asyncio.run(_serve(cloud))
     log.info("stopped")
 
 

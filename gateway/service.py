@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, TypedDict
 from eskin.identity import Trust, client_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.memory import settle
+from eskin.messages.warmup import warm_up
 from eskin.moment import SECOND
 from eskin.privacy import open_vault
 from gateway.acknowledger import Acknowledger
@@ -72,6 +73,7 @@ def run(settings: GatewaySettings) -> None:
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     gateway = Gateway(settings)
+    warm_up()
     gateway.start()
     settle()
     log.info(

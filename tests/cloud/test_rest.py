@@ -57,7 +57,15 @@ def test_memory_is_given_back_once_after_a_load_is_gone() -> None:
 
 
 def test_packing_that_goes_on_after_a_load_takes_memory_too() -> None:
-    assert shrunk([MUCH, 0, 0, 0, 0], packed=[0, MUCH, MUCH, 0, 0]) == [4]
+    assert shrunk([MUCH] + [0] * 5, packed=[0, MUCH, MUCH // 2, MUCH // 2, 0, 0]) == [2, 4]
+
+
+def test_last_little_of_a_packing_is_given_back_once_it_is_over() -> None:
+    assert shrunk([MUCH] + [0] * 5, packed=[0, MUCH, MUCH // 4, 0, 0, 0]) == [2, 4]
+
+
+def test_packing_behind_a_load_that_goes_on_is_left_alone() -> None:
+    assert shrunk([MUCH // 2] * 5, packed=[MUCH] * 5) == []
 
 
 def test_steady_load_and_a_trickle_are_left_alone() -> None:

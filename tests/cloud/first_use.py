@@ -1,0 +1,67 @@
+"""``python -m tests.cloud.first_use STORE [warm]``: which compiled code is loaded by first blocks.
+
+They are stored, folded, packed and asked for, in a process that did nothing of it before. Each name
+that had to be loaded then is printed; with "warm", of those that its warm-up had not loaded.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from numba.core.caching import Cache
+
+from cloud.pyramid.building import build
+from cloud.query.places import find_channel
+from cloud.query.series import read_series
+from cloud.query.window import Window
+from cloud.store import Store
+from cloud.store.item import Item
+from cloud.store.packing import find_packable, pack_some
+from cloud.warmup import warm_up
+from eskin.messages import Encoding
+from tests.cloud.clouds import put_items
+from tests.cloud.messages import CHANNEL, DT, NODE, START, block
+
+_SPAN = 100 * DT
+_MANY = 40
+
+
+def main(place: Path, *, warm: bool) -> None:
+    """Do it all, and print."""
+    sent = [_encoded(number) for number in range(_MANY)]
+    if warm:
+        warm_up()
+    look_up: Any = Cache.load_overload
+
+    def told(cache: Any, *of: Any) -> Any:
+        sys.stdout.write(f"{cache._py_func.__name__}\n")
+        return look_up(cache, *of)
+
+    with patch.object(Cache, "load_overload", told), Store(place) as store:
+        _work(store, sent)
+
+
+def _encoded(number: int) -> bytes:
+    lo = np.sin(np.arange(100) / 9 + number)
+    begin = START + number * _SPAN
+    said = block(number + 1, lo, lo + 1.5, time=(begin, begin), encoding=Encoding.Q16)
+    return said.encode()
+
+
+def _work(store: Store, sent: list[bytes]) -> None:
+    put_items(store, [Item.read(NODE, data) for data in sent])
+    build(store)
+    for channel in find_packable(store, 0):
+        while pack_some(store, channel, 0):
+            pass
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        read_series(connection, row, Window(START, START + _MANY * _SPAN), points=500)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), warm=sys.argv[2:] == ["warm"])
