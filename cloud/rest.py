@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from cloud.chore import repeat
@@ -12,6 +11,8 @@ from eskin.errors import StoreError
 from eskin.memory import MUCH, give_back
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from cloud.state import Cloud
 
 log = logging.getLogger(__name__)
@@ -23,38 +24,37 @@ _LITTLE: Final = 1_048_576
 
 async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTERVAL) -> None:
     """Look every few seconds, until told to stop."""
-    work = partial(_give_back, cloud, _Work(cloud))
-    await repeat("rest", work, cloud=cloud, stopping=stopping, every_s=interval)
+    # Packing goes on for long when nothing comes any more, and a little of it fills all caches.
+    load = _Work(lambda: cloud.uploads.taken, most=_LITTLE)
+    packing = _Work(lambda: cloud.store.packed, most=0)
+
+    async def look() -> None:
+        if load.is_over() | packing.is_over():
+            await _shrink(cloud)
+
+    await repeat("rest", look, cloud=cloud, stopping=stopping, every_s=interval)
 
 
 class _Work:
-    """What took memory since it was last given back."""
+    """Work that takes memory.
 
-    def __init__(self, cloud: Cloud) -> None:
-        self._cloud = cloud
-        self._came = cloud.uploads.taken
-        self._worked = self._rested = self._total()
+    Args:
+        count: How many bytes it took in since the start.
+        most: So many in an interval are none.
+    """
 
-    def leaves_much(self) -> bool:
-        """Whether the load is gone, and it is worth while to give back what it took."""
-        came, worked = self._came, self._worked
-        self._came, self._worked = self._cloud.uploads.taken, self._total()
-        if self._came - came >= _LITTLE:
+    def __init__(self, count: Callable[[], int], most: int) -> None:
+        self._count = count
+        self._most = most
+        self._seen = self._rested = count()
+
+    def is_over(self) -> bool:
+        """Whether there was much of it, and in the last interval none; told once."""
+        before, self._seen = self._seen, self._count()
+        if self._seen - before > self._most or self._seen - self._rested < MUCH:
             return False
-        # Packing goes on for long after a load: memory is given back meanwhile, and in the end.
-        much = _LITTLE if self._worked == worked else MUCH
-        if self._worked - self._rested < much:
-            return False
-        self._rested = self._worked
+        self._rested = self._seen
         return True
-
-    def _total(self) -> int:
-        return self._cloud.uploads.taken + self._cloud.store.packed
-
-
-async def _give_back(cloud: Cloud, work: _Work) -> None:
-    if work.leaves_much():
-        await _shrink(cloud)
 
 
 async def _shrink(cloud: Cloud) -> None:

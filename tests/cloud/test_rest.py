@@ -56,12 +56,12 @@ def test_memory_is_given_back_once_after_a_load_is_gone() -> None:
     assert shrunk([MUCH, MUCH, 0, 0, 0]) == [3]
 
 
-def test_packing_that_goes_on_after_a_load_takes_memory_too() -> None:
-    assert shrunk([MUCH] + [0] * 5, packed=[0, MUCH, MUCH // 2, MUCH // 2, 0, 0]) == [2, 4]
+def test_packing_that_goes_on_after_a_load_is_followed_by_a_rest_of_its_own() -> None:
+    assert shrunk([MUCH] + [0] * 5, packed=[0, MUCH, MUCH, 100, 0, 0]) == [2, 5]
 
 
-def test_last_little_of_a_packing_is_given_back_once_it_is_over() -> None:
-    assert shrunk([MUCH] + [0] * 5, packed=[0, MUCH, MUCH // 4, 0, 0, 0]) == [2, 4]
+def test_packing_in_small_steps_is_followed_by_one_rest() -> None:
+    assert shrunk([0] * 40, packed=[MUCH // 32] * 34) == [35]
 
 
 def test_packing_behind_a_load_that_goes_on_is_left_alone() -> None:
