@@ -1,0 +1,58 @@
+"""An export whose token is revoked breaks off: its reader sees it, and the log has a line of it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import httpx
+import numpy as np
+import pytest
+
+from cloud.access import digest, revoke_token, token_id
+from cloud.store import Store
+from eskin.messages import Encoding
+from tests.cloud.clouds import put
+from tests.cloud.messages import CHANNEL, DT, NODE, START, block
+from tests.cloud.service import Service
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.identities import Identities
+
+BLOCKS, SAMPLES = 300, 1000
+"""Some 20 MB of text: more than what a server hands to the network at once."""
+
+
+def fill(place: Path) -> None:
+    lo = np.sin(np.arange(SAMPLES) / 9)
+    times = [START + number * SAMPLES * DT for number in range(BLOCKS)]
+    said = [
+        block(number, lo, lo + 1, time=(begin, begin), encoding=Encoding.F32)
+        for number, begin in enumerate(times)
+    ]
+    with Store(place) as store:
+        put(store, *said)
+
+
+def test_export_breaks_off_when_its_token_is_revoked(
+    tmp_path: Path, identities: Identities
+) -> None:
+    place = tmp_path / "store.sqlite"
+    fill(place)
+    with Service(tmp_path / "cloud", identities, place=place) as service:
+        token = service.token()
+        with service.people(token) as client:
+            asked = {"channel": f"{NODE}/{CHANNEL}"}
+            headers = {"Accept": "text/csv"}
+            with client.stream("GET", "/api/v1/export", params=asked, headers=headers) as answer:
+                assert answer.status_code == 200, answer.read()
+                pieces = answer.iter_bytes()
+                assert next(pieces)
+                with Store(place) as store:
+                    assert revoke_token(store, token_id(digest(token)))
+                with pytest.raises(httpx.RemoteProtocolError, match="incomplete"):
+                    list(pieces)
+        said = "answer broken off: path='/api/v1/export' reason=the token was revoked"
+        service.wait_for(lambda: said in service.output(), "the log tells of it")
+        assert "Traceback" not in service.output()
