@@ -15,6 +15,8 @@ EARLIEST = -62_135_596_800 * SECOND
 """0001-01-01T00:00:00Z, the first moment that RFC 3339 can write here."""
 LATEST = 253_402_300_800 * SECOND - 1
 """The last nanosecond of year 9999."""
+MOST_MOMENT = 2**63 - 1
+"""The last moment that messages and the store hold; the first is its negative."""
 
 _RFC3339 = re.compile(
     r"(\d{4}-\d{2}-\d{2})[Tt ](\d{2}:\d{2}:\d{2})(?:\.(\d{1,9}))?([Zz]|[+-]\d{2}:\d{2})"

@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, Final, NamedTuple
 from eskin.errors import FlashError
 from eskin.messages import Gap
 from eskin.messages import Position as Place
-from eskin.messages.fields import MOST_COUNT, MOST_MOMENT
+from eskin.messages.fields import MOST_COUNT
+from eskin.moment import MOST_MOMENT
 from eskin.privacy.veiled import whole_minutes
 from sensor_node.firmware.chip import Kept
 from sensor_node.firmware.record import GAP

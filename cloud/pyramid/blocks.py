@@ -16,6 +16,7 @@ from cloud.query.window import Window
 from cloud.store.schema import blocks
 from eskin.messages.pack import Pack, is_pack
 from eskin.messages.stored import read_bounds
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -57,7 +58,7 @@ class Buckets:
     @property
     def window(self) -> Window:
         """All that they span, as far as there is time."""
-        return Window(self.start, min(self.start + self.width * self.count, 2**63 - 1))
+        return Window(self.start, min(self.start + self.width * self.count, MOST_MOMENT))
 
 
 def decode(rows: Sequence[Any], window: Window) -> Pieces:

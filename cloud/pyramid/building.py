@@ -23,6 +23,7 @@ from cloud.query.window import Window
 from cloud.store.grid import CHUNK, MOST_CHUNKS, Comb
 from cloud.store.schema import blocks, channels
 from cloud.store.tiles import stale, tiles
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +43,6 @@ _MARKS: Final = _PAGE * MOST_CHUNKS
 _CLEARED: Final = 1024
 AT_ONCE: Final = 64
 """Chunks that are made and written in one step."""
-_FOREVER: Final = 2**63 - 1
 _DELETE: Final = delete(stale).where(
     stale.c.node == bindparam("n"),
     stale.c.channel == bindparam("c"),
@@ -124,7 +124,7 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
         return True
     bits, b = row["grain"] + CHUNK, blocks.c
     # Nothing beside the index is read, but of the few rows that reach far.
-    wide = min((MOST_CHUNKS - 1) << bits, _FOREVER)
+    wide = min((MOST_CHUNKS - 1) << bits, MOST_MOMENT)
     messages = case((b.t_end - b.t >= wide, b.packed))
     query = select(b.t, b.dt, b.n, messages).where(b.node == place[0], b.channel == place[1])
     if row["built"] is not None:
@@ -187,7 +187,7 @@ def _make(connection: Connection, after: Key | None) -> list[Made]:
         channel, grain = known[place], known[place]["grain"]
         first, end = row.chunk << (grain + CHUNK), (row.chunk + 1) << (grain + CHUNK)
         buckets = Buckets(first, 1 << grain, 1 << CHUNK)
-        pieces = read_folded(connection, channel, Window(first, min(end, _FOREVER)), buckets)
+        pieces = read_folded(connection, channel, Window(first, min(end, MOST_MOMENT)), buckets)
         made.append(Made(row.node, row.channel, grain, row.chunk, row.mark, pieces))
     return made
 

@@ -8,7 +8,7 @@ from cloud.pyramid.blocks import Buckets, read_buckets
 from cloud.pyramid.reading import Stretch, read_stretch
 from cloud.query.window import Window
 from cloud.store.grid import STEP, TOP
-from eskin.moment import SECOND
+from eskin.moment import MOST_MOMENT, SECOND
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 EXACT: Final = 2**53
 """JavaScript keeps integers up to here."""
-_LIMIT: Final = 2**63 - 1
 _TILES: Final = 1024
 """A window is as many tiles long at least, where there are any: its ends move by less than that."""
 
@@ -53,7 +52,7 @@ def reach(window: Window) -> Window:
     root end behind it. Where buckets are no tiles, they reach over its end by less than a second.
     """
     margin = (window.span >> 4) + SECOND
-    return Window(max(window.start - margin, -_LIMIT), min(window.end + margin, _LIMIT))
+    return Window(max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT))
 
 
 def bucket_width(span: int, points: int) -> int:

@@ -14,13 +14,13 @@ from cloud.pyramid.ranges import Range, coarsened, merged, refined, without
 from cloud.query.window import Window
 from cloud.store.grid import CHUNK, STEP
 from cloud.store.tiles import stale, tiles
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
     from cloud.pyramid.pieces import Integers
 
-_FOREVER: Final = 2**63 - 1
 _STALE: Final = select(stale.c.chunk).where(
     stale.c.node == bindparam("node"),
     stale.c.channel == bindparam("channel"),
@@ -49,7 +49,7 @@ class Stretch:
     @property
     def range(self) -> Range:
         """When they are, UTC ns, as far as there is time."""
-        return self.first << self.level, min(self.end << self.level, _FOREVER)
+        return self.first << self.level, min(self.end << self.level, MOST_MOMENT)
 
 
 def read_stretch(connection: Connection, channel: RowMapping, stretch: Stretch) -> Pieces:
@@ -85,7 +85,7 @@ def find_open(connection: Connection, channel: RowMapping, within: Range) -> lis
     said = _said(channel, within[0] >> bits, within[1] >> bits)
     found = connection.execute(_STALE, said).scalars()
     opened = [(chunk << bits, (chunk + 1) << bits) for chunk in found]
-    clipped = ((max(a, within[0]), min(b, within[1])) for a, b in [*opened, (built, _FOREVER)])
+    clipped = ((max(a, within[0]), min(b, within[1])) for a, b in [*opened, (built, MOST_MOMENT)])
     return merged(clipped)
 
 

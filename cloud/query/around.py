@@ -14,6 +14,7 @@ from cloud.query.holding import Holding
 from cloud.query.span import touching
 from cloud.query.window import Window
 from cloud.store.schema import blocks
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,8 +24,7 @@ if TYPE_CHECKING:
 
     from cloud.pyramid.pieces import Integers
 
-_LIMIT: Final = 2**63 - 1
-_ALWAYS: Final = Window(-_LIMIT, _LIMIT)
+_ALWAYS: Final = Window(-MOST_MOMENT, MOST_MOMENT)
 COLUMNS: Final = tuple(
     blocks.c[name]
     for name in ("boot", "sequence", "t", "t_end", "n", "dt", "error", "lo", "hi", "coverage")
@@ -104,7 +104,9 @@ def _read_around(source: Source, window: Window) -> Sequence[RowMapping]:
     margin = 2 * max(channel["longest"], channel["dt"])
     b = blocks.c
     while True:
-        wide = Window(max(window.start - margin, -_LIMIT), min(window.end + margin, _LIMIT))
+        wide = Window(
+            max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT)
+        )
         query = select(*COLUMNS).where(touching(channel, wide)).order_by(b.t, b.boot, b.sequence)
         rows = source.connection.execute(query).mappings().all()
         if _is_enough(rows, window, wide, channel):

@@ -7,11 +7,12 @@ of their times. A sample holds from its moment until the next one's; before a ga
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cloud.query.span import longest_step
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from typing import Any, Self
@@ -20,8 +21,6 @@ if TYPE_CHECKING:
 
     from cloud.pyramid.pieces import Integers, Pieces
     from eskin.interval import Floats
-
-_FOREVER: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,9 +46,9 @@ class Holding:
         if len(pieces) == 0:
             return cls(pieces, first, first, (first, first))
         earliest = np.maximum.accumulate(before(last, error))
-        begin = np.maximum(before(first, error), np.append([-_FOREVER], earliest[:-1]))
+        begin = np.maximum(before(first, error), np.append([-MOST_MOMENT], earliest[:-1]))
         latest = np.minimum.accumulate(after(first, error)[::-1])[::-1]
-        following = np.append(latest[1:], [_FOREVER])
+        following = np.append(latest[1:], [MOST_MOMENT])
         broken = np.append(first[1:] - last[:-1] > longest_step(dt[:-1]), [True])
         held = after(np.minimum(after(last, error), following), dt)
         end = np.where(broken, np.minimum(held, following), following)
@@ -81,12 +80,12 @@ class Holding:
 
 def after(moments: Integers, spans: Integers) -> Integers:
     """Moments and so much, up to the end of time."""
-    return np.where(moments > _FOREVER - spans, _FOREVER, moments + spans)
+    return np.where(moments > MOST_MOMENT - spans, MOST_MOMENT, moments + spans)
 
 
 def before(moments: Integers, spans: Integers) -> Integers:
     """Moments less so much, down to the beginning of time."""
-    return np.where(moments < spans - _FOREVER, -_FOREVER, moments - spans)
+    return np.where(moments < spans - MOST_MOMENT, -MOST_MOMENT, moments - spans)
 
 
 def run_extremes(

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from eskin.errors import QueryError
-from eskin.moment import SECOND, parse_moment
+from eskin.moment import MOST_MOMENT, SECOND, parse_moment
 
 DEFAULT_SPAN: Final = 60 * SECOND
 _LONGEST: Final = 2**62
-_LIMIT: Final = 2**63 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +42,7 @@ def read_moment(parameter: str, text: str | None) -> int | None:
         moment = parse_moment(text)
     except ValueError as error:
         raise QueryError(parameter, str(error)) from error
-    if abs(moment) > _LIMIT:
+    if abs(moment) > MOST_MOMENT:
         raise QueryError(parameter, f"{text!r} is outside of the years 1678 to 2262")
     return moment
 
@@ -61,9 +60,11 @@ def read_window(start: str | None, end: str | None, *, last: int) -> Window:
     """
     begin, finish = read_moment("start", start), read_moment("end", end)
     if finish is None:
-        finish = min(last + 1, _LIMIT) if begin is None else max(begin, min(last + 1, _LIMIT))
+        finish = (
+            min(last + 1, MOST_MOMENT) if begin is None else max(begin, min(last + 1, MOST_MOMENT))
+        )
     if begin is None:
-        begin = max(finish - DEFAULT_SPAN, -_LIMIT)
+        begin = max(finish - DEFAULT_SPAN, -MOST_MOMENT)
     return make_window(begin, finish)
 
 

@@ -11,9 +11,9 @@ from eskin.identity import IdentityKind
 from eskin.messages import BlockSummary, Peak, Summary, decode_summary
 from eskin.messages.fields import MOST_BYTES
 from eskin.messages.head import Kind
+from eskin.moment import MOST_MOMENT
 from eskin.privacy import Veiled, is_biometric, is_veiled, tells_of_nobody
 
-_MOST_MOMENT: Final = 2**63 - 1
 IN_THE_CLEAR: Final = (
     "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
     "seals bring it"
@@ -87,7 +87,7 @@ def _require_biometric(message: Veiled) -> Veiled:
 
 
 def _require_storable(message: Summary) -> None:
-    if isinstance(message, BlockSummary) and message.time[1] + message.span > _MOST_MOMENT:
+    if isinstance(message, BlockSummary) and message.time[1] + message.span > MOST_MOMENT:
         raise MessageError(
             f"last sample lies after the year 2262: first at {message.time[1]} ns, "
             f"{message.n} samples of {message.dt} ns"

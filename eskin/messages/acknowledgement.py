@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import Final, Self
 
 from eskin.errors import MessageError
-from eskin.messages.fields import MOST_MOMENT, dump, load
+from eskin.messages.fields import dump, load
 from eskin.messages.gap import read_span
 from eskin.messages.head import Kind
+from eskin.moment import MOST_MOMENT
 
 MOST_SPANS: Final = 1000
 MOST_WATCHED: Final = 60_000

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import CommandError, IdentityError, MessageError
-from eskin.messages.fields import MOST_COUNT, MOST_MOMENT, dump, load
+from eskin.messages.fields import MOST_COUNT, dump, load
 from eskin.messages.head import Kind
 from eskin.messages.texts import read_texts, sort_texts
 from eskin.messages.vocabulary import CommandName, check_arguments
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from eskin.messages.vocabulary import Arguments

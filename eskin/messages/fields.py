@@ -14,13 +14,13 @@ import cbor2
 
 from eskin.errors import MessageError, shown
 from eskin.messages.outline import require_plain
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
 MOST_BYTES: Final = 65_536
 """Size limit of one plaintext message."""
-MOST_MOMENT: Final = 2**63 - 1
 """Limit of times in ns: signed 64 bit."""
 MOST_COUNT: Final = 2**53 - 1
 """Limit of counters: the integers that JavaScript keeps exact."""

@@ -16,8 +16,9 @@ from eskin.kernels.compiled import kernel, part
 from eskin.kernels.instructions import from_bits, load
 from eskin.messages.block_summary import LONGEST_DT, MOST_SAMPLES, UNIT_LENGTH, BlockSummary
 from eskin.messages.encoding import ENCODINGS, MOST_OFFSET, SAFE_EXPONENT, UNBOUNDED
-from eskin.messages.fields import MOST_COUNT, MOST_MOMENT, text
+from eskin.messages.fields import MOST_COUNT, text
 from eskin.messages.head import CHANNEL_LENGTH, Position, require_channel
+from eskin.moment import MOST_MOMENT
 
 _PLAIN: Final = 0xAF  # a map of 15 pairs
 _SCALED: Final = 0xB1  # of 17: with a scale

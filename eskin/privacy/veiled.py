@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Final, Self
 import cbor2
 
 from eskin.errors import MessageError
-from eskin.messages.fields import MOST_BYTES, MOST_COUNT, MOST_MOMENT, dump, load
+from eskin.messages.fields import MOST_BYTES, MOST_COUNT, dump, load
 from eskin.messages.head import Kind, Position, position_fields, read_channel, read_position
+from eskin.moment import MOST_MOMENT
 from eskin.privacy.subject import is_pseudonym
 
 if TYPE_CHECKING:
