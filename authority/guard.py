@@ -26,13 +26,15 @@ from eskin.errors import IdentityError
 from eskin.identity import IdentityKind, Trust
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE, write_whole
 from eskin.identity.revocations import revoked_serials
+from eskin.identity.version import version
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
     from types import FrameType
 
-    _State = tuple[tuple[int, int], ...]
+    from eskin.identity.version import Version
+
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +82,7 @@ class Guard:
         self._trust = Trust.following(identity / ROOT_FILE)
         self._revoked: set[tuple[str, str]] = set()
         self._faults: dict[str, str] = {}
-        self._seen: _State = ()
+        self._seen: tuple[Version, ...] = ()
         self._stopping = Event()
 
     def run(self, *, patience: float = 60.0) -> int:
@@ -181,11 +183,10 @@ class Guard:
             log.info("connections ended: names=%s", ", ".join(names))
         self._revoked = listed
 
-    def _state(self) -> _State:
+    def _state(self) -> tuple[Version, ...]:
         files = [self._identity / CHAIN_FILE]
         files += [self._folder / f"{kind}{end}" for kind in KINDS for end in (".pem", ".crl.pem")]
-        found = [file.stat() for file in files]
-        return tuple((one.st_mtime_ns, one.st_ino) for one in found)
+        return tuple(version(file) for file in files)
 
 
 def end_connections(control: Path, names: Sequence[str]) -> None:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import NoKeyError, PrivacyError
 from eskin.identity import IdentityKind
+from eskin.identity.version import version
 from eskin.privacy import Subject
 from eskin.privacy.files import make_folder, make_once, read_private, write_private
 from eskin.privacy.subject import KEY_BYTES
 from eskin.privacy.turn import turn
 
 if TYPE_CHECKING:
+    from eskin.identity.version import Version
     from eskin.privacy import Vault
 
 ALWAYS: Final = -(2**63)
@@ -32,7 +34,7 @@ class Assignments:
     def __init__(self, vault: Vault) -> None:
         self._vault = vault
         self._folder = vault.directory / "nodes"
-        self._read: dict[str, tuple[tuple[int, int], list[tuple[int, str]]]] = {}
+        self._read: dict[str, tuple[Version, list[tuple[int, str]]]] = {}
         self._lost: dict[str, Subject] = {}
         make_folder(self._folder)
 
@@ -97,15 +99,14 @@ class Assignments:
     def _history(self, node: str) -> list[tuple[int, str]]:
         path = self._folder / node
         try:
-            found = path.stat()
+            seen = version(path)
         except FileNotFoundError:
             nobody = _encoded([(ALWAYS, self._vault.create().pseudonym)])
             # Somebody may have said meanwhile who wears it.
             make_once(path, lambda: nobody)
-            found = path.stat()
-        version = found.st_mtime_ns, found.st_ino
+            seen = version(path)
         known = self._read.get(node)
-        if known is None or known[0] != version:
+        if known is None or known[0] != seen:
             try:
                 entries = [
                     (int(since), str(name)) for since, name in json.loads(read_private(path))
@@ -114,7 +115,7 @@ class Assignments:
                 raise PrivacyError(f"{path}: is no list of who wore the node") from error
             if not entries or entries[0][0] != ALWAYS:
                 raise PrivacyError(f"{path}: does not say who wore the node from the beginning")
-            known = self._read[node] = version, entries
+            known = self._read[node] = seen, entries
         return known[1]
 
     def _write(self, node: str, history: list[tuple[int, str]]) -> None:

@@ -10,6 +10,7 @@ from eskin.envelope import Opener
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, IdentityKind, client_context, past_identities
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
+from eskin.identity.version import version
 from gateway.warrants import Warrants
 
 if TYPE_CHECKING:
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from cryptography import x509
 
+    from eskin.identity.version import Version
     from gateway.settings import IdentitySection
 
 log = logging.getLogger(__name__)
@@ -43,7 +45,7 @@ class Keyring:
     def __init__(self, settings: IdentitySection) -> None:
         self._settings = settings
         # Unknown until the first look: so a renewal during the start is not missed.
-        self._seen: tuple[tuple[int, int], ...] = ()
+        self._seen: tuple[Version, ...] = ()
         self.gateway = _identity("identity.directory", settings.directory, IdentityKind.GATEWAY)
         self.context = client_context(self.gateway.directory / ROOT_FILE, self.gateway)
         self.warrants = Warrants(self.gateway)
@@ -110,15 +112,12 @@ class Keyring:
         own = [self._site, *past_identities(self._settings.site)]
         return {site.thumbprint: site for site in own}
 
-    def _state(self) -> tuple[tuple[int, int], ...]:
+    def _state(self) -> tuple[Version, ...]:
+        folders = self._settings.directory, self._settings.site
         try:
-            found = [
-                (folder / CHAIN_FILE).stat()
-                for folder in (self._settings.directory, self._settings.site)
-            ]
+            return tuple(version(folder / CHAIN_FILE) for folder in folders)
         except OSError as error:
             raise IdentityError(f"an identity cannot be read: {error}") from error
-        return tuple((one.st_mtime_ns, one.st_ino) for one in found)
 
 
 def _identity(setting: str, directory: Path, kind: IdentityKind) -> Identity:

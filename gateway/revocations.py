@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import IdentityKind
+from eskin.identity.version import version
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,6 +16,7 @@ if TYPE_CHECKING:
     from cryptography import x509
 
     from eskin.identity import Trust
+    from eskin.identity.version import Version
 
 log = logging.getLogger(__name__)
 
@@ -33,7 +35,7 @@ class Revocations:
         self._trust = trust
         self._path = path
         self._looked = float("-inf")
-        self._seen: tuple[int, int, int] | None = None
+        self._seen: Version | None = None
         self._loaded = False
         self.fault: str | None = None
 
@@ -47,9 +49,8 @@ class Revocations:
             return False
         self._looked = now
         try:
-            found = self._path.stat()
-            state = found.st_mtime_ns, found.st_size, found.st_ino
-            if state == self._seen:
+            seen = version(self._path)
+            if seen == self._seen:
                 return False
             self._trust.revocations(IdentityKind.NODE, self._path.read_bytes())
         except OSError as error:
@@ -58,7 +59,7 @@ class Revocations:
         except UntrustedCertificateError as error:
             self._complain(f"revocation list {self._path} cannot be used: {error}")
             return False
-        self._seen = state
+        self._seen = seen
         self._loaded = True
         self.fault = None
         log.info("revocation list taken over: path=%s", self._path)

@@ -15,11 +15,14 @@ from eskin.identity import (
     thumbprint,
 )
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
+from eskin.identity.version import version
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cryptography import x509
+
+    from eskin.identity.version import Version
 
 log = logging.getLogger(__name__)
 
@@ -97,9 +100,8 @@ class NodeKeys:
     def _find(self, named: bytes) -> x509.Certificate | None:
         return self._sites.get(named)
 
-    def _state(self) -> tuple[tuple[int, int], ...]:
+    def _state(self) -> tuple[Version, ...]:
         try:
-            found = [path.stat() for path in (self._directory / CHAIN_FILE, self._site)]
+            return version(self._directory / CHAIN_FILE), version(self._site)
         except OSError as error:
             raise IdentityError(f"an identity cannot be read: {error}") from error
-        return tuple((one.st_mtime_ns, one.st_ino) for one in found)
