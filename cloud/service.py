@@ -39,7 +39,7 @@ from eskin.identity.identity import ROOT_FILE
 from eskin.listener import Listener
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
-from eskin.memory import settle
+from eskin.memory import keep_large_apart, settle
 from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
@@ -60,6 +60,7 @@ def run(settings: CloudSettings) -> None:
         IdentityError: The server's identity cannot be read.
         StoreError: The store cannot be opened, or another cloud has it.
     """
+    keep_large_apart()
     with ExitStack() as stack:
         place = settings.store.place
         if isinstance(place, Path):

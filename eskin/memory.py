@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 MUCH: Final = 8_388_608
 """Bytes taken in since the last time, for which it is worth while."""
 _EVERY_S: Final = 60.0
+_LARGE: Final = 131_072
+_M_MMAP_THRESHOLD: Final = -3
 
 
 def give_back() -> None:
@@ -23,6 +25,19 @@ def give_back() -> None:
     trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
     if trim is not None:
         trim(0)
+
+
+def keep_large_apart() -> None:
+    """Have pieces of 128 KiB and more come from the system, and go back to it when they are freed.
+
+    glibc begins so, but takes the first large piece that is freed for a sign that such ones come
+    and go, and cuts the next ones from its arenas. There batches of a megabyte and pages of a cache
+    leave holes for each other: every new load took more than the one before. Does nothing where
+    the allocator is another.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, _LARGE)
 
 
 def settle() -> None:

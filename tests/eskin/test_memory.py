@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 import gc
-from typing import TYPE_CHECKING
+import subprocess
+import sys
 
 import psutil
+import pytest
 
 import eskin.memory
 from eskin.memory import MUCH, Thrift, give_back, settle
 
-if TYPE_CHECKING:
-    import pytest
+_LARGE = """
+import ctypes, sys
+from eskin.memory import keep_large_apart
+
+class Info(ctypes.Structure):
+    _fields_ = [(name, ctypes.c_size_t) for name in (
+        "arena", "ordblks", "smblks", "hblks", "hblkhd",
+        "usmblks", "fsmblks", "uordblks", "fordblks", "keepcost")]
+
+info = ctypes.CDLL(None).mallinfo2
+info.restype = Info
+if sys.argv[1:]:
+    keep_large_apart()
+for _ in range(3):
+    bytes(4_000_000)  # a large piece that is freed
+before = info().hblkhd
+large = bytes(1_000_000)
+print(info().hblkhd - before)
+"""
 
 
 def test_memory_is_given_back_once_a_minute_where_much_came(
@@ -53,3 +72,15 @@ def test_what_is_there_once_settled_is_looked_at_no_more() -> None:
         assert not any(each is there[0] for each in gc.get_objects())
     finally:
         gc.unfreeze()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="glibc's allocator")
+def test_large_pieces_come_from_the_system_also_after_others_were_freed() -> None:
+    def taken(*how: str) -> int:
+        told = subprocess.run(
+            [sys.executable, "-c", _LARGE, *how], capture_output=True, text=True, check=True
+        )
+        return int(told.stdout)
+
+    assert taken() == 0
+    assert taken("apart") >= 1_000_000
