@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -14,13 +14,14 @@ from sqlalchemy import select
 
 from cloud.pyramid.building import build
 from cloud.pyramid.keeping import keep_built
+from cloud.pyramid.levels import write_levels
 from cloud.query.occupancy import measure_occupancy, sum_up
 from cloud.query.places import find_channel
 from cloud.query.question import Answer, Question
 from cloud.query.runs import Run, merge
 from cloud.query.threshold import find_segments
 from cloud.query.window import Window
-from cloud.store.tiles import tiles
+from cloud.store.tiles import stale, tiles
 from tests.cloud.brute_force import (
     BOUNDS,
     QUESTIONS,
@@ -35,6 +36,8 @@ from tests.cloud.messages import CHANNEL, NODE, START, block
 from tests.cloud.test_queries import spy_on_decoding
 
 if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
     from cloud.store import Store
     from eskin.messages import Block
     from tests.cloud.clouds import Stand
@@ -182,3 +185,28 @@ def test_certain_segment_ends_at_each_gap_within_a_tile(store: Store) -> None:
         window = Window(START, START + 40_000)
         found = list(find_segments(connection, row, window, Question(0.0, None, strict=True)))
     assert [(run.start, run.end) for run in found] == [(t, t + 29) for t in moments]
+
+
+def test_building_gives_way_between_channels_to_whoever_else_writes(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Chunks of all channels are whole at the same moment: nobody shall wait for all of them."""
+    names = [f"t{number:02}.capacitance" for number in range(3)]
+    for at, name in enumerate(names):
+        moments = [START, START + 20_000]
+        put(store, *(block(10 * at + n, time=(t, t), dt=1, channel=name)
+                     for n, t in enumerate(moments)))  # fmt: skip
+    order: list[str] = []
+
+    def write(connection: Connection, place: tuple[str, str], *made: Any) -> None:
+        if not order:
+            store.write(lambda _: order.append("another"))
+        order.append(place[1])
+        write_levels(connection, place, *made)
+
+    monkeypatch.setattr("cloud.pyramid.building.write_levels", write)
+    build(store)
+    assert order == [names[0], "another", *names[1:]]
+    with store.read() as connection:
+        assert not connection.execute(select(stale)).all()
+        assert set(connection.execute(select(tiles.c.channel)).scalars()) == set(names)
