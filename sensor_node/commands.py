@@ -87,7 +87,7 @@ class Commander:
         """Take up the state of before, and say how the node is set; once, before any command.
 
         Raises:
-            FlashError: Flash cannot be read.
+            FlashError: The last result that it kept makes no sense.
         """
         try:
             self._start()

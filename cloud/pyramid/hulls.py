@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from cloud.pyramid.blocks import Buckets, read_buckets
-from cloud.pyramid.reading import Stretch, read_stretch
+from cloud.pyramid.reading import TileRange, read_stretch
 from cloud.query.window import Window
 from cloud.store.grid import STEP, TOP
 from eskin.moment import MOST_MOMENT, SECOND
@@ -41,7 +41,7 @@ def read_hulls(
     each = -(-(last + 1 - first) // points)
     count = -(-(last + 1 - first) // each)
     buckets = Buckets(first << level, each << level, count)
-    stretch = Stretch(level, first, first + each * count)
+    stretch = TileRange(level, first, first + each * count)
     return read_stretch(connection, channel, stretch), buckets
 
 

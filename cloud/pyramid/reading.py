@@ -39,7 +39,7 @@ _TILES: Final = (
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class TileRange:
     """Neighbouring tiles of a level, from ``first`` up to, and without, ``end``."""
 
     level: int
@@ -52,7 +52,7 @@ class Stretch:
         return self.first << self.level, min(self.end << self.level, MOST_MOMENT)
 
 
-def read_stretch(connection: Connection, channel: RowMapping, stretch: Stretch) -> Pieces:
+def read_stretch(connection: Connection, channel: RowMapping, stretch: TileRange) -> Pieces:
     """Exact pieces of all samples in a stretch, none of which reaches over a tile's end.
 
     Tiles over what changed since they were made are left alone, for those below them; on the lowest
