@@ -29,7 +29,8 @@ async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTE
     packing = _Work(lambda: cloud.store.packed, most=0)
 
     async def look() -> None:
-        if load.is_over() | packing.is_over():
+        over = [work.is_over() for work in (load, packing)]  # each looks, whatever the other says
+        if any(over):
             await _shrink(cloud)
 
     await repeat("rest", look, cloud=cloud, stopping=stopping, every_s=interval)

@@ -41,7 +41,7 @@ _MOST_PARAMETERS: Final = 20
 class PredictionQuery(WindowQuery):
     """Which model predicts, and with which parameters."""
 
-    model: Literal[tuple(MODELS)] = Field(  # type: ignore[valid-type]  # the registry names them
+    model: Literal[tuple(MODELS)] = Field(  # type: ignore[valid-type]  # names of the registry
         description="a quantity of a model"
     )
     parameter: list[Annotated[str, Field(max_length=100)]] = Field(

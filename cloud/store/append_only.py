@@ -37,5 +37,5 @@ def keep_append_only(table: Table) -> None:
 
 
 def _after_create(table: Table, dialect: str, statement: str) -> None:
-    made: ExecutableDDLElement = DDL(statement)  # type: ignore[no-untyped-call]  # no annotations
+    made: ExecutableDDLElement = DDL(statement)  # type: ignore[no-untyped-call]  # untyped in SQLAlchemy
     event.listen(table, "after_create", made.execute_if(dialect=dialect))

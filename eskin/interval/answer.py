@@ -25,7 +25,7 @@ class Answer:
 
     __slots__ = ("certain", "impossible")
     __array_ufunc__ = None
-    __hash__ = None  # type: ignore[assignment]  # answers are arrays
+    __hash__ = None  # type: ignore[assignment]  # arrays: no key of a dict
 
     def __init__(self, certain: ArrayLike, impossible: ArrayLike) -> None:
         sure, never = np.broadcast_arrays(np.asarray(certain, bool), np.asarray(impossible, bool))

@@ -83,7 +83,7 @@ class Interval(Reductions):
         same = self.is_singleton & that.is_singleton & (self.inf == that.inf)
         return Answer(same, self.disjoint(that))
 
-    def __ne__(self, other: object) -> Answer:  # type: ignore[override]  # likewise
+    def __ne__(self, other: object) -> Answer:  # type: ignore[override]  # three values, as `==`
         return ~(self == other)
 
     def _compared(self, other: Any) -> Self:

@@ -39,7 +39,7 @@ class _Stamps:
     Looked up when numba first asks: when a kernel is made, parts below it are still to come.
     """
 
-    __hash__ = None  # type: ignore[assignment]  # files change
+    __hash__ = None  # type: ignore[assignment]  # equal only until a file changes
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self._function = function

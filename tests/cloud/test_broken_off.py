@@ -1,4 +1,4 @@
-"""An export whose token is revoked breaks off: its reader sees it, and the log has a line of it."""
+"""An answer that cannot go on breaks off: its reader sees it, and the log has a line of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from cloud.access import digest, revoke_token, token_id
+from cloud.broken_off import BrokenOffMiddleware
 from cloud.store import Store
+from eskin.errors import StoreError
 from eskin.messages import Encoding
 from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block
@@ -17,6 +19,8 @@ from tests.cloud.service import Service
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from starlette.types import Message, Receive, Scope, Send
 
     from tests.identities import Identities
 
@@ -56,3 +60,45 @@ def test_export_breaks_off_when_its_token_is_revoked(
         said = "answer broken off: path='/api/v1/export' reason=the token was revoked"
         service.wait_for(lambda: said in service.output(), "the log tells of it")
         assert "Traceback" not in service.output()
+
+
+def answering(error: Exception, *, begun: bool) -> BrokenOffMiddleware:
+    """An application whose answer meets an error."""
+
+    async def app(_: Scope, __: Receive, send: Send) -> None:
+        if begun:
+            await send({"type": "http.response.start", "status": 200, "headers": []})
+        raise error
+
+    return BrokenOffMiddleware(app)
+
+
+async def asked(app: BrokenOffMiddleware) -> list[str]:
+    sent: list[str] = []
+
+    async def receive() -> Message:
+        return {"type": "http.request"}
+
+    async def send(message: Message) -> None:
+        sent.append(message["type"])
+
+    await app({"type": "http", "path": "/api/v1/export"}, receive, send)
+    return sent
+
+
+@pytest.mark.anyio
+async def test_store_that_fails_within_an_answer_ends_it(caplog: pytest.LogCaptureFixture) -> None:
+    app = answering(StoreError("the disk is gone"), begun=True)
+    assert await asked(app) == ["http.response.start"]
+    assert "answer broken off: path='/api/v1/export' reason=the disk is gone" in caplog.text
+
+
+@pytest.mark.anyio
+@pytest.mark.parametrize(
+    ("error", "begun"), [(StoreError("away"), False), (ValueError("a bug"), True)]
+)
+async def test_refusals_and_faults_of_the_program_are_left_to_others(
+    error: Exception, *, begun: bool
+) -> None:
+    with pytest.raises(type(error), match=str(error)):
+        await asked(answering(error, begun=begun))
