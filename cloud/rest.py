@@ -1,14 +1,15 @@
-"""After a load is gone, what it took of the memory is given back."""
+"""What a load took of the memory is given back: now and then under it, and all after it."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
+import time
 from typing import TYPE_CHECKING, Final
 
 from cloud.chore import repeat
 from eskin.errors import StoreError
-from eskin.memory import MUCH, give_back
+from eskin.memory import MUCH, Thrift, give_back
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,16 +23,25 @@ _LITTLE: Final = 1_048_576
 """Bytes in an interval that are no load."""
 
 
-async def rest(cloud: Cloud, stopping: asyncio.Event, *, interval: float = _INTERVAL) -> None:
+async def rest(
+    cloud: Cloud,
+    stopping: asyncio.Event,
+    *,
+    interval: float = _INTERVAL,
+    clock: Callable[[], float] = time.monotonic,
+) -> None:
     """Look every few seconds, until told to stop."""
     # Packing goes on for long when nothing comes any more, and a little of it fills all caches.
     load = _Work(lambda: cloud.uploads.taken, most=_LITTLE)
     packing = _Work(lambda: cloud.store.packed, most=0)
+    thrift = Thrift(clock)
 
     async def look() -> None:
         over = [work.is_over() for work in (load, packing)]  # each looks, whatever the other says
         if any(over):
             await _shrink(cloud)
+        else:
+            await asyncio.to_thread(thrift.take, load.came + packing.came)
 
     await repeat("rest", look, cloud=cloud, stopping=stopping, every_s=interval)
 
@@ -42,17 +52,22 @@ class _Work:
     Args:
         count: How many bytes it took in since the start.
         most: So many in an interval are none.
+
+    Attributes:
+        came: How many bytes it took in between the last two looks.
     """
 
     def __init__(self, count: Callable[[], int], most: int) -> None:
         self._count = count
         self._most = most
         self._seen = self._rested = count()
+        self.came = 0
 
     def is_over(self) -> bool:
         """Whether there was much of it, and in the last interval none; told once."""
         before, self._seen = self._seen, self._count()
-        if self._seen - before > self._most or self._seen - self._rested < MUCH:
+        self.came = self._seen - before
+        if self.came > self._most or self._seen - self._rested < MUCH:
             return False
         self._rested = self._seen
         return True

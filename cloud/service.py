@@ -10,6 +10,7 @@ from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from cloud.allocator import use_one_allocator
 from cloud.application import gateway_application, people_application
 from cloud.certificate import Certificate
 from cloud.commands import Board
@@ -39,7 +40,7 @@ from eskin.identity.identity import ROOT_FILE
 from eskin.listener import Listener
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
-from eskin.memory import keep_large_apart, settle
+from eskin.memory import settle
 from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
@@ -60,7 +61,7 @@ def run(settings: CloudSettings) -> None:
         IdentityError: The server's identity cannot be read.
         StoreError: The store cannot be opened, or another cloud has it.
     """
-    keep_large_apart()
+    use_one_allocator()
     with ExitStack() as stack:
         place = settings.store.place
         if isinstance(place, Path):

@@ -6,6 +6,8 @@ import asyncio
 from typing import TYPE_CHECKING
 from unittest.mock import Mock
 
+import pytest
+
 from cloud.ingest.uploads import Uploads
 from cloud.rest import rest
 from cloud.store import Store
@@ -18,7 +20,11 @@ if TYPE_CHECKING:
 
 
 def shrunk(
-    loads: Sequence[int], *, packed: Sequence[int] = (), fault: Exception | None = None
+    loads: Sequence[int],
+    *,
+    packed: Sequence[int] = (),
+    seconds: float = 5.0,
+    fault: Exception | None = None,
 ) -> list[int]:
     """Which interval began with a shrinking, where so many bytes came, or were packed, before."""
     uploads, stopping, found = Uploads(1 << 40), asyncio.Event(), []
@@ -48,7 +54,7 @@ def shrunk(
 
     cloud = Mock(uploads=uploads)
     cloud.store.shrink, cloud.store.packed = shrink, 0
-    asyncio.run(rest(cloud, Steps(), interval=60.0))
+    asyncio.run(rest(cloud, Steps(), interval=60.0, clock=lambda: turn * seconds))
     return found
 
 
@@ -75,6 +81,19 @@ def test_steady_load_and_a_trickle_are_left_alone() -> None:
 
 def test_trickle_after_a_load_hinders_nothing() -> None:
     assert shrunk([MUCH, 10, 10, 10]) == [2]
+
+
+def test_memory_is_given_back_now_and_then_under_a_load_that_goes_on(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given = []
+    monkeypatch.setattr("eskin.memory.give_back", lambda: given.append(True))
+    assert shrunk([MUCH] * 6, seconds=20.0) == []
+    assert len(given) == 2
+    assert shrunk([0] * 6, packed=[MUCH] * 6, seconds=20.0) == []
+    assert len(given) == 4
+    assert shrunk([10] * 6, seconds=20.0) == []
+    assert len(given) == 4
 
 
 def test_store_that_cannot_shrink_ends_nothing() -> None:
