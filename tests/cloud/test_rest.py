@@ -6,8 +6,6 @@ import asyncio
 from typing import TYPE_CHECKING
 from unittest.mock import Mock
 
-import pytest
-
 from cloud.ingest.uploads import Uploads
 from cloud.rest import rest
 from cloud.store import Store
@@ -17,6 +15,8 @@ from eskin.memory import MUCH, give_back
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    import pytest
 
 
 def shrunk(
