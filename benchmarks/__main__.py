@@ -24,6 +24,7 @@ from benchmarks.pyramid import measure_pyramid
 from benchmarks.report import Row, as_table, write_json
 from benchmarks.storage import measure_storage
 from benchmarks.viewers import measure_viewers
+from tests.processes import unwound_by_signals
 
 
 def main() -> None:
@@ -44,7 +45,7 @@ def main() -> None:
         rows += measure_peaks()
     with console.status("packs beside the blocks that they are made of …"):
         rows += measure_packing()
-    with tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
+    with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-bench-") as folder:
         data = Path(folder)
         with console.status("sealing and opening envelopes …"):
             rows += measure_envelope()

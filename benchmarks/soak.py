@@ -21,7 +21,7 @@ from rich.table import Table
 
 from benchmarks.flood import Flood
 from benchmarks.trend import LEAST, Trend
-from tests.processes import wait_until
+from tests.processes import unwound_by_signals, wait_until
 from tests.stacks import RealStack
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def main() -> None:
     parser.add_argument("--rate", type=float, default=1000.0, help="blocks a second")
     options = parser.parse_args()
     console = Console()
-    with tempfile.TemporaryDirectory(prefix="eskin-soak-") as folder:
+    with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-soak-") as folder:
         said = f"{options.rate:g} blocks/s for {options.duration:g} s …"
         with console.status(said):
             found = soak(Path(folder) / "stack", duration=options.duration, rate=options.rate)

@@ -9,14 +9,15 @@ import ssl
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Self
+from typing import TYPE_CHECKING, Final, NoReturn, Self
 
 from demo.ports import free_ports
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-    from types import TracebackType
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from types import FrameType, TracebackType
 
 ESKIN = str(Path(sys.executable).with_name("eskin"))
 """The installed command."""
@@ -54,6 +55,24 @@ def wait_until(condition: Callable[[], bool], what: str, *, seconds: float = _LO
         if asked > deadline:
             raise AssertionError(f"after {seconds:g} s still not: {what}")
         time.sleep(max(_SHORTEST_S, time.monotonic() - asked))
+
+
+@contextmanager
+def unwound_by_signals() -> Iterator[None]:
+    """For a command: whoever ends it by SIGTERM or SIGINT ends what it started, too.
+
+    Python dies of the first at once; a shell has what it starts in the background ignore the other.
+    """
+    before = {number: signal.signal(number, _leave) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def _leave(number: int, _: FrameType | None) -> NoReturn:
+    sys.exit(128 + number)
 
 
 class Running:

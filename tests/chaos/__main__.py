@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import argparse
 import os
-import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, NoReturn
 
 from rich.console import Console
 
@@ -21,7 +20,7 @@ from tests.chaos.faults import FAULTS
 from tests.chaos.plan import Blow, Stroke, make_plan
 from tests.chaos.site import Site, part_names
 from tests.chaos.verdict import DRAIN_S, judge
-from tests.processes import wait_until
+from tests.processes import unwound_by_signals, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -47,12 +46,12 @@ def main() -> int:
         sys.stderr.write("make chaos: network namespaces need root; run it with sudo\n")
         return 2
     if _OF_ITS_OWN not in os.environ:
-        return _in_namespaces_of_our_own()
+        _go_into_namespaces_of_our_own()
     console = Console(stderr=True)
     server = options.store == "postgresql"
     plan = make_plan(options.seed, seconds=options.duration, parts=part_names(server=server))
     console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
-    with tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
+    with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
         root = (options.data or Path(fresh) / "site").resolve()
         with Site(root, server=server) as site:
             wait_until(site.has_begun, "the first block is stored", seconds=_START_S)
@@ -65,11 +64,11 @@ def main() -> int:
         return 1 if verdict.faults else 0
 
 
-def _in_namespaces_of_our_own() -> int:
-    """Call ourselves where bridges, cables and mounts are nobody else's, and end with us."""
+def _go_into_namespaces_of_our_own() -> NoReturn:
+    """Begin anew where bridges, cables and mounts are nobody else's, and end with us."""
     again = [sys.executable, "-m", "tests.chaos", *sys.argv[1:]]
     words = ["unshare", "--mount", "--net", "--propagation", "private", *again]
-    return subprocess.run(words, env=os.environ | {_OF_ITS_OWN: "1"}, check=False).returncode
+    os.execvpe(words[0], words, os.environ | {_OF_ITS_OWN: "1"})  # noqa: S606 - our own words
 
 
 def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> list[Blow]:
