@@ -186,7 +186,11 @@ class Spool:
                 self._regain()
 
     def node(self, name: str) -> NodeRecord | None:
-        """What is remembered of a node."""
+        """What is remembered of a node.
+
+        Raises:
+            SpoolError: The file cannot be read, or is damaged.
+        """
         rows = self._rows("SELECT * FROM nodes WHERE node = ?", name)
         if not rows:
             return None
@@ -197,21 +201,37 @@ class Spool:
             raise SpoolError(f"spool {self._path} is damaged: {name}: {error}") from error
 
     def nodes(self) -> list[str]:
-        """Names of all nodes ever accepted."""
+        """Names of all nodes ever accepted.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
         return [row[0] for row in self._rows("SELECT node FROM nodes ORDER BY node")]
 
     def sender(self, thumbprint: bytes) -> Sender | None:
-        """A sender's certificates."""
+        """A sender's certificates.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
         rows = self._rows("SELECT * FROM senders WHERE thumbprint = ?", thumbprint)
         return Sender(*rows[0]) if rows else None
 
     def dead_letters(self) -> list[DeadLetter]:
-        """All dead letters, the oldest first."""
+        """All dead letters, the oldest first.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
         rows = self._rows("SELECT at, node, reason, body FROM dead_letters ORDER BY id")
         return [DeadLetter(*row) for row in rows]
 
     def oldest(self) -> int | None:
-        """When the oldest message came, UTC ns."""
+        """When the oldest message came, UTC ns.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
         rows = self._rows("SELECT received FROM messages ORDER BY id LIMIT 1")
         return rows[0][0] if rows else None
 
@@ -277,5 +297,4 @@ class Spool:
 
 def _row(name: str, record: NodeRecord) -> tuple[object, ...]:
     held = record.held
-    ranges = record.encode_ranges()
-    return name, held.boot, held.sequence, ranges, record.status, record.thumbprint
+    return name, held.boot, held.sequence, record.encode_ranges(), record.status, record.thumbprint
