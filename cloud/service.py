@@ -27,7 +27,7 @@ from cloud.packing import keep_packed
 from cloud.privacy.erasures import hear
 from cloud.privacy.keyholder import Keyholder
 from cloud.pyramid.keeping import keep_built
-from cloud.rest import rest
+from cloud.reclaim import reclaim
 from cloud.retention import retain
 from cloud.state import Cloud
 from cloud.store import Store
@@ -171,7 +171,7 @@ async def _serve(cloud: Cloud) -> None:
         group.create_task(hear(cloud, stopping), name="erasures")
         group.create_task(retain(cloud, stopping), name="retention")
         group.create_task(keep_built(cloud, stopping), name="pyramid")
-        group.create_task(rest(cloud, stopping), name="rest")
+        group.create_task(reclaim(cloud, stopping), name="memory")
         group.create_task(keep_packed(cloud, stopping), name="packing")
         for listener in listeners:
             await listener.ready.wait()

@@ -61,7 +61,7 @@ class EventStream(StreamingResponse):
     "/live",
     response_class=EventStream,
     responses={
-        200: {"description": "server-sent events: block, peak, gap, status, command"},
+        200: {"description": "server-sent events: block, peak, gap, status, command, lagging"},
         **REFUSALS_OF_PLACE,
     },
 )

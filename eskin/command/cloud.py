@@ -163,7 +163,7 @@ def move(
         )
     for name, count in counts.items():
         typer.echo(f"{count:12} {name}")
-    typer.echo("moved, and compared row by row")
+    typer.echo("moved, and compared page by page")
 
 
 @cloud.command("audit-log")

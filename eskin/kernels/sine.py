@@ -122,18 +122,6 @@ def sincospi(x: float) -> tuple[float, float]:
 
 
 @part
-def sinpi(x: float) -> float:
-    """Sine of ``x`` half turns, ``sin(πx)``."""
-    return sincospi(x)[0]
-
-
-@part
-def cospi(x: float) -> float:
-    """Cosine of ``x`` half turns, ``cos(πx)``."""
-    return sincospi(x)[1]
-
-
-@part
 def sincospi_of_two(high: float, low: float) -> tuple[float, float]:
     """Sine and cosine of ``high + low`` half turns, an angle of two floats."""
     a = fma(-2.0, np.rint(0.5 * high), high)

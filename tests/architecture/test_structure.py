@@ -6,6 +6,7 @@ import ast
 import importlib
 import pkgutil
 import subprocess
+import tomllib
 from pathlib import Path
 from statistics import median
 
@@ -89,6 +90,14 @@ def test_imports_go_one_way() -> None:
         capture_output=True, text=True, cwd=ROOT, timeout=250, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout
+
+
+def test_law_of_the_library_names_all_of_it() -> None:
+    """A module that its list leaves out could import a tier."""
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    (law,) = [each for each in rules["contracts"] if each["name"].startswith("eskin imports no")]
+    modules = {f"eskin.{module.name}" for module in pkgutil.iter_modules([str(ROOT / "eskin")])}
+    assert set(law["source_modules"]) == modules - {"eskin.command", "eskin.__main__"}
 
 
 def test_import_of_eskin_starts_no_tier_and_no_server_and_brings_models_with_their_use() -> None:

@@ -9,22 +9,27 @@ _FOLD = """
 import sys
 from concurrent.futures import ThreadPoolExecutor
 import pyarrow as pa
-from cloud.allocator import use_one_allocator
+import eskin.memory
+from cloud import allocator
 
+apart = []
+allocator.keep_large_apart = lambda: apart.append(eskin.memory.keep_large_apart())
 if sys.argv[1:]:
-    use_one_allocator()
+    allocator.use_one_allocator()
 with ThreadPoolExecutor(4) as pool:
     for data in pool.map(lambda n: pa.compress(bytes(n), "zstd"), [50_000] * 40):
         assert pa.decompress(data, 50_000, "zstd").size == 50_000
-print(pa.mimalloc_memory_pool().max_memory())
+print(pa.mimalloc_memory_pool().max_memory(), len(apart))
 """
 
 
-def test_arrow_takes_its_memory_from_the_c_library() -> None:
-    def taken(*how: str) -> int:
+def test_arrow_takes_its_memory_from_the_c_library_and_large_pieces_are_apart() -> None:
+    def taken(*how: str) -> tuple[int, ...]:
         command = [sys.executable, "-c", _FOLD, *how]
         told = subprocess.run(command, capture_output=True, text=True, check=True)
-        return int(told.stdout)
+        return tuple(map(int, told.stdout.split()))
 
-    assert taken() > 0
-    assert taken("tuned") == 0
+    pooled, apart = taken()
+    assert pooled > 0
+    assert apart == 0
+    assert taken("tuned") == (0, 1)

@@ -11,7 +11,7 @@ import pytest
 from cloud.chore import repeat
 from cloud.live import relay
 from cloud.privacy import erasures
-from cloud.rest import rest
+from cloud.reclaim import reclaim
 from cloud.watch import watch
 from eskin.errors import PrivacyError, StoreError
 from eskin.memory import MUCH
@@ -64,7 +64,7 @@ async def test_what_lasts_is_told_once_until_it_is_well_again(
 
 
 @pytest.mark.anyio
-@pytest.mark.parametrize("name", ["erasures", "watch", "rest", "relay"])
+@pytest.mark.parametrize("name", ["erasures", "watch", "memory", "relay"])
 async def test_what_nobody_foresaw_ends_no_work_in_the_background(
     stand: Stand, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
@@ -87,10 +87,10 @@ async def test_what_nobody_foresaw_ends_no_work_in_the_background(
     elif name == "watch":
         monkeypatch.setattr("cloud.watch._INTERVAL", 0.001)
         task = watch(cloud, [Mock(refresh=breaks)], stopping)
-    elif name == "rest":
+    elif name == "memory":
         monkeypatch.setattr(cloud.store, "shrink", breaks)
-        monkeypatch.setattr("cloud.rest._LITTLE", 2 * MUCH)
-        task = rest(cloud, stopping, interval=0.001)
+        monkeypatch.setattr("cloud.reclaim._LITTLE", 2 * MUCH)
+        task = reclaim(cloud, stopping, interval=0.001)
     else:
         monkeypatch.setattr(relay, "_PAUSE_S", 0.001)
         monkeypatch.setattr(relay, "_listen", breaks)

@@ -131,7 +131,7 @@ def test_command_moves_everything_and_draws_a_bar_for_people(
     assert done.returncode == 0, done.stderr
     assert re.search("moving.*━.*100%", done.stderr), done.stderr
     *lines, last = done.stdout.splitlines()
-    assert last == "moved, and compared row by row"
+    assert last == "moved, and compared page by page"
     counts = {name: int(number) for number, name in map(str.split, lines)}
     assert counts == {name: len(found) for name, found in rows(source).items()}
     check(target, source)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import subprocess
 import sys
+import weakref
 
 import psutil
 import pytest
@@ -63,11 +64,23 @@ def test_what_lies_scattered_is_given_back() -> None:
     assert len(kept) == 2000
 
 
+class Ring:
+    """What refers to itself."""
+
+    next: Ring
+
+
 def test_what_is_there_once_settled_is_looked_at_no_more() -> None:
     there = [[number] for number in range(1000)]
+    ring = Ring()
+    ring.next = ring
+    gone = weakref.ref(ring)
+    gc.collect()
+    del ring  # garbage that would be frozen with the rest
     before = gc.get_freeze_count()
     try:
         settle()
+        assert gone() is None
         assert gc.get_freeze_count() > before + len(there)
         assert not any(each is there[0] for each in gc.get_objects())
     finally:

@@ -23,7 +23,7 @@ _LITTLE: Final = 1_048_576
 """Bytes in an interval that are no load."""
 
 
-async def rest(
+async def reclaim(
     cloud: Cloud,
     stopping: asyncio.Event,
     *,
@@ -43,7 +43,7 @@ async def rest(
         else:
             await asyncio.to_thread(thrift.take, load.came + packing.came)
 
-    await repeat("rest", look, cloud=cloud, stopping=stopping, every_s=interval)
+    await repeat("memory", look, cloud=cloud, stopping=stopping, every_s=interval)
 
 
 class _Work:

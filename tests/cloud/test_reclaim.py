@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+from contextlib import ExitStack
 from typing import TYPE_CHECKING
-from unittest.mock import Mock
+from unittest.mock import Mock, patch
+
+from sqlalchemy import Engine, event
 
 from cloud.ingest.uploads import Uploads
-from cloud.rest import rest
+from cloud.reclaim import reclaim
 from cloud.store import Store
 from eskin.errors import StoreError
 from eskin.memory import MUCH, give_back
@@ -17,6 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     import pytest
+    from sqlalchemy import Connection
 
 
 def shrunk(
@@ -26,8 +30,12 @@ def shrunk(
     seconds: float = 5.0,
     fault: Exception | None = None,
 ) -> list[int]:
-    """Which interval began with a shrinking, where so many bytes came, or were packed, before."""
+    """Which interval began with a shrinking, where so many bytes came, or were packed, before.
+
+    What the allocator keeps is given back right after each, also after one that failed.
+    """
     uploads, stopping, found = Uploads(1 << 40), asyncio.Event(), []
+    given: list[int] = []
     waiting, packing = iter(loads), iter(packed)
     turn = 0
 
@@ -54,7 +62,9 @@ def shrunk(
 
     cloud = Mock(uploads=uploads)
     cloud.store.shrink, cloud.store.packed = shrink, 0
-    asyncio.run(rest(cloud, Steps(), interval=60.0, clock=lambda: turn * seconds))
+    with patch("cloud.reclaim.give_back", lambda: given.append(turn)):
+        asyncio.run(reclaim(cloud, Steps(), interval=60.0, clock=lambda: turn * seconds))
+    assert given == found
     return found
 
 
@@ -100,10 +110,23 @@ def test_store_that_cannot_shrink_ends_nothing() -> None:
     assert shrunk([MUCH, 0, MUCH, 0, 0], fault=StoreError("full")) == [2, 4]
 
 
-def test_store_that_gave_its_memory_back_goes_on(tmp_path: Path) -> None:
-    with Store(tmp_path / "store.sqlite") as store:
-        store.check()
-        store.shrink()
+def test_store_has_each_of_its_connections_give_memory_back_and_goes_on(tmp_path: Path) -> None:
+    asked: list[object] = []
+
+    def look(connection: Connection, _: object, words: str, *__: object) -> None:
+        if words == "PRAGMA shrink_memory":
+            asked.append(connection.connection.driver_connection)
+
+    with Store(tmp_path / "store.sqlite", readers=3) as store:
+        with ExitStack() as reading:
+            for _ in range(3):
+                reading.enter_context(store.read())
+        event.listen(Engine, "before_cursor_execute", look)
+        try:
+            store.shrink()
+        finally:
+            event.remove(Engine, "before_cursor_execute", look)
+        assert len(set(asked)) == 1 + 3
         give_back()
         store.check()
         assert store.write(lambda _: 7).result(timeout=30) == 7
