@@ -154,7 +154,7 @@ async def require_biometric(visitor: Visitor) -> Access:
     return _require(_require(visitor, Scope.READ), Scope.BIOMETRIC)
 
 
-Physician = Annotated[Access, Depends(require_biometric)]
+BiometricReader = Annotated[Access, Depends(require_biometric)]
 Reader = Annotated[Access, Depends(require_read)]
 Operator = Annotated[Access, Depends(require_operate)]
 Administrator = Annotated[Access, Depends(require_admin)]

@@ -11,7 +11,7 @@ from sqlalchemy import Connection, RowMapping
 from starlette.responses import Response, StreamingResponse
 
 from cloud.dependencies import Access, CloudState, Reader
-from cloud.files import WRITERS, write
+from cloud.export_formats import WRITERS, write
 from cloud.negotiation import choose
 from cloud.privacy.memory import unveiled
 from cloud.problems import ProblemError, documented

@@ -19,8 +19,8 @@ from cloud.routes.answers import as_json
 from cloud.routes.documents import REFUSALS_OF_PLACE, PageDocument
 from cloud.routes.series_documents import OccupancyDocument, SegmentDocument, SeriesDocument
 from cloud.routes.windows import WindowQuery, opened, paged, resumed, window_of
+from cloud.series_formats import WRITERS
 from cloud.shapes import occupancy_shape, page, segment_shape
-from cloud.tables import WRITERS
 from eskin.errors import QueryError
 
 router = APIRouter(tags=["series"])

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 from sqlalchemy import func, select
 from starlette.responses import Response, StreamingResponse
 
-from cloud.dependencies import Access, Administrator, CloudState, Physician
+from cloud.dependencies import Access, Administrator, BiometricReader, CloudState
 from cloud.privacy.erasures import look
 from cloud.problems import ProblemError
 from cloud.query.errors import UnknownPlaceError
@@ -66,7 +66,7 @@ def get_subjects(
     responses={200: {"content": {_LINES: {}}}, **REFUSALS_OF_PLACE},
 )
 async def get_export(
-    cloud: CloudState, access: Physician, subject: str, query: Annotated[NoQuery, Query()]
+    cloud: CloudState, access: BiometricReader, subject: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
     """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
     del query

@@ -17,7 +17,7 @@ import pytest
 
 from cloud.access import Holder
 from cloud.dependencies import Access
-from cloud.files import WRITERS, write
+from cloud.export_formats import WRITERS, write
 from cloud.problems import ProblemError
 from cloud.query.export import Export, Source
 from cloud.query.places import find_channel
