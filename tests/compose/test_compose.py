@@ -156,10 +156,10 @@ def test_killed_containers_come_back_and_nothing_is_lost(
         stack.kill(service)
         stack.wait_healthy(service)
     _wait_for_samples_after(stack, client, time.time_ns())
-    # What was on the way when its carrier died is sent again a few seconds later.
-    wait_until(lambda: not _outbox(client), "the nodes' outboxes are empty", seconds=60)
+    # What was on the way when its carrier died is sent again a few seconds later. Outboxes need not
+    # be empty in any status: each tells of the same moment between two blocks.
+    wait_until(lambda: not _missing(stack, client), "no sample is missing", seconds=60)
     assert items(client, "/api/v1/events?kind=gap") == []
-    assert _missing(stack, client) == {}
 
 
 def test_killed_node_comes_back_in_its_next_boot(stack: Stack, client: httpx.Client) -> None:
@@ -184,10 +184,6 @@ def test_data_and_identities_outlive_the_containers(stack: Stack, client: httpx.
         assert channel["samples"] >= before[name]["samples"]
     assert stack.execute("authority", "cat", "ledger.jsonl").count('"kind": "node"') == serials
     _wait_for_samples_after(stack, client, time.time_ns())
-
-
-def _outbox(client: httpx.Client) -> int:
-    return sum(node["outbox"]["messages"] for node in items(client, "/api/v1/nodes"))
 
 
 def _missing(stack: Stack, client: httpx.Client) -> dict[str, int]:
