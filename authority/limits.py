@@ -6,7 +6,7 @@ from http import HTTPStatus
 from typing import TYPE_CHECKING, Final
 
 from authority.problems import problem
-from eskin.limiting import Rate, counted
+from eskin.limiting import RateLimit, counted
 
 if TYPE_CHECKING:
     from fastapi.responses import JSONResponse
@@ -26,8 +26,8 @@ class LimitsMiddleware:
 
     def __init__(self, app: ASGIApp, *, requests_per_s: int, refusals_per_min: int) -> None:
         self._app = app
-        self._requests = Rate.per_second(requests_per_s)
-        self._refusals = Rate.per_minute(refusals_per_min)
+        self._requests = RateLimit.per_second(requests_per_s)
+        self._refusals = RateLimit.per_minute(refusals_per_min)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on, or refuse it."""
@@ -48,6 +48,6 @@ class LimitsMiddleware:
         await self._app(scope, receive, counting)
 
 
-def _flood(what: str, rate: Rate) -> JSONResponse:
+def _flood(what: str, rate: RateLimit) -> JSONResponse:
     detail = f"too many {what} from your address; wait a little"
     return problem(HTTPStatus.TOO_MANY_REQUESTS, detail, headers=rate.pause)

@@ -11,7 +11,7 @@ import psutil
 from benchmarks.pipeline import cpu_seconds
 from benchmarks.report import Row
 from sensor_node.fleet.cohort import Cohort
-from sensor_node.fleet.crew import Crew, Recruit
+from sensor_node.fleet.roster import Roster, RosterEntry
 from sensor_node.profile import Profile
 from sensor_node.settings import NodeSettings
 from tests.fleets import RunningFleet, enrol
@@ -127,9 +127,9 @@ def measure_emulation(folder: Path, *, nodes: int) -> list[Row]:
     Two threads share the nodes; nothing is stored or sent.
     """
     settings = _fingertips(folder)
-    members = [Recruit(seed=number, boot=1, start=_START) for number in range(nodes)]
+    members = [RosterEntry(seed=number, boot=1, start=_START) for number in range(nodes)]
     cohorts = [
-        Cohort(Crew(settings, members[first : first + _TOGETHER]))
+        Cohort(Roster(settings, members[first : first + _TOGETHER]))
         for first in range(0, nodes, _TOGETHER)
     ]
     frame = max(taxel.next.end for taxel in cohorts[0].taxels)

@@ -92,7 +92,7 @@ class Stored:
         def keep(batch: Said) -> Callable[[Any], object]:
             items = [Item.read(node, data) for node, data in batch]
             return lambda connection: take_in(
-                connection, store.ledger, items, gateway="g", now=START, dead_letters=1
+                connection, store.cache, items, gateway="g", now=START, dead_letters=1
             )
 
         def work() -> None:

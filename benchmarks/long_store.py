@@ -84,14 +84,14 @@ class LongStore:
             self._screen.advance(task, AT_ONCE)
 
     def _keep(self, connection: Any, count: int) -> None:
-        ledger = self._store.ledger
+        cache = self._store.cache
         rows = []
         for number in range(self._packs, self._packs + count):
-            cursors = [ledger.next_cursor(connection) for _ in range(_BLOCKS)]
+            cursors = [cache.next_cursor(connection) for _ in range(_BLOCKS)]
             row, turn = self._patterns[number % _PATTERNS], number // _PATTERNS
             rows.append(_moved(row, turn * _PATTERNS, cursors[0]))
         insert_many(connection, blocks, rows)
-        channel = ledger.row(connection, channels, NODE, CHANNEL)
+        channel = cache.row(connection, channels, NODE, CHANNEL)
         assert channel is not None
         channel["blocks"] += count * _BLOCKS
         channel["samples"] += count * _BLOCKS * _SAMPLES
@@ -100,7 +100,7 @@ class LongStore:
         channel["packed"] = channel["t_last"] + 1
         channel["longest"] = _SPAN
         channel["lo"], channel["hi"] = -2.0, 2.0
-        ledger.change(channels, NODE, CHANNEL)
+        cache.change(channels, NODE, CHANNEL)
 
 
 def _pattern(number: int, random: np.random.Generator) -> Row:

@@ -137,7 +137,7 @@ def fill(
 
         def keep(connection: Any, rows: list[dict[str, Any]] = rows) -> None:
             insert_many(connection, blocks, rows)
-            add_blocks(store.ledger, require_row(connection, store.ledger, NODE, said[0][0]), rows)
+            add_blocks(store.cache, require_row(connection, store.cache, NODE, said[0][0]), rows)
 
         store.write(keep).result()
 

@@ -8,9 +8,9 @@ from starlette.responses import Response
 from cloud.broken_off import BrokenOffMiddleware
 from cloud.dependencies import Reader
 from cloud.headers import HeadersMiddleware
-from cloud.limiter import Limiter
 from cloud.limits import LimitsMiddleware
 from cloud.problems import answer_problems
+from cloud.rate_limits import RateLimits
 from cloud.routes import (
     audit_log,
     commands,
@@ -42,7 +42,7 @@ _VERSION: Final = "1"
 
 def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
-    limits = {"limiter": cloud.limiter, "body": cloud.settings.limits.body_bytes}
+    limits = {"rate_limits": cloud.rate_limits, "body": cloud.settings.limits.body_bytes}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
     for resource in (*asked, storage, tokens, audit_log, subjects):
@@ -60,7 +60,10 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 def gateway_application(cloud: Cloud) -> FastAPI:
     """Ingest and deliveries; gateways prove who they are with each request."""
-    limits = {"limiter": Limiter(cloud.settings.limits), "body": None}  # batches may be longer
+    limits = {
+        "rate_limits": RateLimits(cloud.settings.limits),
+        "body": None,
+    }  # batches may be longer
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
     for resource in (ingest, deliveries, notices):
         app.include_router(resource.router, prefix=API)

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from starlette.responses import Response
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-    from cloud.limiter import Limiter
-    from eskin.limiting import Rate
+    from cloud.rate_limits import RateLimits
+    from eskin.limiting import RateLimit
 
 _PATIENCE_S: Final = 20.0
 
@@ -30,13 +30,13 @@ class LimitsMiddleware:
 
     Args:
         app: The application inside.
-        limiter: Counts.
+        rate_limits: Counts.
         body: Bytes that a body may have; ``None`` where routes look after that themselves.
     """
 
-    def __init__(self, app: ASGIApp, *, limiter: Limiter, body: int | None) -> None:
+    def __init__(self, app: ASGIApp, *, rate_limits: RateLimits, body: int | None) -> None:
         self._app = app
-        self._limiter = limiter
+        self._rate_limits = rate_limits
         self._body = body
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -45,7 +45,7 @@ class LimitsMiddleware:
             await self._app(scope, receive, send)
             return
         request = Request(scope)
-        requests = self._limiter.requests
+        requests = self._rate_limits.requests
         if not await requests.take(address_of(request)):
             await _flood(request, "requests", requests)(scope, receive, send)
             return
@@ -59,7 +59,7 @@ class LimitsMiddleware:
 
     def _counting(self, request: Request, receive: Receive, send: Send) -> Send:
         """Send, but count what is refused for want of credentials."""
-        rate, what = self._limiter.failures, "requests without good credentials"
+        rate, what = self._rate_limits.failures, "requests without good credentials"
         return counted(
             send,
             rate=rate,
@@ -69,7 +69,7 @@ class LimitsMiddleware:
         )
 
 
-def _flood(request: Request, what: str, rate: Rate) -> Response:
+def _flood(request: Request, what: str, rate: RateLimit) -> Response:
     told = f"too many {what} from your address; wait a little"
     return problem(request, 429, told, headers=rate.pause)
 

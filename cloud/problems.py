@@ -14,10 +14,10 @@ from starlette.responses import Response
 
 from cloud.commands.errors import BacklogError
 from cloud.ingest.errors import (
-    BatchError,
     BatchTooLargeError,
     BatchTypeError,
     IngestError,
+    MalformedBatchError,
     UnauthenticatedError,
 )
 from cloud.privacy.errors import ErasedError
@@ -44,7 +44,7 @@ _STATUSES: Final[tuple[tuple[type[EskinError], int], ...]] = (
     (UnauthenticatedError, 401),
     (BatchTooLargeError, 413),
     (BatchTypeError, 415),
-    (BatchError, 422),
+    (MalformedBatchError, 422),
     (ErasedError, 410),
 )
 _TITLES: Final = {413: "Content Too Large", 422: "Unprocessable Content"}

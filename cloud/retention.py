@@ -102,7 +102,7 @@ def kept_for(rules: RetentionSection, node: str, channel: str) -> float:
 
 async def _step(cloud: Cloud, due: Sweep) -> int:
     most, store = cloud.settings.retention.at_once, cloud.store
-    written = store.write(lambda c: remove(c, store.ledger, due, most=most, now=cloud.clock()))
+    written = store.write(lambda c: remove(c, store.cache, due, most=most, now=cloud.clock()))
     removed = await asyncio.wrap_future(written)
     if removed:
         cloud.metrics.removed.labels(due.reason.value).inc(removed)

@@ -19,7 +19,6 @@ from cloud.ingest.refusals import Refusals
 from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
-from cloud.limiter import Limiter
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
@@ -27,6 +26,7 @@ from cloud.packing import keep_packed
 from cloud.privacy.erasures import hear
 from cloud.privacy.keyholder import Keyholder
 from cloud.pyramid.keeping import keep_built
+from cloud.rate_limits import RateLimits
 from cloud.reclaim import reclaim
 from cloud.retention import retain
 from cloud.state import Cloud
@@ -98,7 +98,7 @@ def make_cloud(
         # One process needs no commit to know what it has seen.
         replay=Replay() if isinstance(store.place, Path) else SharedReplay(store),
     )
-    metrics, limiter = Metrics(store, feed, board), Limiter(settings.limits)
+    metrics, rate_limits = Metrics(store, feed, board), RateLimits(settings.limits)
     keys = settings.keys
     vault = None if keys.directory is None else open_vault(keys, keys.directory)
     return Cloud(
@@ -111,7 +111,7 @@ def make_cloud(
         uploads=Uploads(own.uploads_bytes),
         refusals=Refusals(),
         metrics=metrics,
-        limiter=limiter,
+        rate_limits=rate_limits,
         keyholder=Keyholder(vault),
         clock=clock,
         dashboard=dashboard,

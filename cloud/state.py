@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from cloud.ingest.refusals import Refusals
     from cloud.ingest.uploads import Uploads
     from cloud.ingest.warrant import Verifier
-    from cloud.limiter import Limiter
     from cloud.live import Feed, Onlookers
     from cloud.metrics import Metrics
     from cloud.privacy.keyholder import Keyholder
+    from cloud.rate_limits import RateLimits
     from cloud.settings import CloudSettings
     from cloud.store import Store
 
@@ -35,7 +35,7 @@ class Cloud:
         uploads: Room for what gateways bring.
         refusals: Tells of what was refused of it.
         metrics: Counts.
-        limiter: Counts what each address asks.
+        rate_limits: Counts what each address asks.
         keyholder: Opens what tells of a person, for those who may.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
@@ -50,7 +50,7 @@ class Cloud:
     uploads: Uploads
     refusals: Refusals
     metrics: Metrics
-    limiter: Limiter
+    rate_limits: RateLimits
     keyholder: Keyholder
     clock: Callable[[], int]
     dashboard: Path

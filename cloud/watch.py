@@ -67,7 +67,7 @@ async def _tell_onlookers(cloud: Cloud) -> None:
 async def _judge(cloud: Cloud, silence: int) -> None:
     def work(connection: Connection) -> Outcome:
         now = cloud.clock()
-        told = give_up(connection, cloud.store.ledger, silent_since=now - silence, now=now)
+        told = give_up(connection, cloud.store.cache, silent_since=now - silence, now=now)
         return Outcome([], told, 0)
 
     written = cloud.store.write(work)

@@ -23,7 +23,7 @@ _MINUTE_S: Final = 60
 _NETWORK_BITS: Final = 64
 
 
-class Rate:
+class RateLimit:
     """So many in so many seconds, for each address.
 
     Args:
@@ -57,7 +57,7 @@ class Rate:
 def counted(
     send: Send,
     *,
-    rate: Rate,
+    rate: RateLimit,
     address: str,
     statuses: Container[int],
     flooded: Callable[[], Awaitable[None]],

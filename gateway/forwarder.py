@@ -11,8 +11,8 @@ import httpx
 
 from eskin.errors import CloudError, SpoolError
 from eskin.memory import Thrift
-from gateway.aside import Aside
 from gateway.batch import DeadLetter
+from gateway.deferred import DeferredMessages
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,7 +64,7 @@ class Forwarder:
         self._counters = counters
         self._now = now
         self._most = settings.batch_messages
-        self._aside = Aside()
+        self._deferred = DeferredMessages()
         self._alone = False
         self._thrift = Thrift()
         self._failing = False
@@ -76,7 +76,7 @@ class Forwarder:
     @property
     def left_out(self) -> int:
         """Messages in the spool that the cloud fails at, and that nothing waits behind."""
-        return len(self._aside)
+        return len(self._deferred)
 
     def start(self) -> None:
         """Work in a thread."""
@@ -124,7 +124,7 @@ class Forwarder:
             SpoolError: The spool cannot be read or written.
         """
         # Others come between two that are tried alone: the cloud may take long to fail at each.
-        alone = None if self._alone else self._aside.due()
+        alone = None if self._alone else self._deferred.due()
         self._alone = alone is not None
         stored = [alone] if alone is not None else self._next()
         if not stored:
@@ -134,7 +134,7 @@ class Forwarder:
             answers = self._cloud.send([(message.node, message.body) for message in stored])
         except CloudError as error:
             return self._divide(stored, error)
-        self._aside.taken(stored)
+        self._deferred.taken(stored)
         self._note_success()
         self._thrift.take(sum(len(message.body) for message in stored))
         self._settle(stored, answers)
@@ -148,8 +148,8 @@ class Forwarder:
             CloudError: Nothing else is there to tell whose fault it is that it failed.
         """
         size = self._settings.batch_bytes
-        stored = self._spool.take(self._most, size, besides=self._aside.ids)
-        if not stored and self._aside.release_suspects():
+        stored = self._spool.take(self._most, size, besides=self._deferred.ids)
+        if not stored and self._deferred.release_suspects():
             raise CloudError("the cloud fails at each message that waits")
         return stored
 
@@ -164,16 +164,16 @@ class Forwarder:
             self._most = len(stored) // 2
         elif error.status == _TOO_LARGE:
             self._spool.settle(stored, [self._letter(stored[0], str(error))])
-            self._aside.forget(stored[0])
+            self._deferred.forget(stored[0])
             self._counters.cloud_rejected.inc()
             return 1
         elif error.unanswered or error.status == httpx.codes.INTERNAL_SERVER_ERROR:
-            if self._aside.hold(stored[0]):
+            if self._deferred.hold(stored[0]):
                 self._counters.cloud_failures.inc()
                 return 1
-            self._aside.release_suspects()
+            self._deferred.release_suspects()
         else:
-            self._aside.put_off(stored[0])
+            self._deferred.put_off(stored[0])
         raise error
 
     def _settle(self, stored: list[Stored], answers: list[Answer]) -> None:
@@ -198,7 +198,7 @@ class Forwarder:
             log.info("cloud reached: %s", self._settings.url)
         self.reachable = True
         self._failing = False
-        self.fault = self._aside.fault
+        self.fault = self._deferred.fault
 
     def _note_failure(self, error: CloudError | SpoolError) -> float:
         """Tell once per change; gives the seconds to wait."""

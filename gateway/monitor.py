@@ -13,7 +13,7 @@ import orjson
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from eskin.doorway import bind
-from eskin.limiting import Rate
+from eskin.limiting import RateLimit
 from eskin.listener import Listener
 from eskin.listening import BARE_HEADERS, Bounds
 
@@ -57,7 +57,7 @@ class Monitor:
             of_one=settings.connections,
             gives_way=True,
         )
-        pages = _Pages(health, counters, Rate.per_second(settings.requests_per_s))
+        pages = _Pages(health, counters, RateLimit.per_second(settings.requests_per_s))
         self._listener = Listener(pages, bound, context=None, bounds=bounds, headers=BARE_HEADERS)
         self._thread = Thread(target=self._serve, name="monitor", daemon=True)
 
@@ -77,7 +77,7 @@ class Monitor:
 class _Pages:
     """The two pages, as an ASGI application."""
 
-    def __init__(self, health: Health, counters: Counters, rate: Rate) -> None:
+    def __init__(self, health: Health, counters: Counters, rate: RateLimit) -> None:
         self._health = health
         self._counters = counters
         self._rate = rate

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import cbor2
 from sqlalchemy import func, select, update
 
-from cloud.ingest.errors import BatchError
+from cloud.ingest.errors import MalformedBatchError
 from cloud.store.commands import find_command
 from cloud.store.schema import commands
 from eskin.errors import MessageError
@@ -41,14 +41,14 @@ class Holding:
         """Read a request's body.
 
         Raises:
-            BatchError: It is none.
+            MalformedBatchError: It is none.
         """
         try:
             asked = _load(body)
             listed = [_entry(item) for item in items(asked["held"], "held", MOST_HELD)]
             wait = real(asked["wait_s"], "wait_s", 0.0, LONGEST_WAIT_S)
         except MessageError as error:
-            raise BatchError(f"{error}; see deliveries in docs/eskin.cddl") from error
+            raise MalformedBatchError(f"{error}; see deliveries in docs/eskin.cddl") from error
         return cls(
             frozenset((node, number) for node, number, _ in listed),
             frozenset((node, number) for node, number, sent in listed if sent),

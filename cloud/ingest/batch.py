@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 import cbor2
 
-from cloud.ingest.errors import BatchError
+from cloud.ingest.errors import MalformedBatchError
 from cloud.store.item import WITHHELD, Item
 from eskin.errors import MessageError
 from eskin.messages.fields import MOST_BYTES, load_any
@@ -24,16 +24,18 @@ def read_batch(body: bytes) -> Sequence[Item]:
     """Read a batch; a poor item harms none but itself.
 
     Raises:
-        BatchError: It is no array of at most 10000 items.
+        MalformedBatchError: It is no array of at most 10000 items.
     """
     try:
         listed = load_any(body, "body")
     except MessageError as error:
-        raise BatchError(f"{error}; send a CBOR array of [node, plaintext]") from error
+        raise MalformedBatchError(f"{error}; send a CBOR array of [node, plaintext]") from error
     if not isinstance(listed, list):
-        raise BatchError("the body is no CBOR array of [node, plaintext]")
+        raise MalformedBatchError("the body is no CBOR array of [node, plaintext]")
     if len(listed) > MOST_ITEMS:
-        raise BatchError(f"the batch has {len(listed)} items; at most {MOST_ITEMS} are allowed")
+        raise MalformedBatchError(
+            f"the batch has {len(listed)} items; at most {MOST_ITEMS} are allowed"
+        )
     return [_item(value) for value in listed]
 
 

@@ -5,7 +5,7 @@ EskinError
     ├── UnauthenticatedError   the gateway does not prove who it is
     ├── BatchTooLargeError     the body is longer than allowed
     ├── BatchTypeError         the body is not said to be CBOR
-    └── BatchError             the body is no batch
+    └── MalformedBatchError             the body is no batch
 """
 
 from __future__ import annotations
@@ -29,5 +29,5 @@ class BatchTypeError(IngestError):
     """The body is not said to be CBOR."""
 
 
-class BatchError(IngestError):
+class MalformedBatchError(IngestError):
     """The body is no batch."""

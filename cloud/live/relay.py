@@ -66,7 +66,7 @@ def hear(cloud: Cloud, text: str) -> None:
         cloud.board.wake()
     elif kind == FEED:
         cursor, writer = words
-        if writer != cloud.store.ledger.name:
+        if writer != cloud.store.cache.name:
             cloud.feed.advance(int(cursor))
     elif kind == WATCHED:
         cloud.onlookers.hear(words)

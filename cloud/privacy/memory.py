@@ -15,10 +15,10 @@ from sqlalchemy.pool import StaticPool
 from cloud.privacy.errors import ErasedError
 from cloud.store.intake import take_in
 from cloud.store.item import Item
-from cloud.store.ledger import Ledger
 from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, sequences
 from cloud.store.sealed import veiled
 from cloud.store.tiles import stale, tiles
+from cloud.store.write_cache import WriteCache
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Block, BlockSummary
 from eskin.privacy import Unveiler, Veiled
@@ -109,9 +109,9 @@ def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> Non
     empty = {"unit": unit, "blocks": 0, "samples": 0, "longest": 0, "bytes": 0}
     empty |= dict.fromkeys(("t_first", "t_last", "grain", "built", "packed"))
     memory.execute(insert(channels), dict(channel) | empty)
-    ledger = Ledger()
-    outcome = take_in(memory, ledger, items, gateway="", now=0, dead_letters=0)
-    ledger.save(memory)
+    cache = WriteCache()
+    outcome = take_in(memory, cache, items, gateway="", now=0, dead_letters=0)
+    cache.save(memory)
     refused = [receipt.reason for receipt in outcome.results if receipt.reason is not None]
     if refused:
         raise QueryError("channel", refused[0])

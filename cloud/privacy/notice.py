@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import insert, select
 
-from cloud.ingest.errors import BatchError
+from cloud.ingest.errors import MalformedBatchError
 from cloud.store.audit_log import Action, Deed, record
 from cloud.store.sealed import erased_subjects, wearers
 from eskin.errors import IdentityError, MessageError
@@ -42,16 +42,16 @@ class Notice:
         """Read a notice; what it refuses is not repeated, as it may hold a key.
 
         Raises:
-            BatchError: It is none.
+            MalformedBatchError: It is none.
         """
         try:
             said = load_any(body, "body")
             if not isinstance(said, dict) or set(said) != {"worn", "erased"}:
-                raise BatchError("the body is no CBOR map of worn and erased")
+                raise MalformedBatchError("the body is no CBOR map of worn and erased")
             worn = [_worn(item) for item in items(said["worn"], "worn", MOST)]
             return cls(worn, [_pseudonym(item) for item in items(said["erased"], "erased", MOST)])
         except (MessageError, IdentityError) as error:
-            raise BatchError("the body is no notice of subjects") from error
+            raise MalformedBatchError("the body is no notice of subjects") from error
 
 
 def note(connection: Connection, notice: Notice, *, gateway: str, now: int) -> None:
@@ -73,14 +73,14 @@ def note(connection: Connection, notice: Notice, *, gateway: str, now: int) -> N
 def _worn(item: object) -> Worn:
     parts = items(item, "entry", 3)
     if len(parts) != 3 or not isinstance(parts[1], str):
-        raise BatchError("an entry is no array of pseudonym, node and key")
+        raise MalformedBatchError("an entry is no array of pseudonym, node and key")
     key = parts[2]
     if key is not None and (not isinstance(key, bytes) or len(key) != KEY_BYTES):
-        raise BatchError(f"a key is no byte string of {KEY_BYTES}")
+        raise MalformedBatchError(f"a key is no byte string of {KEY_BYTES}")
     return Worn(_pseudonym(parts[0]), IdentityKind.NODE.require_name(parts[1]), key)
 
 
 def _pseudonym(value: object) -> str:
     if not isinstance(value, str) or not is_pseudonym(value):
-        raise BatchError("a subject is no pseudonym of 32 hexadecimal digits")
+        raise MalformedBatchError("a subject is no pseudonym of 32 hexadecimal digits")
     return value

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
     from cloud.pyramid.pieces import Pieces
     from cloud.store import Store
-    from cloud.store.ledger import Ledger
+    from cloud.store.write_cache import WriteCache
     from cloud.store.writer import Writer
 
 Place: TypeAlias = tuple[str, str]
@@ -117,11 +117,11 @@ def claim(store: Store, place: Place) -> bool:
     Raises:
         StoreError: The store cannot be written.
     """
-    return store.write(lambda connection: _claim(connection, store.ledger, place)).result()
+    return store.write(lambda connection: _claim(connection, store.cache, place)).result()
 
 
-def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
-    row = ledger.row(connection, channels, *place)
+def _claim(connection: Connection, cache: WriteCache, place: Place) -> bool:
+    row = cache.row(connection, channels, *place)
     if row is None or row["t_last"] is None:
         return False
     if row["built"] is None and connection.execute(_CLEAR, {"n": place[0], "c": place[1]}).rowcount:
@@ -147,9 +147,9 @@ def _claim(connection: Connection, ledger: Ledger, place: Place) -> bool:
         return False
     row["built"] = horizon
     for comb in found:
-        ledger.outdate(row, comb, since=begun)
+        cache.outdate(row, comb, since=begun)
     more = full or row["built"] is None
-    ledger.change(channels, *place)
+    cache.change(channels, *place)
     return more
 
 

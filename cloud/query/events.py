@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, RowMapping, Select
 
-    from cloud.store.ledger import Row
+    from cloud.store.write_cache import Row
 
 
 @dataclass(frozen=True, slots=True)

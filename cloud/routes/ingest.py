@@ -61,7 +61,7 @@ async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outco
         if not warrant.is_first(connection):
             return _NOTHING  # an error would undo the batches beside it
         now, gateway = cloud.clock(), warrant.gateway
-        outcome = take(connection, store.ledger, items, gateway=gateway, now=now, dead_letters=most)
+        outcome = take(connection, store.cache, items, gateway=gateway, now=now, dead_letters=most)
         hear(connection, gateway, warrant.condition, now=now, outcome=outcome)
         return outcome
 

@@ -100,7 +100,7 @@ async def _read_token(request: Request) -> str:
 
 async def _refused(cloud: Cloud, address: str, said: str) -> Response:
     """Say no, and keep that it was said, as long as nobody makes a flood of it."""
-    if await cloud.limiter.refusals.take(address):
+    if await cloud.rate_limits.refusals.take(address):
         await asyncio.wrap_future(refuse_session(cloud.store, address=address))
     return _page(said, 401)
 

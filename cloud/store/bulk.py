@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, Table
 
-    from cloud.store.ledger import Row
+    from cloud.store.write_cache import Row
 
 
 class Inserts(Protocol):

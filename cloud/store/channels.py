@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from cloud.store.ledger import Ledger, Row
+    from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import Summary
 
 MOST_CHANNELS: Final = 10_000
@@ -26,12 +26,12 @@ UNKNOWN: Final = ""
 
 
 def check_channels(
-    connection: Connection, ledger: Ledger, node: str, message: Summary | Veiled
+    connection: Connection, cache: WriteCache, node: str, message: Summary | Veiled
 ) -> str | None:
     """Why a message cannot be stored beside what is there: of another unit, or of too many."""
     fresh = 0
     for channel, unit in named(message):
-        row = ledger.row(connection, channels, node, channel)
+        row = cache.row(connection, channels, node, channel)
         if row is None:
             fresh += 1
         elif unit is not None and row["unit"] not in {unit, UNKNOWN}:
@@ -39,7 +39,7 @@ def check_channels(
                 f"channel {channel} of {node} is in {row['unit']!r}, and this message says "
                 f"{unit!r}; a channel keeps its unit, so give the new quantity a new name"
             )
-    if fresh and ledger.count_channels(connection, node) + fresh > MOST_CHANNELS:
+    if fresh and cache.count_channels(connection, node) + fresh > MOST_CHANNELS:
         return (
             f"{node} would have more than {MOST_CHANNELS} channels with this message, which names "
             f"{fresh} new; keep to the names that it has, or let another node say it"
@@ -58,34 +58,34 @@ def named(message: Summary | Veiled) -> list[tuple[str, str | None]]:
     return []
 
 
-def declare(connection: Connection, ledger: Ledger, node: str, status: Status) -> None:
+def declare(connection: Connection, cache: WriteCache, node: str, status: Status) -> None:
     """Make rows for the channels that a status names."""
     for info in status.channels:
-        row = ledger.row(connection, channels, node, info.channel)
+        row = cache.row(connection, channels, node, info.channel)
         if row is None:
             row = _fresh(node, info.channel, info.unit, info.coverage, info.dt)
-            ledger.create(channels, (node, info.channel), row)
+            cache.create(channels, (node, info.channel), row)
         elif row["unit"] == UNKNOWN:
             row |= {"unit": info.unit, "coverage": info.coverage, "dt": info.dt}
-            ledger.change(channels, node, info.channel)
+            cache.change(channels, node, info.channel)
 
 
-def require_row(connection: Connection, ledger: Ledger, node: str, block: BlockSummary) -> Row:
+def require_row(connection: Connection, cache: WriteCache, node: str, block: BlockSummary) -> Row:
     """The row of a block's channel, before its first block at the latest."""
-    row = ledger.row(connection, channels, node, block.channel)
+    row = cache.row(connection, channels, node, block.channel)
     if row is None:
         row = _fresh(node, block.channel, block.unit, block.coverage, block.dt)
-        ledger.create(channels, (node, block.channel), row)
+        cache.create(channels, (node, block.channel), row)
     if row["grain"] is None:
         row["grain"] = grain_of(block.dt)
     return row
 
 
-def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
+def add_blocks(cache: WriteCache, row: Row, rows: Sequence[Row]) -> None:
     """Add blocks to their channel's sums; a channel claims the least coverage of its blocks.
 
     Args:
-        ledger: The writing thread's.
+        cache: The writing thread's.
         row: The channel's.
         rows: The blocks'.
     """
@@ -98,7 +98,7 @@ def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
         row |= {"coverage": coverage, "dt": dt}
     if row["built"] is not None and first < row["built"]:
         for each in zip(firsts, _column(rows, "dt"), _column(rows, "n"), strict=True):
-            ledger.outdate(row, Comb(*each))
+            cache.outdate(row, Comb(*each))
     if row["packed"] is not None:
         row["packed"] = min(row["packed"], first)
     row["blocks"] += len(rows)
@@ -108,25 +108,25 @@ def add_blocks(ledger: Ledger, row: Row, rows: Sequence[Row]) -> None:
     row["longest"] = max(row["longest"], *map(sub, lasts, firsts))
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
     row["coverage"], row["dt"] = min(row["coverage"], coverage), min(row["dt"], dt)
-    ledger.change(channels, row["node"], row["channel"])
+    cache.change(channels, row["node"], row["channel"])
 
 
 def _column(rows: Sequence[Row], name: str) -> list[Any]:
     return [row[name] for row in rows]
 
 
-def add_veiled(connection: Connection, ledger: Ledger, node: str, message: Veiled) -> None:
+def add_veiled(connection: Connection, cache: WriteCache, node: str, message: Veiled) -> None:
     """Count a sealed block; of its samples nothing is known but the minutes."""
     key = node, message.channel
-    row = ledger.row(connection, channels, *key)
+    row = cache.row(connection, channels, *key)
     if row is None:
         row = _fresh(*key, UNKNOWN, 0.0, 1)
-        ledger.create(channels, key, row)
+        cache.create(channels, key, row)
     first, last = message.time
     row["blocks"] += message.kind is Kind.BLOCK
     row["t_first"] = first if row["t_first"] is None else min(row["t_first"], first)
     row["t_last"] = last if row["t_last"] is None else max(row["t_last"], last)
-    ledger.change(channels, *key)
+    cache.change(channels, *key)
 
 
 def _fresh(node: str, channel: str, unit: str, coverage: float, dt: int) -> Row:

@@ -14,7 +14,7 @@ from cloud.store.schema import commands, states
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping
 
-    from cloud.store.ledger import Row
+    from cloud.store.write_cache import Row
     from eskin.messages import Result
     from eskin.messages.vocabulary import State
 

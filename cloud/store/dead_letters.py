@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from cloud.store.ledger import Row
+    from cloud.store.write_cache import Row
 
 
 def bury(connection: Connection, letters: Sequence[Row], *, most: int) -> int:

@@ -11,7 +11,7 @@ from cloud.store.schema import nodes
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from cloud.store.ledger import Ledger, Row
+    from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import Gap, Peak, Position, Status
 
 ENERGY: Final = ("stored_lo", "stored_hi", "charge_lo", "charge_hi", "sustained", "shedding")
@@ -77,10 +77,10 @@ def gap_row(node: str, gap: Gap, data: bytes) -> Row:
 
 
 def status_row(
-    connection: Connection, ledger: Ledger, node: str, status: Status, data: bytes
+    connection: Connection, cache: WriteCache, node: str, status: Status, data: bytes
 ) -> Row | None:
     """Keep the node's latest status; gives a row when it tells of a new start."""
-    row = ledger.row(connection, nodes, node)
+    row = cache.row(connection, nodes, node)
     if row is None:
         return None
     place = status.position
@@ -100,7 +100,7 @@ def status_row(
         "faults": _faults(status),
         "places": _places(status),
     } | _energy(status)
-    ledger.change(nodes, node)
+    cache.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:
         return None
     cause = "" if status.cause is None else f", {status.cause.label}"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from sqlalchemy import insert
 
+from cloud.store.block_run import BlockRun
 from cloud.store.bulk import Inserts, inserts
 from cloud.store.channels import add_veiled, check_channels, declare, named
 from cloud.store.commands import keep_result
@@ -18,7 +19,6 @@ from cloud.store.numbers import MOST_RANGES
 from cloud.store.presence import note_veiled_lag, see
 from cloud.store.schema import blocks, events
 from cloud.store.sealed import veiled
-from cloud.store.stretch import Stretch
 from eskin.messages import BlockSummary, Gap, Peak, Result, Status
 from eskin.privacy import Veiled
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.item import Item
-    from cloud.store.ledger import Ledger, Row
+    from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import Position
 
 STORED: Final = "stored"
@@ -78,17 +78,17 @@ class Outcome:
 @dataclass(slots=True)
 class _Batch:
     connection: Connection
-    ledger: Ledger
+    cache: WriteCache
     now: int
     blocks: Inserts
     events: list[Row] = field(default_factory=list)
     veiled: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
-    stretches: dict[tuple[str, int, str], Stretch] = field(default_factory=dict)
+    runs: dict[tuple[str, int, str], BlockRun] = field(default_factory=dict)
 
     def tell(self, row: Row) -> None:
-        cursor = self.ledger.next_cursor(self.connection)
+        cursor = self.cache.next_cursor(self.connection)
         row |= {"cursor": cursor, "received": self.now}
         self.events.append(row)
         self.entries.append(Entry(cursor, row["node"], row["channel"], None, row, self.now))
@@ -96,24 +96,24 @@ class _Batch:
 
 def take_in(
     connection: Connection,
-    ledger: Ledger,
+    cache: WriteCache,
     items: Sequence[Item],
     *,
     gateway: str,
     now: int,
     dead_letters: int,
 ) -> Outcome:
-    """Store a batch within a transaction; what the ledger learns is to be saved before its end.
+    """Store a batch within a transaction; what the cache learns is to be saved before its end.
 
     Args:
         connection: The writing thread's, in a transaction.
-        ledger: The writing thread's.
+        cache: The writing thread's.
         items: What a gateway brought.
         gateway: Its name, for dead letters.
         now: UTC ns.
         dead_letters: How many dead letters are kept.
     """
-    batch = _Batch(connection, ledger, now, inserts(connection, blocks))
+    batch = _Batch(connection, cache, now, inserts(connection, blocks))
     _prepare(batch, items)
     results = [_take(batch, item, gateway) for item in items]
     lag = _settle(batch)
@@ -137,15 +137,15 @@ def _prepare(batch: _Batch, items: Sequence[Item]) -> None:
             places[node, message.channel] = None
         else:
             places |= dict.fromkeys((node, channel) for channel, _ in named(message))
-    batch.ledger.prepare(batch.connection, boots=boots, places=places)
+    batch.cache.prepare(batch.connection, boots=boots, places=places)
 
 
 def _settle(batch: _Batch) -> tuple[int, int] | None:
-    """Add each stretch's blocks to what is known of its node and channel; gives the last's lag."""
-    begun = [stretch for stretch in batch.stretches.values() if stretch.rows]
+    """Add each run's blocks to what is known of its node and channel; gives the last's lag."""
+    begun = [run for run in batch.runs.values() if run.rows]
     lag = None
-    for stretch in sorted(begun, key=Stretch.cursor):
-        lag = stretch.settle(batch.connection, batch.ledger, now=batch.now)
+    for run in sorted(begun, key=BlockRun.cursor):
+        lag = run.settle(batch.connection, batch.cache, now=batch.now)
     return lag
 
 
@@ -155,43 +155,43 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
         return _take_block(batch, item, message, gateway)
     if message is not None:
         place = message.position
-        ranges = batch.ledger.ranges(batch.connection, item.node, place.boot)
+        ranges = batch.cache.ranges(batch.connection, item.node, place.boot)
         if place.sequence in ranges:
             return _AGAIN
         if not ranges.has_room_for(place.sequence):
             return _refuse(batch, item, _HOLES, gateway)
-        reason = check_channels(batch.connection, batch.ledger, item.node, message)
+        reason = check_channels(batch.connection, batch.cache, item.node, message)
     if message is None or reason is not None:
         return _refuse(batch, item, reason or "no message", gateway)
     _see(batch, item.node, message.position)
     _store(batch, item.node, message, item.data)
-    batch.ledger.add(batch.connection, item.node, place.boot, place.sequence)
+    batch.cache.add(batch.connection, item.node, place.boot, place.sequence)
     return _KEPT
 
 
 def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) -> Receipt:
-    """Take a block in; what its stretch shares waits for `_settle`, as most items are blocks."""
+    """Take a block in; what its run shares waits for `_settle`, as most items are blocks."""
     node, (boot, sequence) = item.node, block.position
-    stretch = batch.stretches.get((node, boot, block.channel))
-    if stretch is None:
-        ranges = batch.ledger.ranges(batch.connection, node, boot)
-        stretch = Stretch(node, boot, block.channel, ranges)
-        batch.stretches[node, boot, block.channel] = stretch
-    if sequence in stretch.ranges:
+    run = batch.runs.get((node, boot, block.channel))
+    if run is None:
+        ranges = batch.cache.ranges(batch.connection, node, boot)
+        run = BlockRun(node, boot, block.channel, ranges)
+        batch.runs[node, boot, block.channel] = run
+    if sequence in run.ranges:
         return _AGAIN
-    if not stretch.ranges.has_room_for(sequence):
+    if not run.ranges.has_room_for(sequence):
         return _refuse(batch, item, _HOLES, gateway)
-    if block.unit != stretch.unit:
-        reason = check_channels(batch.connection, batch.ledger, node, block)
+    if block.unit != run.unit:
+        reason = check_channels(batch.connection, batch.cache, node, block)
         if reason is not None:
             return _refuse(batch, item, reason, gateway)
-    if not stretch.rows:
+    if not run.rows:
         _see(batch, node, block.position)
-        stretch.begin(batch.connection, batch.ledger, block)
-    cursor = batch.ledger.next_cursor(batch.connection)
+        run.begin(batch.connection, batch.cache, block)
+    cursor = batch.cache.next_cursor(batch.connection)
     row = block_row(node, block, item.data, cursor, batch.now)
-    stretch.rows.append(row)
-    stretch.ranges.add(sequence)
+    run.rows.append(row)
+    run.ranges.add(sequence)
     batch.blocks.add(row)
     batch.entries.append(Entry(cursor, node, block.channel, item.data, None, batch.now))
     return _KEPT
@@ -203,18 +203,18 @@ def _refuse(batch: _Batch, item: Item, reason: str, gateway: str) -> Receipt:
 
 
 def _see(batch: _Batch, node: str, position: Position) -> None:
-    back = see(batch.connection, batch.ledger, node, position, now=batch.now)
+    back = see(batch.connection, batch.cache, node, position, now=batch.now)
     if back is not None:
         batch.tell(back)
 
 
 def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
     if isinstance(message, Veiled):
-        cursor = batch.ledger.next_cursor(batch.connection)
+        cursor = batch.cache.next_cursor(batch.connection)
         batch.veiled.append(_veiled_row(node, message, data, cursor, batch.now))
         batch.entries.append(Entry(cursor, node, message.channel, None, None, batch.now, data))
-        add_veiled(batch.connection, batch.ledger, node, message)
-        note_veiled_lag(batch.connection, batch.ledger, node, message, now=batch.now)
+        add_veiled(batch.connection, batch.cache, node, message)
+        note_veiled_lag(batch.connection, batch.cache, node, message, now=batch.now)
     elif isinstance(message, Peak):
         batch.tell(peak_row(node, message, data))
     elif isinstance(message, Gap):
@@ -222,8 +222,8 @@ def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
     elif isinstance(message, Result):
         _tell_if_any(batch, keep_result(batch.connection, node, message, data))
     else:
-        declare(batch.connection, batch.ledger, node, message)
-        _tell_if_any(batch, status_row(batch.connection, batch.ledger, node, message, data))
+        declare(batch.connection, batch.cache, node, message)
+        _tell_if_any(batch, status_row(batch.connection, batch.cache, node, message, data))
 
 
 def _tell_if_any(batch: _Batch, row: Row | None) -> None:

@@ -17,10 +17,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from cloud.store.bulk import insert_many
 from cloud.store.faults import explain
-from cloud.store.ledger import MOVING
 from cloud.store.migrations import migrate, require_current
 from cloud.store.place import reading_engine, show, writing_engine
 from cloud.store.schema import feed, metadata, versions
+from cloud.store.write_cache import MOVING
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:

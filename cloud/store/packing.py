@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from sqlalchemy import ColumnElement, Connection
 
-    from cloud.store.ledger import Row
     from cloud.store.store import Store
+    from cloud.store.write_cache import Row
 
 _PAGE: Final = 256
 """Blocks that are looked at, and then written, at once."""
@@ -162,8 +162,8 @@ def _is_full(group: Sequence[Any]) -> bool:
 
 def _keep(connection: Connection, store: Store, made: Made) -> bool:
     """Write packs in the place of their blocks; not if anything changed meanwhile."""
-    ledger = store.ledger
-    row = ledger.row(connection, channels, made.node, made.channel)
+    cache = store.cache
+    row = cache.row(connection, channels, made.node, made.channel)
     if row is None or row["packed"] != made.since:
         return False
     if made.gone:
@@ -176,5 +176,5 @@ def _keep(connection: Connection, store: Store, made: Made) -> bool:
         row["bytes"] -= made.saved
         row["longest"] = max(row["longest"], *(each["t_end"] - each["t"] for each in made.rows))
     row["packed"] = made.until
-    ledger.change(channels, made.node, made.channel)
+    cache.change(channels, made.node, made.channel)
     return True

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import RowMapping
 
-    from cloud.store.ledger import Row
+    from cloud.store.write_cache import Row
 
 _ALIKE: Final = ("node", "channel", "boot", "dt", "coverage")
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from cloud.store.ledger import Ledger, Row
+    from cloud.store.write_cache import Row, WriteCache
     from eskin.privacy import Veiled
 
 MOST_LAG: Final = 2**63 - 1
@@ -26,31 +26,31 @@ MOST_LAG: Final = 2**63 - 1
 
 
 def see(
-    connection: Connection, ledger: Ledger, node: str, position: Position, *, now: int
+    connection: Connection, cache: WriteCache, node: str, position: Position, *, now: int
 ) -> Row | None:
     """Note that a node spoke; gives an event's row when it had been offline."""
-    row = ledger.row(connection, nodes, node)
+    row = cache.row(connection, nodes, node)
     if row is None:
-        ledger.create(nodes, (node,), _fresh(node, position, now))
+        cache.create(nodes, (node,), _fresh(node, position, now))
         return None
     was_online, last = row["online"], row["last_seen"]
     row["online"], row["last_seen"] = 1, now
     place = position.boot, position.sequence
     row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
-    ledger.change(nodes, node)
+    cache.change(nodes, node)
     if was_online:
         return None
     return event_row(node, "status", position, (min(last, now), now), detail="online again")
 
 
 def note_blocks(
-    connection: Connection, ledger: Ledger, rows: Sequence[Row], *, now: int
+    connection: Connection, cache: WriteCache, rows: Sequence[Row], *, now: int
 ) -> tuple[int, int]:
     """Note where a node is, and how long after the last block's last sample that was stored.
 
     Args:
         connection: The writing thread's, in a transaction.
-        ledger: The writing thread's.
+        cache: The writing thread's.
         rows: Rows of blocks of one boot of a node that was seen, in the order they came.
         now: UTC ns.
 
@@ -60,37 +60,39 @@ def note_blocks(
     last = rows[-1]
     span = last["t_end"] - last["t"]
     lag = _lag(now - span, (last["t_lo"], last["t_hi"]))
-    row = ledger.row(connection, nodes, last["node"])
+    row = cache.row(connection, nodes, last["node"])
     if row is not None:
         place = last["boot"], max(each["sequence"] for each in rows)
         row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
         row["lag_lo"], row["lag_hi"] = lag
-        ledger.change(nodes, last["node"])
+        cache.change(nodes, last["node"])
     return lag
 
 
 def note_veiled_lag(
-    connection: Connection, ledger: Ledger, node: str, message: Veiled, *, now: int
+    connection: Connection, cache: WriteCache, node: str, message: Veiled, *, now: int
 ) -> None:
     """Note a sealed block's lag, as wide as the minutes that it tells, where no other one is known.
 
     Not that of a peak: it would tell everybody when that came. What a block in the clear told stays
     until another such block comes.
     """
-    row = ledger.row(connection, nodes, node)
+    row = cache.row(connection, nodes, node)
     if row is None or message.kind is not Kind.BLOCK:
         return
     if row["lag_lo"] is None or row["lag_hi"] - row["lag_lo"] >= MINUTE:
         row["lag_lo"], row["lag_hi"] = _lag(now, message.time)
-        ledger.change(nodes, node)
+        cache.change(nodes, node)
 
 
-def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: int) -> list[Entry]:
+def give_up(
+    connection: Connection, cache: WriteCache, *, silent_since: int, now: int
+) -> list[Entry]:
     """Note which nodes fell silent.
 
     Args:
         connection: The writing thread's, in a transaction.
-        ledger: The writing thread's.
+        cache: The writing thread's.
         silent_since: UTC ns; nodes last seen before are offline.
         now: UTC ns.
 
@@ -104,16 +106,16 @@ def give_up(connection: Connection, ledger: Ledger, *, silent_since: int, now: i
     silent = select(nodes.c.node).where(nodes.c.online == 1, gone)
     entries = []
     for node in connection.execute(silent.order_by(nodes.c.node)).scalars().all():
-        row = ledger.row(connection, nodes, node)
+        row = cache.row(connection, nodes, node)
         if row is None:
             continue
         row["online"] = 0
-        ledger.change(nodes, node)
+        cache.change(nodes, node)
         position = Position(row["boot"], row["sequence"])
         event = event_row(
             node, "status", position, (min(row["last_seen"], now), now), detail="offline"
         )
-        cursor = ledger.next_cursor(connection)
+        cursor = cache.next_cursor(connection)
         event |= {"cursor": cursor, "received": now}
         connection.execute(insert(events), event)
         entries.append(Entry(cursor, node, None, None, event, now))

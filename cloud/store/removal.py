@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import ColumnElement, Connection, Table
 
-    from cloud.store.ledger import Ledger
+    from cloud.store.write_cache import WriteCache
 
 
 class Reason(StrEnum):
@@ -50,14 +50,14 @@ class Sweep:
     before: int
 
 
-def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, now: int) -> int:
+def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int, now: int) -> int:
     """Remove some of what a sweep is for; gives how many messages, fewer than ``most`` at its end.
 
     Packs go as a whole, so there may be some more.
 
     Args:
         connection: The writing thread's, in a transaction.
-        ledger: The writing thread's.
+        cache: The writing thread's.
         sweep: What.
         most: At most so many.
         now: UTC ns.
@@ -68,12 +68,12 @@ def remove(connection: Connection, ledger: Ledger, sweep: Sweep, *, most: int, n
         query = select(*keys, *_counted(table)).where(*where).limit(most - gone)
         rows = connection.execute(query).all() if gone < most else []
         # Only then are few left to look through.
-        if table is blocks and gone + len(rows) < most and _open_packs(connection, ledger, sweep):
+        if table is blocks and gone + len(rows) < most and _open_packs(connection, cache, sweep):
             rows = connection.execute(query).all()
         if rows:
             found = [tuple(row)[: len(keys)] for row in rows]
             connection.execute(delete(table).where(tuple_(*keys).in_(found)))
-            _count(connection, ledger, sweep, table, rows)
+            _count(connection, cache, sweep, table, rows)
             gone += sum(map(_messages, rows))
     if gone:
         _explain(connection, sweep, gone, now)
@@ -113,7 +113,7 @@ def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
     ]
 
 
-def _open_packs(connection: Connection, ledger: Ledger, sweep: Sweep) -> bool:
+def _open_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool:
     """Put blocks in the place of packs of which a part is too old, so that it alone goes."""
     b = blocks.c
     here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
@@ -124,18 +124,16 @@ def _open_packs(connection: Connection, ledger: Ledger, sweep: Sweep) -> bool:
         connection.execute(delete(blocks).where(*key))
         parts = part(dict(row))
         insert_many(connection, blocks, parts)
-        _grow(
-            connection, ledger, sweep, sum(len(each["data"]) for each in parts) - len(row["data"])
-        )
+        _grow(connection, cache, sweep, sum(len(each["data"]) for each in parts) - len(row["data"]))
     return bool(found)
 
 
-def _grow(connection: Connection, ledger: Ledger, sweep: Sweep, more: int) -> None:
+def _grow(connection: Connection, cache: WriteCache, sweep: Sweep, more: int) -> None:
     """Note that a channel's rows hold so many more bytes."""
-    row = ledger.row(connection, channels, sweep.node, sweep.channel)
+    row = cache.row(connection, channels, sweep.node, sweep.channel)
     if row is not None:
         row["bytes"] += more
-        ledger.change(channels, sweep.node, sweep.channel)
+        cache.change(channels, sweep.node, sweep.channel)
 
 
 def _messages(removed: Any) -> int:
@@ -152,9 +150,9 @@ def _counted(table: Table) -> list[ColumnElement[Any]]:
 
 
 def _count(
-    connection: Connection, ledger: Ledger, sweep: Sweep, table: Table, rows: Sequence[Any]
+    connection: Connection, cache: WriteCache, sweep: Sweep, table: Table, rows: Sequence[Any]
 ) -> None:
-    row = ledger.row(connection, channels, sweep.node, sweep.channel)
+    row = cache.row(connection, channels, sweep.node, sweep.channel)
     if row is None or table is events:
         return
     here = (table.c.node == sweep.node) & (table.c.channel == sweep.channel)
@@ -165,7 +163,7 @@ def _count(
         if row["built"] is not None:
             for removed in rows:
                 t, dt, n = removed[-3:]
-                ledger.outdate(row, Comb(t, dt, n, _messages(removed)))
+                cache.outdate(row, Comb(t, dt, n, _messages(removed)))
         first = select(func.min(blocks.c.t)).where(here)
     else:
         row["blocks"] -= sum(removed.kind == "block" for removed in rows)
@@ -173,7 +171,7 @@ def _count(
     row["t_first"] = connection.execute(first).scalar_one()
     if row["t_first"] is None:
         row |= {"t_last": None, "lo": None, "hi": None}
-    ledger.change(channels, sweep.node, sweep.channel)
+    cache.change(channels, sweep.node, sweep.channel)
 
 
 def _explain(connection: Connection, sweep: Sweep, gone: int, now: int) -> None:

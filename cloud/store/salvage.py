@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from cloud.store.ledger import Ledger
+    from cloud.store.write_cache import WriteCache
 
 log = logging.getLogger(__name__)
 
 
 def take_in_apart(
     connection: Connection,
-    ledger: Ledger,
+    cache: WriteCache,
     items: Sequence[Item],
     *,
     gateway: str,
@@ -39,9 +39,9 @@ def take_in_apart(
 
     def take(item: Item) -> Outcome:
         outcome = take_in(
-            connection, ledger, [item], gateway=gateway, now=now, dead_letters=dead_letters
+            connection, cache, [item], gateway=gateway, now=now, dead_letters=dead_letters
         )
-        ledger.save(connection)  # with the next one, all that is not saved may be forgotten
+        cache.save(connection)  # with the next one, all that is not saved may be forgotten
         return outcome
 
     def take_or_bury(item: Item) -> Outcome:
@@ -52,7 +52,7 @@ def take_in_apart(
             if is_of_the_store(error):
                 raise
             savepoint.rollback()
-            ledger.forget()
+            cache.forget()
             log.exception(
                 "message broke the store's work: node=%s bytes=%d", item.node, len(item.data)
             )

@@ -12,10 +12,10 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from cloud.store.copying import finish
 from cloud.store.faults import explain
-from cloud.store.ledger import Ledger
 from cloud.store.migrations import migrate, require_current
 from cloud.store.place import Place, reading_engine, show, writing_engine
 from cloud.store.schema import feed
+from cloud.store.write_cache import WriteCache
 from cloud.store.writer import Writer
 from eskin.errors import StoreError
 
@@ -39,7 +39,7 @@ class Store:
         clock: Gives UTC ns.
         readers: Most connections that read.
         packed: Bytes of the blocks that were packed, since the start.
-        ledger: What the writer remembers of what is stored.
+        cache: What the writer remembers of what is stored.
         writer: The thread that writes.
     """
 
@@ -60,7 +60,7 @@ class Store:
         self.clock = clock
         self.readers = readers
         self.packed = 0
-        self.ledger = Ledger()
+        self.cache = WriteCache()
         self._writing = writing_engine(place)
         self._reading = reading_engine(place, readers=readers)
         try:
@@ -76,7 +76,7 @@ class Store:
             capacity=queue,
             on_begin=self._begin,
             on_save=self._save,
-            on_rollback=self.ledger.forget,
+            on_rollback=self.cache.forget,
             probe=_touch,
         )
 
@@ -104,10 +104,10 @@ class Store:
         """Have work done within a transaction; the future is done once it is durable.
 
         Args:
-            work: What is done; what the ledger learns by it is saved.
+            work: What is done; what the cache learns by it is saved.
             instead: Done where that broke by an error that is none of ours.
             together: Whether it reads nothing by SQL that work like it changes through the
-                ledger; then that is saved once for all. See `Writer.submit`.
+                cache; then that is saved once for all. See `Writer.submit`.
 
         Raises:
             StoreError: Too many writes wait, or the store is closed.
@@ -176,11 +176,11 @@ class Store:
     def _begin(self, connection: Connection) -> None:
         """A newer program may have migrated meanwhile, and another process may have written."""
         require_current(connection)
-        self.ledger.refresh(connection)
+        self.cache.refresh(connection)
 
     def _save(self, connection: Connection) -> None:
         """Write what is only remembered, and rows that are under way."""
-        self.ledger.save(connection)
+        self.cache.save(connection)
         finish(connection)
 
     def _dispose(self) -> None:

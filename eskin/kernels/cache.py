@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import logging
 import os
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,8 +14,12 @@ from typing import TYPE_CHECKING, Any
 from numba.core.compiler_lock import global_compiler_lock
 from numba.core.dispatcher import Dispatcher
 
+from eskin.kernels.kernel_file import KernelFile
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+log = logging.getLogger(__name__)
 
 
 def enable_cache(made: Any) -> None:
@@ -27,10 +32,13 @@ def enable_cache(made: Any) -> None:
         made.enable_caching()
     except RuntimeError:  # numba found no folder to write to
         return
-    file = made._cache._cache_file  # noqa: SLF001 - has no other way
-    # numba looks at the kernel's own file alone, and would keep old parts in new kernels.
-    file._source_stamp = _Stamps(made.py_func)  # noqa: SLF001 - likewise
-    made.compile = _one_at_a_time(made.compile, Path(f"{file._index_path}.lock"))  # noqa: SLF001 - likewise
+    cache = made._cache  # noqa: SLF001 - has no other way
+    path = Path(cache._cache_file._index_path).with_suffix(".kernel")  # noqa: SLF001 - likewise
+    # numba looks at the kernel's own file alone, and would keep old parts in new kernels. What is
+    # damaged it would run, or end by.
+    cache._cache_file = KernelFile(path, _Stamps(made.py_func))  # noqa: SLF001 - likewise
+    cache.save_overload = _where_possible(cache.save_overload)
+    made.compile = _one_at_a_time(made.compile, path.with_suffix(".lock"))
 
 
 class _Stamps:
@@ -69,11 +77,20 @@ class _Stamps:
         return [(name, stat.st_mtime_ns, stat.st_size) for name, stat in stats]
 
 
+def _where_possible(save: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+    """Let no full disk keep anybody from what is compiled already."""
+
+    def save_overload(signature: Any, made: Any) -> None:
+        try:
+            save(signature, made)
+        except OSError as error:
+            log.warning("a kernel is compiled anew at the next start: reason=%s", error)
+
+    return save_overload
+
+
 def _one_at_a_time(find: Callable[[Any], Any], lock: Path) -> Callable[[Any], Any]:
     """Of processes that need a kernel at the same time let one compile, and the others wait.
-
-    numba writes the index before the code that it names: whoever reads or writes between the two
-    would take another signature's code, or that of an older source.
 
     Args:
         find: Looks a signature up on disk, or compiles and saves it.
@@ -90,7 +107,11 @@ def _one_at_a_time(find: Callable[[Any], Any], lock: Path) -> Callable[[Any], An
 
 @contextmanager
 def _held(lock: Path) -> Iterator[None]:
-    descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError:  # a full disk: everybody compiles for himself
+        yield
+        return
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield

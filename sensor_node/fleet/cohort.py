@@ -1,4 +1,4 @@
-"""Nodes of one crew that are set alike: the vectorised twin of `sensor_node.node.Node`."""
+"""Nodes of one roster that are set alike: the vectorised twin of `sensor_node.node.Node`."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sensor_node.firmware.schedule import Frame
-    from sensor_node.fleet.crew import Crew
+    from sensor_node.fleet.roster import Roster
     from sensor_node.fleet.setting import Setting
     from sensor_node.fleet.taxel import Said
 
@@ -53,7 +53,7 @@ class Cohort:
     Says byte for byte what each node would say alone.
 
     Args:
-        crew: All nodes that started together.
+        roster: All nodes that started together.
         shares: Who of them they are, and where they stand; all of them at their start, if there
             are none.
         order: As in their key.
@@ -65,23 +65,23 @@ class Cohort:
     """
 
     def __init__(
-        self, crew: Crew, shares: Sequence[Share] = (), order: Sequence[int] | None = None
+        self, roster: Roster, shares: Sequence[Share] = (), order: Sequence[int] | None = None
     ) -> None:
-        everybody = [Share(list(range(len(crew))), [])]
+        everybody = [Share(list(range(len(roster))), [])]
         found = [number for share in shares or everybody for number in share.numbers]
         self.numbers = np.array(found, np.int64)
-        self._crew = crew
-        self._clocks = crew.clocks.beside(found)
+        self._roster = roster
+        self._clocks = roster.clocks.beside(found)
         given = zip(*(share.taxels for share in shares), strict=True)
-        standings = [_together(each) for each in given] if shares else [None] * _taxels(crew)
+        standings = [_together(each) for each in given] if shares else [None] * _taxels(roster)
         self.taxels = [
-            TaxelRows(crew, number, self.numbers, clocks=self._clocks, standing=standing)
+            TaxelRows(roster, number, self.numbers, clocks=self._clocks, standing=standing)
             for number, standing in enumerate(standings)
         ]
-        self._patches = crew.patches
+        self._patches = roster.patches
         for number, patch in self._patches.items():
             self.taxels[number].surround(patch.neighbours)
-        self.watch = Watch(crew, self.numbers, since=min(each.next.start for each in self.taxels))
+        self.watch = Watch(roster, self.numbers, since=min(each.next.start for each in self.taxels))
         self._order = itertools.count()
         self._due: list[tuple[int, int, int]] = []
         self._line_up(order or range(len(self.taxels)))
@@ -187,5 +187,5 @@ def _together(standings: Sequence[Standing]) -> Standing:
     return Standing(standings[0].setting, columns, drawn if None not in kept else None)
 
 
-def _taxels(crew: Crew) -> int:
-    return len(crew.settings.taxel)
+def _taxels(roster: Roster) -> int:
+    return len(roster.settings.taxel)

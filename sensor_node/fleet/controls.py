@@ -8,36 +8,36 @@ from sensor_node.controls import NodeControls
 
 if TYPE_CHECKING:
     from eskin.messages.vocabulary import Arguments, State
-    from sensor_node.fleet.squad import Squad
+    from sensor_node.fleet.shard import Shard
 
 
 class MemberControls:
     """A single node's controls; a member does what they say alone, and joins those set likewise.
 
     Args:
-        squad: With whom the member samples.
+        shard: With whom the member samples.
         row: Its place there.
     """
 
-    __slots__ = ("_row", "_squad")
+    __slots__ = ("_row", "_shard")
 
-    def __init__(self, squad: Squad, row: int) -> None:
-        self._squad = squad
+    def __init__(self, shard: Shard, row: int) -> None:
+        self._shard = shard
         self._row = row
 
     def apply(self, name: str, arguments: Arguments) -> State:
         """As `sensor_node.controls.NodeControls.apply`."""
-        node = self._squad.soloists.get(self._row) or self._squad.apart(self._row)
+        node = self._shard.singles.get(self._row) or self._shard.apart(self._row)
         state = NodeControls(node).apply(name, arguments)
-        self._squad.part(self._row, node)
+        self._shard.part(self._row, node)
         return state
 
     def restore(self, state: State) -> State:
         """As `sensor_node.controls.NodeControls.restore`; as designed, it stays in its cohort."""
-        designed, node = self._squad.designed, self._squad.soloists.get(self._row)
+        designed, node = self._shard.designed, self._shard.singles.get(self._row)
         if node is None:
             if state in ({}, designed):
                 return designed
-            node = self._squad.apart(self._row)
-            self._squad.part(self._row, node)
+            node = self._shard.apart(self._row)
+            self._shard.part(self._row, node)
         return NodeControls(node).restore(state)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.record import Record
     from sensor_node.fleet.connector import Connector
     from sensor_node.fleet.member import Member
-    from sensor_node.fleet.squad import Squad
+    from sensor_node.fleet.shard import Shard
     from sensor_node.fleet.storage import Storage
     from sensor_node.truth import Truth
 
@@ -36,7 +36,7 @@ class Fleet:
     """All members of one process.
 
     Args:
-        members: They, squad by squad.
+        members: They, shard by shard.
         storage: Where they keep what they say.
         truth: What the emulator keeps.
         connector: Connects them.
@@ -54,10 +54,10 @@ class Fleet:
         self._truth = truth
         self._connector = connector
         self.members = members
-        self._squads = list(dict.fromkeys(member.squad for member in members))
-        self._of_squad: dict[Squad, list[Member]] = {squad: [] for squad in self._squads}
+        self._shards = list(dict.fromkeys(member.shard for member in members))
+        self._of_shard: dict[Shard, list[Member]] = {shard: [] for shard in self._shards}
         for member in members:
-            self._of_squad[member.squad].append(member)
+            self._of_shard[member.shard].append(member)
         self._by_radio = {member.radio: member for member in self.members}
         self._selector = selectors.DefaultSelector()
         self._selector.register(connector.wake, selectors.EVENT_READ)
@@ -88,9 +88,9 @@ class Fleet:
         with self._storage.commit():
             for member in self.members:
                 member.commander.start()
-        for squad, members in self._of_squad.items():
-            squad.gather(at_once=True)
-            squad.restarted = lambda row, members=members: members[row].commander.start()  # type: ignore[misc]  # bound now
+        for shard, members in self._of_shard.items():
+            shard.gather(at_once=True)
+            shard.restarted = lambda row, members=members: members[row].commander.start()  # type: ignore[misc]  # bound now
         for member in self.members:
             self._connector.connect(member.radio)
 
@@ -108,9 +108,9 @@ class Fleet:
 
     def finish(self) -> None:
         """Store what stays undecided at the end."""
-        for squad in self._squads:
-            self._store(squad, squad.finish())
-            for node in squad.soloists.values():
+        for shard in self._shards:
+            self._store(shard, shard.finish())
+            for node in shard.singles.values():
                 node.finish()
 
     def close(self) -> None:
@@ -197,23 +197,23 @@ class Fleet:
 
     def _sample(self, now: int) -> None:
         self._sample_alone()
-        for squad in self._squads:
-            squad.gather()
-            if squad.due() <= now:
-                records, truth = squad.sample(now)
+        for shard in self._shards:
+            shard.gather()
+            if shard.due() <= now:
+                records, truth = shard.sample(now)
                 try:
                     # Before the storage's commit: every stored block has its truth.
                     self._truth.store(truth)
                 except FlashError as error:
                     log.error("the truth fails: error=%s", error)  # noqa: TRY400 - says all
-                self._store(squad, records)
+                self._store(shard, records)
 
     def _sample_alone(self) -> None:
         """Let those catch up who sample alone, and make durable what they say, in one commit."""
         due = [
-            self._of_squad[squad][row]
-            for squad in self._squads
-            for row, node in squad.soloists.items()
+            self._of_shard[shard][row]
+            for shard in self._shards
+            for row, node in shard.singles.items()
             if node.due
         ]
         if not due:
@@ -231,22 +231,22 @@ class Fleet:
             for member in due:
                 member.outbox.undo()
 
-    def _store(self, squad: Squad, records: dict[int, list[Record]]) -> None:
-        """Make what members of a squad say durable, in one commit."""
-        told = {row: squad.outboxes[row].unsaid() for row in records}
+    def _store(self, shard: Shard, records: dict[int, list[Record]]) -> None:
+        """Make what members of a shard say durable, in one commit."""
+        told = {row: shard.outboxes[row].unsaid() for row in records}
         try:
             with self._storage.commit():
                 for row, said in records.items():
-                    squad.outboxes[row].write(told[row] + said)
+                    shard.outboxes[row].write(told[row] + said)
         except FlashError as error:
             log.error("storage fails, sampling goes on: error=%s", error)  # noqa: TRY400 - likewise
             for row, said in records.items():
-                squad.outboxes[row].lose(said)
+                shard.outboxes[row].lose(said)
             return
         for row, said in records.items():
-            squad.outboxes[row].settle(told[row] + said)
+            shard.outboxes[row].settle(told[row] + said)
         for row in records:
-            self._of_squad[squad][row].more = True
+            self._of_shard[shard][row].more = True
 
     @contextmanager
     def _tolerant(self, member: Member) -> Iterator[None]:
@@ -264,7 +264,7 @@ class Fleet:
         share = max(1, len(self.members) * TURN // _ROUND)
         begin, end = self._cursor, self._cursor + share
         self._cursor = end if end < len(self.members) else 0
-        asking: dict[Squad, list[int]] = {}
+        asking: dict[Shard, list[int]] = {}
         for number, member in enumerate(self.members):
             radio = member.radio
             if radio.fresh:
@@ -280,12 +280,12 @@ class Fleet:
                 self._lose(member, radio.socket)
             elif member.outbox.tell_status(now):
                 if member.alone is None:
-                    asking.setdefault(member.squad, []).append(member.row)
+                    asking.setdefault(member.shard, []).append(member.row)
                 else:
                     with self._tolerant(member):
                         member.alone.record_status()
-        for squad, rows in asking.items():
-            self._store(squad, {row: [squad.status(row, now)] for row in rows})
+        for shard, rows in asking.items():
+            self._store(shard, {row: [shard.status(row, now)] for row in rows})
 
     def _send(self, now: int) -> None:
         for member in self.members:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from sensor_node.fleet.cohort import Key, Share
-    from sensor_node.fleet.crew import Crew
-    from sensor_node.fleet.soloist import Soloist
+    from sensor_node.fleet.roster import Roster
+    from sensor_node.fleet.single_node import SingleNode
 
 QUIET: Final = 2 * BILLION
 """ns without a command to any of them: a command to a whole fleet comes to one after the other."""
@@ -22,14 +22,14 @@ _LONGEST: Final = 30 * BILLION
 
 
 class Gathering:
-    """Brings members of a crew into cohorts by their keys.
+    """Brings members of a roster into cohorts by their keys.
 
     Args:
-        crew: Whose they are.
+        roster: Whose they are.
     """
 
-    def __init__(self, crew: Crew) -> None:
-        self._crew = crew
+    def __init__(self, roster: Roster) -> None:
+        self._roster = roster
         self._first = self._latest = NEVER
 
     def await_more(self, now: int) -> None:
@@ -40,24 +40,26 @@ class Gathering:
         """Whether those who were set have waited long enough."""
         return self._first != NEVER and now >= min(self._first + _LONGEST, self._latest + QUIET)
 
-    def gather(self, cohorts: list[Cohort], soloists: Mapping[int, Soloist], now: int) -> list[int]:
+    def gather(
+        self, cohorts: list[Cohort], singles: Mapping[int, SingleNode], now: int
+    ) -> list[int]:
         """Change cohorts so that each key has one, of which half are there at least.
 
         Where something changed it looks once more: who came from another cohort may stand a frame
         apart until both have sampled. So it does while somebody looks at one of them.
 
         Args:
-            cohorts: All of the crew; changed.
-            soloists: Those who sample alone.
+            cohorts: All of the roster; changed.
+            singles: Those who sample alone.
             now: On the monotonic clock, ns.
 
         Returns:
-            Numbers of the soloists that are in a cohort now.
+            Numbers of the singles that are in a cohort now.
         """
         self._first = self._latest = NEVER
         shares: dict[Key, list[Share]] = {}
         joined = []
-        for number, node in soloists.items():
+        for number, node in singles.items():
             key = node.key
             if key is not None:
                 shares.setdefault(key, []).append(node.share(number))
@@ -69,8 +71,8 @@ class Gathering:
             if key in shares or len(found) > 1 or _is_thin(found[0]):
                 shares[key] = [each.share() for each in found] + shares.get(key, [])
         cohorts[:] = [cohort for cohort in cohorts if cohort.key not in shares]
-        cohorts += [Cohort(self._crew, each, key.order) for key, each in shares.items()]
-        if shares or any(node.looked_at for node in soloists.values()):
+        cohorts += [Cohort(self._roster, each, key.order) for key, each in shares.items()]
+        if shares or any(node.looked_at for node in singles.values()):
             self.await_more(now)
         return joined
 

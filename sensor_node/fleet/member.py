@@ -11,8 +11,8 @@ from sensor_node.machine.crystal import BILLION
 if TYPE_CHECKING:
     from sensor_node.fleet.outbox import MemberOutbox
     from sensor_node.fleet.radio import Radio
-    from sensor_node.fleet.soloist import Soloist
-    from sensor_node.fleet.squad import Squad
+    from sensor_node.fleet.shard import Shard
+    from sensor_node.fleet.single_node import SingleNode
 
 
 _MS: Final = 1000
@@ -22,14 +22,14 @@ class Member:
     """One node of a fleet.
 
     Args:
-        squad: With whom it samples.
+        shard: With whom it samples.
         row: Its place there.
         radio: Its connection.
         cloud: Common name of the only server that may command it.
 
     Attributes:
         name: Its name.
-        squad: As given.
+        shard: As given.
         row: As given.
         radio: As given.
         outbox: Where its messages wait.
@@ -38,28 +38,28 @@ class Member:
         watched: ms for which somebody looks on, as the last acknowledgements say.
     """
 
-    __slots__ = ("commander", "more", "name", "outbox", "radio", "row", "squad", "watched")
+    __slots__ = ("commander", "more", "name", "outbox", "radio", "row", "shard", "watched")
 
-    def __init__(self, squad: Squad, row: int, radio: Radio, *, cloud: str) -> None:
-        self.name = squad.names[row]
-        self.squad = squad
+    def __init__(self, shard: Shard, row: int, radio: Radio, *, cloud: str) -> None:
+        self.name = shard.names[row]
+        self.shard = shard
         self.row = row
         self.radio = radio
-        self.outbox: MemberOutbox = squad.outboxes[row]
+        self.outbox: MemberOutbox = shard.outboxes[row]
         self.commander = Commander(
             self.outbox,
             own=radio.keys.own,
             cloud=cloud,
-            controls=MemberControls(squad, row),
-            enclosure=lambda: squad.enclosure(row),
+            controls=MemberControls(shard, row),
+            enclosure=lambda: shard.enclosure(row),
         )
         self.more = False
         self.watched = 0
 
     @property
-    def alone(self) -> Soloist | None:
+    def alone(self) -> SingleNode | None:
         """What it is where it samples alone."""
-        return self.squad.soloists.get(self.row)
+        return self.shard.singles.get(self.row)
 
     @property
     def running(self) -> bool:
@@ -78,7 +78,7 @@ class Member:
 
     def catch_up(self) -> None:
         """Do what is due by now; it samples alone."""
-        node = self.squad.soloists[self.row]
+        node = self.shard.singles[self.row]
         meter, radio = node.machine.ledger, self.radio
         meter.sent, radio.sent = meter.sent + radio.sent, 0
         meter.received, radio.received = meter.received + radio.received, 0
@@ -97,7 +97,7 @@ class Member:
         self.radio.spans, self.radio.looks = [], []
         self.more = True
         if self.watched:
-            self.squad.attend(self.row, self.watched / _MS)
+            self.shard.attend(self.row, self.watched / _MS)
 
     def take_commands(self) -> None:
         """Do what it was asked.

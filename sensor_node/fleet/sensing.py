@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from eskin.interval import Floats
-    from sensor_node.fleet.choir import Choir
+    from sensor_node.fleet.stacked_generator import StackedGenerator
     from sensor_node.machine.converter import Codes
     from sensor_node.physics import World
     from sensor_node.taxels import AnyTaxel
@@ -62,7 +62,7 @@ class SensingRows:
         self._frontend.adjust(gain, 0)
 
     def digitise(
-        self, seconds: Floats, random: Choir
+        self, seconds: Floats, random: StackedGenerator
     ) -> tuple[dict[str, Floats], dict[str, Codes]]:
         """What is true, and the converters' codes of it, at instants of nodes × samples."""
         signals = self._world.signals(seconds, random)
@@ -76,10 +76,10 @@ class _Worlds:
     def __init__(self, worlds: Sequence[World]) -> None:
         self._worlds = worlds
 
-    def signals(self, seconds: Floats, random: Choir) -> Signals:
+    def signals(self, seconds: Floats, random: StackedGenerator) -> Signals:
         """What each gives, as rows."""
-        voices = zip(self._worlds, seconds, random.voices, strict=True)
-        each = [world.signals(row, voice) for world, row, voice in voices]
+        generators = zip(self._worlds, seconds, random.generators, strict=True)
+        each = [world.signals(row, generator) for world, row, generator in generators]
         return Signals(
             {name: np.stack([one.truth[name] for one in each]) for name in each[0].truth},
             {name: np.stack([one.sensed[name] for one in each]) for name in each[0].sensed},

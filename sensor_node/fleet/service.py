@@ -14,12 +14,12 @@ from eskin.identity import numbered
 from sensor_node.assembly import REBOOT, chip_key
 from sensor_node.fleet.cohort import Cohort
 from sensor_node.fleet.connector import Connector
-from sensor_node.fleet.crew import Crew, Recruit
 from sensor_node.fleet.fleet import Fleet
 from sensor_node.fleet.member import Member
 from sensor_node.fleet.radio import Radio
-from sensor_node.fleet.soloist import require_alone
-from sensor_node.fleet.squad import Squad
+from sensor_node.fleet.roster import Roster, RosterEntry
+from sensor_node.fleet.shard import Shard
+from sensor_node.fleet.single_node import require_alone
 from sensor_node.fleet.storage import Storage
 from sensor_node.keys import NodeKeys
 from sensor_node.machine.budget import require_fit
@@ -99,21 +99,21 @@ def require_files(count: int) -> None:
     resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
-def build_squads(
+def build_shards(
     settings: NodeSettings, names: list[str], storage: Storage, truth: Truth
-) -> list[Squad]:
+) -> list[Shard]:
     """Put a fleet's nodes together, spread over the time of one frame."""
     seed = truth.seed(settings.node.seed)
     size = max(1, min(_MOST_IN_STEP, -(-len(names) // _FEWEST_SQUADS)))
     frame = build_schedule(settings.taxel[0], settings.sampling.block_samples).frame(0)
     parts = -(-len(names) // size)
     now, begin = time.monotonic_ns(), _begin(truth, time.time_ns())
-    squads = []
+    shards = []
     for part in range(parts):
         delay = int(frame.end * part / parts / settings.node.speed)
         numbers = range(part * size, min(len(names), (part + 1) * size))
-        squads.append(
-            Squad(
+        shards.append(
+            Shard(
                 settings,
                 [names[number] for number in numbers],
                 numbers,
@@ -124,7 +124,7 @@ def build_squads(
                 origin=now + delay,
             )
         )
-    return squads
+    return shards
 
 
 def _begin(truth: Truth, start: int) -> int:
@@ -149,7 +149,7 @@ def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
 
 def _warm_up(settings: NodeSettings) -> None:
     """Have all loops compiled before time begins."""
-    alone = Cohort(Crew(settings, [Recruit(seed=0, boot=1, start=time.time_ns())]))
+    alone = Cohort(Roster(settings, [RosterEntry(seed=0, boot=1, start=time.time_ns())]))
     latest = max(taxel.next.end for taxel in alone.taxels)
     for _ in alone.advance(latest):
         pass
@@ -166,11 +166,11 @@ def _serve(
     connector = Connector()
     radios = _build_radios(settings, names)
     _warm_up(settings)
-    squads = build_squads(settings, names, storage, truth)
+    shards = build_shards(settings, names, storage, truth)
     members = [
-        Member(squad, row, radios[name], cloud=settings.identity.cloud)
-        for squad in squads
-        for row, name in enumerate(squad.names)
+        Member(shard, row, radios[name], cloud=settings.identity.cloud)
+        for shard in shards
+        for row, name in enumerate(shard.names)
     ]
     fleet = Fleet(members, storage=storage, truth=truth, connector=connector)
     fleet.start()

@@ -11,11 +11,11 @@ from eskin.messages import Encoding
 from eskin.peaks.search import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
 from sensor_node.firmware.taxel import CHAINS
-from sensor_node.fleet.choir import Choir
 from sensor_node.fleet.columns import fresh
 from sensor_node.fleet.resting import MODES
 from sensor_node.fleet.sensing import SensingRows
 from sensor_node.fleet.setting import designed, longest_region
+from sensor_node.fleet.stacked_generator import StackedGenerator
 from sensor_node.fleet.telling import GONE, RECORD, Design, Group, Output, skip, tell
 from sensor_node.fleet.timing import Timing
 from sensor_node.fleet.watch import bounded
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from sensor_node.firmware.schedule import Frame
     from sensor_node.fleet.clocks import ClockColumn
     from sensor_node.fleet.columns import Columns
-    from sensor_node.fleet.crew import Crew
+    from sensor_node.fleet.roster import Roster
     from sensor_node.fleet.setting import Setting
     from sensor_node.fleet.telling import Place
     from sensor_node.machine.converter import Codes
@@ -84,7 +84,7 @@ class TaxelRows:
     Does for many what `sensor_node.emulation.EmulatedTaxel` does for one, bit by bit.
 
     Args:
-        crew: All nodes that started together.
+        roster: All nodes that started together.
         number: The taxel's place in their design.
         numbers: Which nodes, a row each.
         clocks: Their clocks.
@@ -100,24 +100,24 @@ class TaxelRows:
 
     def __init__(
         self,
-        crew: Crew,
+        roster: Roster,
         number: int,
         numbers: NDArray[np.int64],
         *,
         clocks: ClockColumn,
         standing: Standing | None = None,
     ) -> None:
-        taxel, sampling = crew.settings.taxel[number], crew.settings.sampling
-        recruits = [crew.recruits[each] for each in numbers.tolist()]
-        seeds = [each.seed for each in recruits]
-        companions = [crew.settings.companions(taxel, seed) for seed in seeds]
+        taxel, sampling = roster.settings.taxel[number], roster.settings.sampling
+        entries = [roster.entries[each] for each in numbers.tolist()]
+        seeds = [each.seed for each in entries]
+        companions = [roster.settings.companions(taxel, seed) for seed in seeds]
         setting = designed(taxel, sampling.block_samples) if standing is None else standing.setting
         drawn = None if standing is None else standing.drawn
         self._sensing = SensingRows(taxel, number, seeds, companions, drawn)
         self._sensing.amplify(setting.gain)
-        self._seeds = [(each.seed, number, each.boot) for each in recruits]
+        self._seeds = [(each.seed, number, each.boot) for each in entries]
         self._clocks = clocks
-        self._group = Group(crew.nodes, numbers)
+        self._group = Group(roster.nodes, numbers)
         self.number = number
         self.numbers = numbers
         self._calibrated = CHAINS[taxel.chain](
@@ -129,8 +129,8 @@ class TaxelRows:
         self.quantities = [quantity for quantity, _ in quantities]
         self.channels = [f"{taxel.id}.{quantity}" for quantity in self.quantities]
         self._units = [unit for _, unit in quantities]
-        clock = crew.clocks.error, crew.clocks.drift
-        self._design = self._designed(crew.coverages[number], sampling.encoding, clock)
+        clock = roster.clocks.error, roster.clocks.drift
+        self._design = self._designed(roster.coverages[number], sampling.encoding, clock)
         longest = longest_region(taxel, self._schedule.dt)
         self.columns = (
             fresh(len(quantities), len(seeds), longest) if standing is None else standing.columns
@@ -183,7 +183,7 @@ class TaxelRows:
     def take(self) -> None:
         """Measure the next frame of all nodes, as if the taxel were alone; say nothing yet."""
         frame = self.next
-        random = Choir((*seed, frame.start) for seed in self._seeds)
+        random = StackedGenerator((*seed, frame.start) for seed in self._seeds)
         self._truth, codes = self._sensing.digitise(self._seconds(frame), random)
         self._measure(codes, frame.n)
 

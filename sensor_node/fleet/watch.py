@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
-    from sensor_node.fleet.crew import Crew
+    from sensor_node.fleet.roster import Roster
 
 
 class Watch:
@@ -23,7 +23,7 @@ class Watch:
     Only a design without neighbours samples in columns, so that none is ever certainly stuck.
 
     Args:
-        crew: Remembers which are dead.
+        roster: Remembers which are dead.
         numbers: Which of its nodes, a row each; `GONE` where one has left.
         since: Ticks at which the first window begins.
 
@@ -31,9 +31,9 @@ class Watch:
         tested: Ticks at which the window begins.
     """
 
-    def __init__(self, crew: Crew, numbers: NDArray[np.int64], *, since: int) -> None:
-        taxels = len(crew.settings.taxel)
-        self._crew = crew
+    def __init__(self, roster: Roster, numbers: NDArray[np.int64], *, since: int) -> None:
+        taxels = len(roster.settings.taxel)
+        self._roster = roster
         self._numbers = numbers
         self._seen = np.zeros(taxels, bool)
         self._bounded = np.zeros((taxels, len(numbers)), bool)
@@ -48,7 +48,7 @@ class Watch:
         """Where a window ends at some ticks: nodes and their taxels that are certainly dead."""
         if ticks - self.tested < SELF_TEST:
             return []
-        here, dead = self._numbers != GONE, self._crew.dead
+        here, dead = self._numbers != GONE, self._roster.dead
         found = self._seen[:, None] & ~self._bounded & ~dead[:, self._numbers] & here
         told = [(int(self._numbers[row]), int(k)) for row, k in np.argwhere(found.T)]
         for number, k in told:

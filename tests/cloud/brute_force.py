@@ -125,7 +125,7 @@ def check_states(store: Store, truth: Truth, window: Window, question: Question)
 
 def remove_before(store: Store, before: int) -> None:
     sweep = Sweep(NODE, CHANNEL, Reason.AGE, before)
-    store.write(lambda c: remove(c, store.ledger, sweep, most=500, now=START)).result(120)
+    store.write(lambda c: remove(c, store.cache, sweep, most=500, now=START)).result(120)
 
 
 def lowest_level(store: Store) -> int:

@@ -76,7 +76,7 @@ def put_items(store: Store, items: Sequence[Item], *, dead_letters: int = 100) -
     return store.write(
         lambda connection: take_in(
             connection,
-            store.ledger,
+            store.cache,
             items,
             gateway="gateway.g1",
             now=store.clock(),

@@ -33,7 +33,7 @@ def bring(
 
     def work(take: Callable[..., Outcome], connection: Connection) -> Outcome:
         now = store.clock()
-        outcome = take(connection, store.ledger, items, gateway="g", now=now, dead_letters=9)
+        outcome = take(connection, store.cache, items, gateway="g", now=now, dead_letters=9)
         if then is not None:
             then(connection)
         return outcome

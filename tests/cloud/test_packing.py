@@ -143,7 +143,7 @@ class Twins:
         self.next = 0
         for each in (store, plain):
             each.write(_clear).result(120)
-            each.ledger.forget()
+            each.cache.forget()
 
     def take(self, step: str, number: int) -> None:
         """Do one step."""
@@ -188,7 +188,7 @@ def _clear(connection: Any) -> None:
 def _remove(store: Store, before: int) -> None:
     sweep = Sweep(*PLACE, Reason.AGE, before)
     while (
-        store.write(lambda c: remove(c, store.ledger, sweep, most=7, now=store.clock())).result(120)
+        store.write(lambda c: remove(c, store.cache, sweep, most=7, now=store.clock())).result(120)
         >= 7
     ):
         pass

@@ -36,7 +36,7 @@ def test_node_may_name_so_many_channels_and_no_more(
     outcome = put(store, *said)
     assert results(outcome) == [STORED] * 3 + [REJECTED] * 2
     assert "more than 3 channels" in str(outcome.results[-1].reason)
-    store.ledger.forget()
+    store.cache.forget()
     assert results(put(store, block(10, channel=CHANNELS[3]), status(11, channels=CHANNELS))) == [
         REJECTED,
         REJECTED,
@@ -85,7 +85,7 @@ def test_boot_may_have_so_many_holes_and_no_more(
     outcome = put(store, *(block(number) for number in (0, 2, 4, 6, 4)), peak(8))
     assert results(outcome) == [STORED] * 3 + [REJECTED, DUPLICATE, REJECTED]
     assert "holes" in str(outcome.results[3].reason)
-    store.ledger.forget()
+    store.cache.forget()
     assert results(put(store, block(8))) == [REJECTED]
     assert results(put(store, block(5), peak(6))) == [STORED] * 2, "these leave no other hole"
     assert results(put(store, block(1), block(9))) == [STORED] * 2, "one hole was filled"
@@ -97,14 +97,14 @@ async def test_messages_that_are_refused_are_forgotten(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("cloud.store.channels.MOST_CHANNELS", 1)
-    monkeypatch.setattr("cloud.store.ledger._MOST_ROWS", 5)
-    monkeypatch.setattr("cloud.store.ledger._MOST_BOOTS", 5)
-    ledger = stand.cloud.store.ledger
+    monkeypatch.setattr("cloud.store.write_cache._MOST_ROWS", 5)
+    monkeypatch.setattr("cloud.store.write_cache._MOST_BOOTS", 5)
+    cache = stand.cloud.store.cache
     assert (await stand.ingest(batch(block(0)))).status_code == 200
     for number in range(30):
         refused = block(0, boot=2 + number, channel=f"t{number:02}.pressure")
         answer = await stand.ingest(batch(refused))
         assert [item["result"] for item in answer.json()["items"]] == [REJECTED]
-        assert sum(map(len, ledger._rows.values())) <= 7
-        assert len(ledger._ranges) <= 6
+        assert sum(map(len, cache._rows.values())) <= 7
+        assert len(cache._ranges) <= 6
     assert results(put(stand.cloud.store, block(0), block(1), node=NODE)) == [DUPLICATE, STORED]

@@ -47,7 +47,7 @@ def counted(stand: Stand) -> dict[str, int]:
 
 
 def shorten(store: Store, sweep: Sweep) -> None:
-    store.write(lambda c: remove(c, store.ledger, sweep, most=1000, now=store.clock())).result(120)
+    store.write(lambda c: remove(c, store.cache, sweep, most=1000, now=store.clock())).result(120)
 
 
 async def test_bytes_a_sample_are_all_bytes_by_all_samples(stand: Stand) -> None:
@@ -92,7 +92,7 @@ async def test_store_from_before_counts_the_bytes_of_its_channels_once(stand: St
         connection.execute(text("ALTER TABLE channels DROP COLUMN bytes"))
         connection.execute(text("DELETE FROM versions WHERE version >= 13"))
         migrations.migrate(connection, now=1)
-        store.ledger.forget()
+        store.cache.forget()
 
     store.write(as_before).result(120)
     assert await told(stand) == counted(stand)

@@ -146,7 +146,7 @@ def left_by(place: Place, batches: list[list[Item]]) -> list[Any]:
         for node in ("n1", "n2"):
             put(store, block(99, channel="t01.a"), node=node)
         store.write(lambda connection: connection.execute(update(channels), late)).result()
-        store.ledger.forget()
+        store.cache.forget()
         told = [result for each in batches for result in put_items(store, each).results]
         tables = (blocks, nodes, channels, events, sequences, dead_letters, stale)
         kept = [[row | {"mark": None} for row in rows(store, table)] for table in tables]
@@ -227,7 +227,7 @@ def test_silence_and_return_are_events(store: Store, clock: Clock) -> None:
     clock.turn(20)
 
     def judge(connection: Connection) -> int:
-        return len(give_up(connection, store.ledger, silent_since=START + 1, now=clock()))
+        return len(give_up(connection, store.cache, silent_since=START + 1, now=clock()))
 
     assert store.write(judge).result(120) == 1
     assert store.write(judge).result(120) == 0
@@ -247,7 +247,7 @@ def test_nobody_is_silent_as_the_clock_of_another_cloud_is_ahead(
 
     def judge(connection: Connection) -> int:
         silent_since = clock() - 15 * SECOND
-        return len(give_up(connection, store.ledger, silent_since=silent_since, now=clock()))
+        return len(give_up(connection, store.cache, silent_since=silent_since, now=clock()))
 
     clock.turn(-0.05)
     assert store.write(judge).result(120) == 0
@@ -270,11 +270,11 @@ def test_batch_of_many_nodes_asks_no_question_for_each(store: Store) -> None:
         for said in (status(0), block(1), peak(2))
     ]
     asked: list[str] = []
-    store.ledger.forget()
+    store.cache.forget()
     event.listen(
         store._writing, "before_cursor_execute", lambda *words: asked.append(str(words[2]))
     )
     assert results(put_items(store, items)) == ["stored"] * 300
-    store.ledger.forget()  # as after another process wrote
+    store.cache.forget()  # as after another process wrote
     assert results(put_items(store, items)) == ["duplicate"] * 300
     assert len(asked) < 50, asked

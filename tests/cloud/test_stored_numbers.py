@@ -67,7 +67,7 @@ async def test_commit_costs_the_same_however_many_holes_a_node_leaves(
     missing = [block(number) for number in range(1, 600, 2)]
     answer = await stand.ingest(batch(*missing))
     assert {item["result"] for item in answer.json()["items"]} == {"stored"}
-    stand.cloud.store.ledger.forget()
+    stand.cloud.store.cache.forget()
     answer = await stand.ingest(batch(*even, *missing))
     assert {item["result"] for item in answer.json()["items"]} == {"duplicate"}
     assert count_blocks(stand) == 602
@@ -80,10 +80,10 @@ async def test_commit_costs_the_same_however_many_holes_a_node_leaves(
 async def test_rows_are_forgotten_where_they_are_many(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("cloud.store.ledger._MOST_ROWS", 3)
+    monkeypatch.setattr("cloud.store.write_cache._MOST_ROWS", 3)
     for number in range(6):
         said = block(2 * number, channel=f"t{number:02}.pressure"), block(2 * number + 1)
         answer = await stand.ingest(batch(*said))
         assert {item["result"] for item in answer.json()["items"]} == {"stored"}
-        assert sum(map(len, stand.cloud.store.ledger._rows.values())) <= 3 + 3
+        assert sum(map(len, stand.cloud.store.cache._rows.values())) <= 3 + 3
     assert count_blocks(stand) == 12

@@ -77,7 +77,7 @@ def test_batches_that_share_a_commit_are_saved_once(store: Store) -> None:
     assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
     assert saved.count("UPDATE channels") == saved.count("UPDATE nodes") == 1
     assert saved.count("UPDATE feed") == 1
-    store.ledger.forget()
+    store.cache.forget()
     assert kinds(put(store, block(80), block(82))) == ["duplicate", "stored"]
 
 

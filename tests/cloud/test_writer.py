@@ -57,7 +57,7 @@ def file_store(tmp_path: Path) -> Iterator[Store]:
 def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> None:
     def fails(connection: Connection) -> None:
         items = [Item.read(NODE, block(0).encode())]
-        take_in(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
+        take_in(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
         raise ValueError("after its work")
 
     failed, good = store.write(fails), store.write(lambda c: c.execute(select(feed.c.cursor)).all())
@@ -98,9 +98,9 @@ def test_shortage_is_the_stores_fault_and_no_messages(
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
         items = [Item.read(NODE, block(n).encode()) for n in range(3)]
-        return take(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
+        return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("cloud.store.stretch.add_blocks", short)
+    monkeypatch.setattr("cloud.store.block_run.add_blocks", short)
     ways = partial(work, take_in), partial(work, take_in_apart)
     with pytest.raises(StoreError, match=r"memory left|Input/output"):
         store.write(ways[0], instead=ways[1]).result(120)
@@ -119,9 +119,9 @@ def test_shortage_while_in_parts_buries_nothing(
 
     def work(take: Callable[..., Any], connection: Connection) -> Any:
         items = [Item.read(NODE, block(0).encode())]
-        return take(connection, store.ledger, items, gateway="g", now=START, dead_letters=9)
+        return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
 
-    monkeypatch.setattr("cloud.store.stretch.add_blocks", short)
+    monkeypatch.setattr("cloud.store.block_run.add_blocks", short)
     with pytest.raises(StoreError, match="memory left"):
         store.write(partial(work, take_in), instead=partial(work, take_in_apart)).result(120)
     assert rows(store, dead_letters) == []

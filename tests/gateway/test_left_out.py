@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from eskin.errors import CloudError
-from gateway.aside import Aside
 from gateway.batch import Batch, Entry
+from gateway.deferred import DeferredMessages
 from tests.gateway.forwarding import MESSAGES, MemoryCloud, Setup
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def cloud() -> MemoryCloud:
 def setup(tmp_path: Path, cloud: MemoryCloud, now: list[float]) -> Iterator[Setup]:
     """All but two messages are stored, and these are to be tried again now."""
     made = Setup(tmp_path, cloud, cloud)
-    made.forwarder._aside = Aside(lambda: now[0])
+    made.forwarder._deferred = DeferredMessages(lambda: now[0])
     while made.spool.statistics.messages > len(cloud.failing):
         forward(made)
     now[0] += 60.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cbor2
 
 from cloud.commands.deliveries import Holding
-from cloud.ingest.errors import BatchError
+from cloud.ingest.errors import MalformedBatchError
 from eskin.errors import CloudError
 from gateway.deliveries import Changes
 from tests.fuzz.mutations.trees import mutate_tree
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def make(_: Path) -> Target:
-    """Only `BatchError` from the cloud's reader, and `CloudError` from the gateway's."""
+    """Only `MalformedBatchError` from the cloud's reader, and `CloudError` from the gateway's."""
     asked = {"held": [["fingertip", 1, True], ["palm", 7, False]], "wait_s": 5.0}
     answer = {"give": [["fingertip", 2, b"signed"]], "drop": [["palm", 7]]}
     return Target((cbor2.dumps(asked), cbor2.dumps(answer)), mutate_tree, check)
@@ -30,7 +30,7 @@ def check(data: bytes) -> None:
         holding = Holding.read(data)
         assert holding.sent <= holding.held
         assert 0.0 <= holding.wait_s <= 60.0
-    except BatchError:
+    except MalformedBatchError:
         pass
     try:
         changes = Changes.read(data)

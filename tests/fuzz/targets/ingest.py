@@ -9,7 +9,7 @@ import cbor2
 from sqlalchemy import select
 
 from cloud.ingest.batch import read_batch
-from cloud.ingest.errors import BatchError
+from cloud.ingest.errors import MalformedBatchError
 from cloud.store import Store
 from cloud.store.intake import take_in
 from cloud.store.schema import blocks
@@ -32,7 +32,7 @@ _AT_ONCE = 500
 
 
 def make(folder: Path) -> Target:
-    """Only `BatchError`; each item gets its answer; what is stored is what was said."""
+    """Only `MalformedBatchError`; each item gets its answer; what is stored is what was said."""
     stack = ExitStack()
     store = stack.enter_context(Store(folder / "store.sqlite", clock=lambda: said.START))
     opened = _Transaction(store)
@@ -40,18 +40,18 @@ def make(folder: Path) -> Target:
     def check(data: bytes) -> None:
         try:
             items = read_batch(data)
-        except BatchError:
+        except MalformedBatchError:
             return
         connection = opened.take()
         outcome = take_in(
             connection,
-            store.ledger,
+            store.cache,
             items,
             gateway="gateway.g1",
             now=said.START,
             dead_letters=100,
         )
-        store.ledger.save(connection)
+        store.cache.save(connection)
         assert len(outcome.results) == len(items)
         for receipt in outcome.results:
             assert receipt.result in {"stored", "duplicate", "rejected"}
@@ -80,7 +80,7 @@ class _Transaction:
         if self._connection is None or self._used == _AT_ONCE:
             if self._connection is not None:
                 self._connection.rollback()
-                self._store.ledger.forget()
+                self._store.cache.forget()
             else:
                 self._connection = self._store._writing.connect()
             self._used = 0

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tests.sensor_node.fleet.squads import Bench
+from tests.sensor_node.fleet.shards import Bench
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sensor_node.assembly import build_node, build_outbox
 from sensor_node.firmware.record import BLOCK, PEAK
 from sensor_node.fleet.cohort import Cohort
-from sensor_node.fleet.crew import Crew, Recruit
+from sensor_node.fleet.roster import Roster, RosterEntry
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
 from tests.sensor_node.flashes import open_flash
@@ -34,7 +34,7 @@ def seldom(kind: str) -> dict[str, Any]:
     return table(kind, sampling_Hz=100.0)
 
 
-def alone(given: Any, folder: Path, member: Recruit, moments: list[int]) -> tuple[Any, Any]:
+def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> tuple[Any, Any]:
     """Messages and truth of one node that runs by itself."""
     flash = open_flash(folder / "flash.sqlite", epoch=member.boot)
     outbox = build_outbox(flash, capacity=2**30, broker=given.broker)
@@ -53,8 +53,8 @@ def alone(given: Any, folder: Path, member: Recruit, moments: list[int]) -> tupl
     }
 
 
-def together(design: Any, members: list[Recruit], moments: list[int]) -> tuple[Any, Any]:
-    cohort = Cohort(Crew(design, members))
+def together(design: Any, members: list[RosterEntry], moments: list[int]) -> tuple[Any, Any]:
+    cohort = Cohort(Roster(design, members))
     said: list[Any] = [[] for _ in members]
     known: list[Any] = [{} for _ in members]
 
@@ -94,7 +94,7 @@ def test_same_bytes_and_truth_as_alone(
             taxel=[seldom(kind), *companions_of(kind)],
             sampling={"block_samples": block, "encoding": encoding},
         )
-        members = [Recruit(s, 1 + k, START + k) for k, s in enumerate(seeds)]
+        members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
         two_frames = round(2 * block * SECOND / design.taxel[0].sampling)
         moments = [k * max(SECOND, two_frames) // 4 for k in range(1, 5)]
         said, known = together(design, members, moments)
@@ -120,7 +120,7 @@ def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: in
             taxel=[pads[0], *companions_of("pad"), table("bioelectric"), slow, *pads[1:]],
             sampling={"block_samples": block, "encoding": "f64"},
         )
-        members = [Recruit(s, 1 + k, START + k) for k, s in enumerate(seeds)]
+        members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
         moments = [k * SECOND for k in range(1, 7)]
         said, known = together(design, members, moments)
         for row, member in enumerate(members):
@@ -134,6 +134,6 @@ def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: in
 def test_moment_is_enclosed_also_before_the_cohort_s_start(seed: int, ticks: int) -> None:
     with tempfile.TemporaryDirectory() as folder:
         design = settings(Path(folder), clock={"drift_ppm": 100.0})
-        crew = Crew(design, [Recruit(seed, 1, START)])
-    earliest, latest = crew.enclosure(0, ticks)
-    assert earliest <= crew.clocks.beside([0]).true_times(ticks)[0] <= latest
+        roster = Roster(design, [RosterEntry(seed, 1, START)])
+    earliest, latest = roster.enclosure(0, ticks)
+    assert earliest <= roster.clocks.beside([0]).true_times(ticks)[0] <= latest

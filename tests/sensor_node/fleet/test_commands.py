@@ -13,10 +13,10 @@ from eskin.messages import Block, Gap, Status, decode_message
 from sensor_node.controls import NodeControls
 from sensor_node.firmware.record import BLOCK, PEAK
 from sensor_node.fleet.controls import MemberControls
-from sensor_node.fleet.soloist import require_alone
+from sensor_node.fleet.single_node import require_alone
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, table
-from tests.sensor_node.fleet.squads import NAMES, Bench, Single
+from tests.sensor_node.fleet.shards import NAMES, Bench, Single
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +38,7 @@ def test_member_that_is_set_says_what_a_single_node_says(
 ) -> None:
     bench = make()
     singles = [Single(bench, row, tmp_path / str(row)) for row in (0, 1)]
-    member, alone = MemberControls(bench.squad, 1), NodeControls(singles[1].node)
+    member, alone = MemberControls(bench.shard, 1), NodeControls(singles[1].node)
     assert member.restore({}) == alone.restore({})
     for moment, name, arguments in orders:
         bench.run_to(moment)
@@ -60,7 +60,7 @@ def test_what_a_member_says_encloses_the_truth_before_and_after(
     make: Callable[..., Bench],
 ) -> None:
     bench = make()
-    controls = MemberControls(bench.squad, 2)
+    controls = MemberControls(bench.shard, 2)
     bench.run_to(1.3)
     controls.apply("set", {"gain": 0.5, "rate": 20.0})
     bench.run_to(8.0)
@@ -79,21 +79,21 @@ def test_what_a_member_says_encloses_the_truth_before_and_after(
 
 def test_refused_command_leaves_a_member_in_its_cohort(make: Callable[..., Bench]) -> None:
     bench = make()
-    controls = MemberControls(bench.squad, 0)
+    controls = MemberControls(bench.shard, 0)
     with pytest.raises(CommandError, match="at most 100"):
         controls.apply("set", {"rate": 101.0})
-    assert not bench.squad.soloists
+    assert not bench.shard.singles
 
 
 def test_state_is_taken_up_again_and_the_design_needs_nobody_alone(
     make: Callable[..., Bench],
 ) -> None:
     bench = make()
-    state = MemberControls(bench.squad, 0).apply("set", {"gain": 2.0})
-    again = bench.squad = bench.build()
+    state = MemberControls(bench.shard, 0).apply("set", {"gain": 2.0})
+    again = bench.shard = bench.build()
     assert MemberControls(again, 0).restore(state) == state
     assert MemberControls(again, 1).restore(again.designed) == again.designed
-    assert list(again.soloists) == [0]
+    assert list(again.singles) == [0]
     bench.run_to(2.0)
 
 
@@ -103,7 +103,7 @@ def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
     bench = make(energy={"on": True})
     for moment in range(1, 4):
         bench.run_to(float(moment))
-        for row, node in bench.squad.soloists.items():
+        for row, node in bench.shard.singles.items():
             node.record_status()
             told = decode_message(bench.said(row)[-1][1])
             assert isinstance(told, Status)
@@ -126,7 +126,7 @@ def test_status_of_a_member_in_a_cohort_tells_what_a_single_node_tells(
     single.run_to(1.0)
     single.node.record_status()
     alone = decode_message(single.said()[-1][1])
-    told = decode_message(bench.squad.status(1, bench.ticks).body)
+    told = decode_message(bench.shard.status(1, bench.ticks).body)
     assert isinstance(alone, Status)
     assert isinstance(told, Status)
     assert [place.taxel for place in told.places] == ["t01", "t09"]
@@ -138,8 +138,8 @@ def test_status_of_a_member_in_a_cohort_tells_what_a_single_node_tells(
 
 def test_what_a_failed_commit_undid_is_told_as_lost(make: Callable[..., Bench]) -> None:
     bench = make()
-    MemberControls(bench.squad, 0).apply("calibrate", {})
-    outbox, node = bench.squad.outboxes[0], bench.squad.soloists[0]
+    MemberControls(bench.shard, 0).apply("calibrate", {})
+    outbox, node = bench.shard.outboxes[0], bench.shard.singles[0]
     bench.run_to(1.2)
     kept = len(bench.said(0))
     bench.ticks += 3 * SECOND
@@ -170,7 +170,7 @@ def test_open_line_is_told_as_by_a_single_node(make: Callable[..., Bench], tmp_p
     gaps = [m for m in map(decode_message, (b for _, b in single.said())) if isinstance(m, Gap)]
     assert [gap.reason for gap in gaps] == ["t02 certainly dead"]
     assert bench.said(1) == single.said()
-    assert not bench.squad.soloists
+    assert not bench.shard.singles
     single.close()
 
 
@@ -187,6 +187,6 @@ def test_designs_that_columns_cannot_bear_run_alone(
 ) -> None:
     bench = make(**sections)
     assert require_alone(bench.settings) == named
-    assert len(bench.squad.soloists) == (0 if named is None else len(NAMES))
+    assert len(bench.shard.singles) == (0 if named is None else len(NAMES))
     bench.run_to(1.2)
     assert {BLOCK} <= {kind for kind, _ in bench.said(0)}

@@ -11,7 +11,7 @@ from hypothesis import settings as effort
 from hypothesis import strategies as st
 
 from sensor_node.firmware.record import BLOCK, PEAK
-from tests.sensor_node.fleet.squads import NAMES, Bench, Single
+from tests.sensor_node.fleet.shards import NAMES, Bench, Single
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +38,7 @@ def play(bench: Bench, singles: list[Single], orders: list[tuple[int, set[int], 
         for row in rows:
             singles[row].run_to(moment / 5)
             if number == LOOK:
-                bench.squad.attend(row, 1.5)
+                bench.shard.attend(row, 1.5)
                 singles[row].node.attend(1.5)
                 continue
             name, arguments = COMMANDS[number]
@@ -69,9 +69,9 @@ def test_members_set_in_any_order_say_what_single_nodes_say(
         singles = [Single(bench, row, Path(folder) / str(row)) for row in ROWS]
         play(bench, singles, orders)
         bench.run_to(13.0)
-        assert not bench.squad.soloists
+        assert not bench.shard.singles
         together = {bench.cohort(row).key: bench.cohort(row) for row in ROWS}
-        assert len(bench.squad.cohorts) == len(together)
+        assert len(bench.shard.cohorts) == len(together)
         bench.finish()
         for row, single in enumerate(singles):
             single.run_to(13.0)
@@ -100,7 +100,7 @@ def test_members_that_came_to_the_same_settings_in_other_ways_share_a_cohort(
     bench.controls(1).apply("set", {"rate": 50.0, "gain": 2.0, "taxel": "t09"})
     bench.controls(1).apply("set", {"rate": 100.0, "gain": 2.0, "taxel": "t01"})
     bench.run_to(8.0)
-    (cohort,) = bench.squad.cohorts
+    (cohort,) = bench.shard.cohorts
     assert sorted(cohort.members) == list(ROWS)
     assert cohort not in whole
 
@@ -112,12 +112,12 @@ def test_command_to_all_leaves_nobody_alone_after_a_restart_either(
     for row in ROWS:
         bench.run_to(0.4 * (row + 1))
         state = bench.controls(row).apply("set", {"rate": 30.0, "smoothing": 0.25})
-    again = bench.squad = bench.build()
+    again = bench.shard = bench.build()
     for row in ROWS:
         assert bench.controls(row).restore(state) == state
-    assert list(again.soloists) == list(ROWS)
+    assert list(again.singles) == list(ROWS)
     again.gather(at_once=True)
-    assert not again.soloists
+    assert not again.singles
     (cohort,) = again.cohorts
     assert cohort.members == list(ROWS)
     bench.run_to(3.0)
@@ -130,8 +130,8 @@ def test_member_that_adapts_by_itself_stays_alone_until_it_does_not(
     bench = make()
     bench.controls(1).apply("set", {"adaptive": "on"})
     bench.run_to(5.0)
-    assert list(bench.squad.soloists) == [1]
+    assert list(bench.shard.singles) == [1]
     bench.controls(1).apply("set", {"adaptive": "off"})
     bench.run_to(9.0)
-    assert not bench.squad.soloists
+    assert not bench.shard.singles
     assert bench.cohort(1) is bench.cohort(0)

@@ -12,27 +12,27 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
 
 
-class Choir(np.random.Generator):
-    """Draws what each of its voices would draw alone.
+class StackedGenerator(np.random.Generator):
+    """Draws what each of its generators would draw alone.
 
     Args:
-        seeds: One for each voice.
+        seeds: One for each generator.
     """
 
     def __init__(self, seeds: Iterable[tuple[int, ...]]) -> None:
-        self.voices = [np.random.default_rng(seed) for seed in seeds]
-        super().__init__(self.voices[0].bit_generator)
+        self.generators = [np.random.default_rng(seed) for seed in seeds]
+        super().__init__(self.generators[0].bit_generator)
 
     def uniform(self, low: float, high: float, size: tuple[int, int]) -> Floats:  # type: ignore[override]  # only what noise needs
-        """Uniform numbers of shape (voices, n)."""
+        """Uniform numbers of shape (generators, n)."""
         drawn = np.empty(size)
-        for row, voice in zip(drawn, self.voices, strict=True):
-            row[:] = voice.uniform(low, high, size[1])
+        for row, generator in zip(drawn, self.generators, strict=True):
+            row[:] = generator.uniform(low, high, size[1])
         return drawn
 
     def normal(self, loc: float, scale: float, size: tuple[int, int]) -> Floats:  # type: ignore[override]  # likewise
-        """Gaussian numbers of shape (voices, n)."""
+        """Gaussian numbers of shape (generators, n)."""
         drawn = np.empty(size)
-        for row, voice in zip(drawn, self.voices, strict=True):
-            row[:] = voice.normal(loc, scale, size[1])
+        for row, generator in zip(drawn, self.generators, strict=True):
+            row[:] = generator.normal(loc, scale, size[1])
         return drawn

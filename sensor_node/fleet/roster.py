@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class Recruit:
+class RosterEntry:
     """One of the nodes.
 
     Attributes:
@@ -33,16 +33,16 @@ class Recruit:
     start: int
 
 
-class Crew:
+class Roster:
     """What nodes know and have from their start on.
 
     Args:
         settings: Their design; what they do not share is not looked at.
-        recruits: Who they are.
+        entries: Who they are.
 
     Attributes:
         settings: As given.
-        recruits: As given.
+        entries: As given.
         nodes: What they know, and their next numbers.
         clocks: Their clocks.
         coverages: Of each taxel, the probability that its intervals hold the truth.
@@ -51,24 +51,24 @@ class Crew:
         dead: Which taxels of which nodes are known to be dead, taxels × nodes.
     """
 
-    def __init__(self, settings: NodeSettings, recruits: Sequence[Recruit]) -> None:
+    def __init__(self, settings: NodeSettings, entries: Sequence[RosterEntry]) -> None:
         self.settings = settings
-        self.recruits = recruits
+        self.entries = entries
         self.clocks = Clocks(
-            [each.start for each in recruits],
-            [np.random.default_rng((each.seed, each.boot)) for each in recruits],
+            [each.start for each in entries],
+            [np.random.default_rng((each.seed, each.boot)) for each in entries],
             error=round(settings.clock.rtc_error_ms * 1e6),
             drift=round(settings.clock.drift_ppm * 1e3),
         )
-        boots = np.array([each.boot for each in recruits], np.int64)
-        self.nodes = Nodes(self.clocks.readings, boots, np.zeros(len(recruits), np.int64))
+        boots = np.array([each.boot for each in entries], np.int64)
+        self.nodes = Nodes(self.clocks.readings, boots, np.zeros(len(entries), np.int64))
         self.coverages = settings.coverages()
         self.patches = patches(settings.taxel)
         self.map = skin_map(settings.taxel)
-        self.dead = np.zeros((len(settings.taxel), len(recruits)), np.bool_)
+        self.dead = np.zeros((len(settings.taxel), len(entries)), np.bool_)
 
     def __len__(self) -> int:
-        return len(self.recruits)
+        return len(self.entries)
 
     def enclosure(self, row: int, ticks: int) -> tuple[int, int]:
         """Earliest and latest UTC of a moment, as a node knows it; also before its start."""

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from eskin.limiting import Rate
+from eskin.limiting import RateLimit
 
 if TYPE_CHECKING:
     from cloud.settings import LimitsSection
 
 
-class Limiter:
+class RateLimits:
     """Counts what each address asks.
 
     Args:
@@ -23,6 +23,6 @@ class Limiter:
     """
 
     def __init__(self, settings: LimitsSection) -> None:
-        self.requests = Rate.per_second(settings.requests_per_s)
-        self.failures = Rate.per_minute(settings.failures_per_min)
-        self.refusals = Rate.per_minute(settings.refusals_per_min)
+        self.requests = RateLimit.per_second(settings.requests_per_s)
+        self.failures = RateLimit.per_minute(settings.failures_per_min)
+        self.refusals = RateLimit.per_minute(settings.refusals_per_min)

@@ -37,7 +37,7 @@ class _Held:
     due: float | None = None
 
 
-class Aside:
+class DeferredMessages:
     """Keeps what the cloud fails at out of the way of what it takes; nothing of it is given up.
 
     That the cloud failed at one message alone says little: the cloud may fail at all of them. It is

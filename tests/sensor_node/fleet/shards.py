@@ -1,4 +1,4 @@
-"""A squad without a network, and its members as single nodes, for tests."""
+"""A shard without a network, and its members as single nodes, for tests."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from sensor_node.assembly import build_node, build_outbox
 from sensor_node.controls import NodeControls
 from sensor_node.fleet.controls import MemberControls
-from sensor_node.fleet.squad import Squad, member_seed
+from sensor_node.fleet.shard import Shard, member_seed
 from sensor_node.fleet.storage import Storage
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import SECOND, START, settings, table, waiting
@@ -32,7 +32,7 @@ DESIGN: dict[str, Any] = {
 
 
 class Bench:
-    """A squad without a network, whose time the test turns."""
+    """A shard without a network, whose time the test turns."""
 
     def __init__(self, folder: Path, **sections: Any) -> None:
         folder.mkdir(exist_ok=True)
@@ -44,10 +44,10 @@ class Bench:
         self.ticks = 0
         self.storage = Storage(folder / "fleet.sqlite", NAMES, key=KEY, epoch=BOOT)
         self.truth = Truth(folder / "known.sqlite", limit=2**30)
-        self.squad = self.build()
+        self.shard = self.build()
 
-    def build(self) -> Squad:
-        return Squad(
+    def build(self) -> Shard:
+        return Shard(
             self.settings, NAMES, range(len(NAMES)), seed=SEED, storage=self.storage,
             truth=self.truth, start=START, origin=0, monotonic=lambda: self.ticks,
         )  # fmt: skip
@@ -57,12 +57,12 @@ class Bench:
         end = round(seconds * SECOND)
         while self.ticks < end:
             self.ticks = min(self.ticks + SECOND // 5, end)
-            self.squad.gather()
-            while self.squad.due() <= self.ticks:
-                self.write(*self.squad.sample(self.ticks))
-            for row, node in self.squad.soloists.items():
+            self.shard.gather()
+            while self.shard.due() <= self.ticks:
+                self.write(*self.shard.sample(self.ticks))
+            for row, node in self.shard.singles.items():
                 if node.due:
-                    self.squad.outboxes[row].mark()
+                    self.shard.outboxes[row].mark()
                     with self.storage.commit(), self.truth.together():
                         node.catch_up()
 
@@ -70,22 +70,22 @@ class Bench:
         self.truth.store(truth)
         with self.storage.commit():
             for row, said in records.items():
-                outbox = self.squad.outboxes[row]
+                outbox = self.shard.outboxes[row]
                 told = outbox.unsaid() + said
                 outbox.write(told)
                 outbox.settle(told)
 
     def finish(self) -> None:
-        self.write(self.squad.finish(), {})
-        for node in self.squad.soloists.values():
+        self.write(self.shard.finish(), {})
+        for node in self.shard.singles.values():
             node.finish()
 
     def controls(self, row: int) -> MemberControls:
-        return MemberControls(self.squad, row)
+        return MemberControls(self.shard, row)
 
     def cohort(self, row: int) -> Cohort:
         """With whom a member samples."""
-        return next(cohort for cohort in self.squad.cohorts if row in cohort)
+        return next(cohort for cohort in self.shard.cohorts if row in cohort)
 
     def said(self, row: int) -> list[tuple[int, bytes]]:
         kept = self.storage.partition(NAMES[row]).after((-1, -1), 10**6)

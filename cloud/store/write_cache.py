@@ -42,7 +42,7 @@ _RAZE: Final = delete(stale).where(
 )
 
 
-class Ledger:
+class WriteCache:
     """Rows of nodes, channels and sequences, and the last cursor; written back by `save`.
 
     Only the writing thread uses it. After a rollback, and after somebody else wrote, it is

@@ -11,20 +11,20 @@ from cloud.store.presence import note_blocks
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from cloud.store.ledger import Ledger, Row
     from cloud.store.numbers import StoredNumbers
+    from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import BlockSummary
 
 
 @dataclass(slots=True)
-class Stretch:
+class BlockRun:
     """Blocks that are to be stored.
 
     Attributes:
         node: Who said them.
         boot: In which of its boots.
         channel: Of which of its channels.
-        ranges: What is stored of this boot; the ledger's own.
+        ranges: What is stored of this boot; the cache's own.
         known: The channel's row; nothing before the first block.
         rows: The blocks' rows, in the batch's order.
     """
@@ -41,16 +41,16 @@ class Stretch:
         """The channel's unit, as far as it is known."""
         return self.known.get("unit")
 
-    def begin(self, connection: Connection, ledger: Ledger, block: BlockSummary) -> None:
+    def begin(self, connection: Connection, cache: WriteCache, block: BlockSummary) -> None:
         """Know the channel, before its first block: a batch shall not name two units for it."""
-        self.known = require_row(connection, ledger, self.node, block)
+        self.known = require_row(connection, cache, self.node, block)
 
     def cursor(self) -> int:
         """The last block's place in the feed."""
         return int(self.rows[-1]["cursor"])
 
-    def settle(self, connection: Connection, ledger: Ledger, *, now: int) -> tuple[int, int]:
+    def settle(self, connection: Connection, cache: WriteCache, *, now: int) -> tuple[int, int]:
         """Add the blocks to what is known of node and channel; gives the last one's lag, ns."""
-        ledger.grow(self.node, self.boot)
-        add_blocks(ledger, self.known, self.rows)
-        return note_blocks(connection, ledger, self.rows, now=now)
+        cache.grow(self.node, self.boot)
+        add_blocks(cache, self.known, self.rows)
+        return note_blocks(connection, cache, self.rows, now=now)

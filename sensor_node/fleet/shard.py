@@ -15,10 +15,10 @@ from sensor_node.firmware.reasons import DEAD, OVERRUN, TEXTS
 from sensor_node.firmware.record import BLOCK, Record
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.fleet.cohort import Cohort
-from sensor_node.fleet.crew import Crew, Recruit
 from sensor_node.fleet.gathering import Gathering
 from sensor_node.fleet.outbox import MemberOutbox
-from sensor_node.fleet.soloist import Soloist, require_alone
+from sensor_node.fleet.roster import Roster, RosterEntry
+from sensor_node.fleet.single_node import SingleNode, require_alone
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
 from sensor_node.machine.events import NEVER
@@ -40,7 +40,7 @@ _MOST_FRAMES: Final = 16
 """Frames of one commit."""
 
 
-class Squad:
+class Shard:
     """Some members that started together; those that are set alike sample in step.
 
     Args:
@@ -57,8 +57,8 @@ class Squad:
     Attributes:
         outboxes: One for each member.
         cohorts: Members that sample together.
-        soloists: Members that sample alone, by their rows.
-        restarted: Called with a soloist's row after each start of its firmware but the first.
+        singles: Members that sample alone, by their rows.
+        restarted: Called with a single node's row after each start of its firmware but the first.
     """
 
     def __init__(
@@ -79,22 +79,22 @@ class Squad:
         self._truth = truth
         self._origin = origin
         self._monotonic = monotonic
-        self.soloists: dict[int, Soloist] = {}
+        self.singles: dict[int, SingleNode] = {}
         self.restarted: Callable[[int], None] = lambda _row: None
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
         chips = [storage.partition(name) for name in names]
-        recruits = [
-            Recruit(member_seed(seed, number), chip.boot, start)
+        entries = [
+            RosterEntry(member_seed(seed, number), chip.boot, start)
             for number, chip in zip(numbers, chips, strict=True)
         ]
-        self._crew = Crew(settings, recruits)
-        self.cohorts = [Cohort(self._crew)]
-        self._gathering = Gathering(self._crew)
+        self._roster = Roster(settings, entries)
+        self.cohorts = [Cohort(self._roster)]
+        self._gathering = Gathering(self._roster)
         broker = settings.broker
         self.outboxes = [
             MemberOutbox(
                 chip,
-                self._crew.nodes,
+                self._roster.nodes,
                 row,
                 capacity=settings.flash.capacity_bytes,
                 window=broker.window,
@@ -115,20 +115,20 @@ class Squad:
         """How a member is set that nobody has set."""
         return NodeControls(self._single(0)).restore({})
 
-    def apart(self, row: int) -> Soloist:
+    def apart(self, row: int) -> SingleNode:
         """A member as a node of its own, which stands where its cohort does."""
         node = self._single(row)
         node.take_over(self._cohort(row), row)
-        for taxel in np.flatnonzero(self._crew.dead[:, row]).tolist():
+        for taxel in np.flatnonzero(self._roster.dead[:, row]).tolist():
             node.know_dead(taxel)
         return node
 
-    def part(self, row: int, node: Soloist) -> None:
+    def part(self, row: int, node: SingleNode) -> None:
         """A member samples alone, until it is set like others again."""
-        if row not in self.soloists:
+        if row not in self.singles:
             self._cohort(row).leave(row)
             self.cohorts = [cohort for cohort in self.cohorts if len(cohort)]
-        self.soloists[row] = node
+        self.singles[row] = node
         node.at_start = lambda: self.restarted(row)
         self._gathering.await_more(self._monotonic())
 
@@ -136,9 +136,9 @@ class Squad:
         """A member cuts its blocks short, and samples alone: somebody looks on for some seconds."""
         if not self._cuts:
             return
-        if row not in self.soloists:
+        if row not in self.singles:
             self.part(row, self.apart(row))
-        self.soloists[row].attend(seconds)
+        self.singles[row].attend(seconds)
         self._gathering.await_more(self._monotonic())
 
     def gather(self, *, at_once: bool = False) -> None:
@@ -146,16 +146,16 @@ class Squad:
         now = self._monotonic()
         if self._alone or not (at_once or self._gathering.is_due(now)):
             return
-        for row in self._gathering.gather(self.cohorts, self.soloists, now):
-            del self.soloists[row]
+        for row in self._gathering.gather(self.cohorts, self.singles, now):
+            del self.singles[row]
             self.outboxes[row].unmark()
 
     def _cohort(self, row: int) -> Cohort:
         return next(cohort for cohort in self.cohorts if row in cohort)
 
-    def _single(self, row: int) -> Soloist:
+    def _single(self, row: int) -> SingleNode:
         """A member as a node of its own that has just started."""
-        own, given = self._crew.recruits[row], self._settings
+        own, given = self._roster.entries[row], self._settings
         random = np.random.default_rng((own.seed, own.boot))
         drift = round(given.clock.drift_ppm * 1e3)
         clock = Clock(
@@ -168,7 +168,7 @@ class Squad:
             random=random,
             origin=self._origin,
         )
-        return Soloist(
+        return SingleNode(
             given,
             self.names[row],
             clock=clock,
@@ -215,23 +215,23 @@ class Squad:
 
     def enclosure(self, row: int) -> tuple[int, int]:
         """Earliest and latest UTC of the present, as a member knows it."""
-        if row in self.soloists:
-            return self.soloists[row].enclosure()
-        return self._crew.enclosure(row, self.ticks(self._monotonic()))
+        if row in self.singles:
+            return self.singles[row].enclosure()
+        return self._roster.enclosure(row, self.ticks(self._monotonic()))
 
     def status(self, row: int, now: int) -> Record:
         """How a member of a cohort fares."""
         ticks, own = self.ticks(now), self._settings.node
         outbox = self.outboxes[row]
         return outbox.scribe.status(
-            self._crew.enclosure(row, ticks),
+            self._roster.enclosure(row, ticks),
             own.profile,
             own.description or own.profile,
             max(ticks, 0),
             outbox.usage(),
             self._cohort(row).channels,
             int(ResetCause.POWER_ON),
-            places=self._crew.map,
+            places=self._roster.map,
         )
 
     def _take(
@@ -242,7 +242,7 @@ class Squad:
         truth: dict[str, list[TrueBlock]],
     ) -> None:
         times = cohort.true_times(said.frame.start)
-        boots, numbers = self._crew.nodes.boots.tolist(), cohort.numbers.tolist()
+        boots, numbers = self._roster.nodes.boots.tolist(), cohort.numbers.tolist()
         for row, k, kind, sequence, earliest, latest, samples, begin, end in said.records.tolist():
             channel, body, number = said.taxel.channels[k], said.content[begin:end], numbers[row]
             record = Record(kind, sequence, body, (earliest, latest), samples, 0, channel)
@@ -261,7 +261,7 @@ class Squad:
             taxel = self._settings.taxel[k]
             gap = self._gap(row, DEAD, begin, end, 0, taxel=taxel.id)
             records.setdefault(row, []).append(gap)
-            if CHAINS[taxel.chain].derived and row not in self.soloists:
+            if CHAINS[taxel.chain].derived and row not in self.singles:
                 # From now on it tells of no cause.
                 self.part(row, self.apart(row))
 
@@ -284,7 +284,7 @@ class Squad:
         self, row: int, reason: int, begin: int, end: int, samples: int, *, taxel: str = ""
     ) -> Record:
         """That a member lost samples between two moments in ticks."""
-        time = self._crew.enclosure(row, begin)[0], self._crew.enclosure(row, end)[1]
+        time = self._roster.enclosure(row, begin)[0], self._roster.enclosure(row, end)[1]
         return self.outboxes[row].scribe.gap(reason, time, samples, taxel=taxel)
 
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sensor_node.truth import Truth
 
 
-class Soloist(Node):
+class SingleNode(Node):
     """A single node, but for its storage and its connection.
 
     Args:
