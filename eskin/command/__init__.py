@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 __all__ = ["app", "main"]
 
 app = typer.Typer(name="eskin", add_completion=False, pretty_exceptions_enable=False)
+"""The command, for whoever calls it from Python."""
 app.command()(demo)
 app.command()(audit)
 app.command()(figures)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 Floats: TypeAlias = "NDArray[np.float64]"
+"""Sides of intervals: an array of binary64, of any shape."""
 
 _EXACT_INTEGER = 2**53
 
