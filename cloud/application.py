@@ -60,10 +60,8 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 def gateway_application(cloud: Cloud) -> FastAPI:
     """Ingest and deliveries; gateways prove who they are with each request."""
-    limits = {
-        "rate_limits": RateLimits(cloud.settings.limits),
-        "body": None,
-    }  # batches may be longer
+    # Batches may be longer than other bodies.
+    limits = {"rate_limits": RateLimits(cloud.settings.limits), "body": None}
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
     for resource in (ingest, deliveries, notices):
         app.include_router(resource.router, prefix=API)

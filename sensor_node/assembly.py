@@ -22,6 +22,7 @@ from sensor_node.machine.sampling import require_depth
 from sensor_node.node import Node
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import ModuleType
 
     from sensor_node.settings import BrokerSection, NodeSettings
@@ -94,19 +95,43 @@ def build_node(
     require_flash(settings)
     require_depth(settings)
     seed = truth.seed(settings.node.seed)
-    random = np.random.default_rng((seed, outbox.boot))
+    begin = _begin(truth, time.time_ns() if start is None else start)
+    clock = build_clock(settings, seed=seed, boot=outbox.boot, start=begin)
+    node = Node(settings, clock=clock, outbox=outbox, truth=truth, seed=seed, functions=functions)
+    return node, clock
+
+
+def build_clock(
+    settings: NodeSettings,
+    *,
+    seed: int,
+    boot: int,
+    start: int,
+    monotonic: Callable[[], int] = time.monotonic_ns,
+    origin: int | None = None,
+) -> Clock:
+    """A node's clock and its crystal, as wrong as its seed and its boot draw them.
+
+    Args:
+        settings: Its settings, which bound how wrong.
+        seed: Its own.
+        boot: Number of this start.
+        start: True UTC at the start, ns.
+        monotonic: Real time in ns from any origin.
+        origin: Real time at the start, ns; ``None``: now.
+    """
+    random = np.random.default_rng((seed, boot))
     drift = round(settings.clock.drift_ppm * 1e3)
-    clock = Clock(
-        start=_begin(truth, time.time_ns() if start is None else start),
-        monotonic=time.monotonic_ns,
+    return Clock(
+        start=start,
+        monotonic=monotonic,
         speed=settings.node.speed,
         rtc_error=round(settings.clock.rtc_error_ms * 1e6),
         drift=drift,
         crystal=Crystal(drift, random),
         random=random,
+        origin=origin,
     )
-    node = Node(settings, clock=clock, outbox=outbox, truth=truth, seed=seed, functions=functions)
-    return node, clock
 
 
 def _begin(truth: Truth, start: int) -> int:

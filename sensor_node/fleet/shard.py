@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.messages import Position, ResetCause
+from sensor_node.assembly import build_clock
 from sensor_node.controls import NodeControls
 from sensor_node.firmware.reasons import DEAD, OVERRUN, TEXTS
 from sensor_node.firmware.record import BLOCK, Record
@@ -19,8 +20,7 @@ from sensor_node.fleet.gathering import Gathering
 from sensor_node.fleet.outbox import MemberOutbox
 from sensor_node.fleet.roster import Roster, RosterEntry
 from sensor_node.fleet.single_node import SingleNode, require_alone
-from sensor_node.machine.clock import Clock
-from sensor_node.machine.crystal import BILLION, Crystal
+from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.events import NEVER
 from sensor_node.machine.scribe import CompiledScribe
 from sensor_node.truth import TrueBlock
@@ -156,16 +156,12 @@ class Shard:
     def _single(self, row: int) -> SingleNode:
         """A member as a node of its own that has just started."""
         own, given = self._roster.entries[row], self._settings
-        random = np.random.default_rng((own.seed, own.boot))
-        drift = round(given.clock.drift_ppm * 1e3)
-        clock = Clock(
+        clock = build_clock(
+            given,
+            seed=own.seed,
+            boot=own.boot,
             start=own.start,
             monotonic=self._monotonic,
-            speed=given.node.speed,
-            rtc_error=round(given.clock.rtc_error_ms * 1e6),
-            drift=drift,
-            crystal=Crystal(drift, random),
-            random=random,
             origin=self._origin,
         )
         return SingleNode(
