@@ -90,7 +90,7 @@ class Stored:
         store = self._store
 
         def keep(batch: Said) -> Callable[[Any], object]:
-            items = [Item.read(node, data) for node, data in batch]
+            items = Item.read_all(batch)
             return lambda connection: take_in(
                 connection, store.cache, items, gateway="g", now=START, dead_letters=1
             )

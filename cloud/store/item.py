@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from cloud.store.schema import NODE_LENGTH
 from eskin.errors import IdentityError, MessageError
@@ -11,9 +11,16 @@ from eskin.identity import IdentityKind
 from eskin.messages import BlockSummary, Peak, Summary, decode_summary
 from eskin.messages.fields import MOST_BYTES
 from eskin.messages.head import Kind
+from eskin.messages.joined import Joined
+from eskin.messages.scan import scan_all
 from eskin.moment import MOST_MOMENT
 from eskin.privacy import Veiled, is_biometric, is_veiled, tells_of_nobody
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+_AT_ONCE: Final = 64
+"""Messages of one look: as many as stay in a processor's cache."""
 IN_THE_CLEAR: Final = (
     "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
     "seals bring it"
@@ -40,11 +47,25 @@ class Item(NamedTuple):
     @classmethod
     def read(cls, node: str, data: bytes) -> Item:
         """Read a message; a poor one becomes an item with a reason."""
+        return cls.read_all([(node, data)])[0]
+
+    @classmethod
+    def read_all(cls, said: Sequence[tuple[str, bytes]]) -> list[Item]:
+        """Read messages, each with its node: other threads wait for no look at samples."""
+        items: list[Item] = []
+        for at in range(0, len(said), _AT_ONCE):
+            some = said[at : at + _AT_ONCE]
+            blocks = scan_all(Joined.of([data for _, data in some]))
+            items += (cls._of(*each, block) for each, block in zip(some, blocks, strict=True))
+        return items
+
+    @classmethod
+    def _of(cls, node: str, data: bytes, block: BlockSummary | None) -> Item:
         try:
             _require_node(node)
             if is_veiled(data):
                 return cls(node, data, _require_biometric(Veiled.decode(data)))
-            message = decode_summary(data)
+            message = decode_summary(data) if block is None else block
             if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
                 return cls.refused(node, b"", IN_THE_CLEAR)
             _require_storable(message)

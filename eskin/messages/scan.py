@@ -1,4 +1,4 @@
-"""A block read in one compiled look: its head, and whether its bounds are its samples' hull.
+"""Blocks read in one compiled look: their heads, and whether their bounds are their samples' hulls.
 
 What is found here is what `Block.read` finds, at a tenth of the cost. Where anything is not as most
 blocks have it, nothing is found, and `Block.read` tells what is wrong, or that nothing is.
@@ -7,7 +7,7 @@ blocks have it, nothing is found, and `Block.read` tells what is wrong, or that 
 from __future__ import annotations
 
 import functools
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
@@ -18,7 +18,15 @@ from eskin.messages.block_summary import LONGEST_DT, MOST_SAMPLES, UNIT_LENGTH, 
 from eskin.messages.encoding import ENCODINGS, MOST_OFFSET, SAFE_EXPONENT, UNBOUNDED
 from eskin.messages.fields import MOST_COUNT, text
 from eskin.messages.head import CHANNEL_LENGTH, Position, require_channel
+from eskin.messages.joined import Joined
 from eskin.moment import MOST_MOMENT
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from eskin.interval import Floats
 
 _PLAIN: Final = 0xAF  # a map of 15 pairs
 _SCALED: Final = 0xB1  # of 17: with a scale
@@ -30,28 +38,35 @@ _SIZES: Final = (8, 4, 2)
 
 def scan(data: bytes) -> BlockSummary | None:
     """What a block says, if its bounds are the hull of its samples; else `None`."""
-    good, names, counts, time, reals = _scan(data)
-    if not good:
-        return None
-    boot, sequence, ticks, dt, n, encoding = counts
+    good, names, counts, reals = _scan(np.frombuffer(data, np.uint8))
+    return _summary(data, names, counts, reals) if good else None
+
+
+def scan_all(messages: Joined) -> list[BlockSummary | None]:
+    """The same of many messages; no other thread waits for it, or is called each time."""
+    size = messages.ends.size
+    names, counts = np.empty((size, 4), np.int64), np.empty((size, 8), np.int64)
+    reals = np.empty((size, 4))
+    good = _scan_all(np.frombuffer(messages.data, np.uint8), messages.ends, names, counts, reals)
+    found = zip(good, names.tolist(), counts.tolist(), reals.tolist(), strict=True)
+    return [_summary(messages.data, *each) if well else None for well, *each in found]
+
+
+def _summary(
+    data: bytes, names: Sequence[int], counts: Sequence[int], reals: Sequence[float]
+) -> BlockSummary | None:
+    """What `_scan` found."""
+    channel, channel_end, unit, unit_end = names
+    boot, sequence, ticks, early, late, dt, n, encoding = counts
     coverage, lo, hi, widening = reals
     try:
-        channel, unit = _channel(data[names[0] : names[1]]), _unit(data[names[2] : names[3]])
+        named = _channel(data[channel:channel_end])
+        measured = _unit(data[unit:unit_end])
     except (UnicodeDecodeError, MessageError):
         return None
-    return BlockSummary(
-        position=Position(boot, sequence),
-        channel=channel,
-        ticks=ticks,
-        time=time,
-        dt=dt,
-        n=n,
-        unit=unit,
-        coverage=coverage,
-        encoding=ENCODINGS[encoding],
-        widening=widening,
-        bounds=(lo, hi),
-    )
+    # In their order and not by name, which takes twice as long.
+    head = Position(boot, sequence), named, ticks, (early, late), dt, n, measured
+    return BlockSummary(*head, coverage, ENCODINGS[encoding], widening, (lo, hi))
 
 
 @functools.lru_cache(4096)
@@ -65,8 +80,27 @@ def _unit(raw: bytes) -> str:
 
 
 @kernel
-def _scan(data: bytes) -> Any:
-    """Whether all is well; places of both names, counts, the time, and reals."""
+def _scan_all(
+    data: NDArray[np.uint8],
+    ends: NDArray[np.int64],
+    names: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    reals: Floats,
+) -> NDArray[np.bool_]:
+    """Look at messages that end somewhere; gives of which all is well."""
+    good = np.empty(ends.size, np.bool_)
+    begin = 0
+    for k in range(ends.size):
+        good[k], named, counts[k], reals[k] = _scan(data[begin : ends[k]])
+        names[k] = named
+        names[k] += begin
+        begin = ends[k]
+    return good
+
+
+@kernel
+def _scan(data: NDArray[np.uint8]) -> Any:
+    """Whether all is well; places of both names, whole numbers, reals."""
     place = 1 if len(data) > 1 and (data[0] == _PLAIN or data[0] == _SCALED) else _NONE
     kind, place = _count(data, place, 1)
     boot, place = _count(data, place, 2)
@@ -89,14 +123,15 @@ def _scan(data: bytes) -> Any:
     return (
         good,
         (channel, channel_end, unit, unit_end),
-        (boot, sequence, ticks, dt, n, encoding),
-        (early, late),
+        (boot, sequence, ticks, early, late, dt, n, encoding),
         (coverage, lo, hi, widening),
     )
 
 
 @part
-def _bounds(data: bytes, place: int, encoding: int, n: int) -> tuple[float, float, float, bool]:
+def _bounds(
+    data: NDArray[np.uint8], place: int, encoding: int, n: int
+) -> tuple[float, float, float, bool]:
     """The rest of a block: bounds and widening as it says, and whether they are true."""
     size = n * _SIZES[encoding]
     lows, place = _samples(data, _key(data, place, 12), _TAGS[encoding], size)
@@ -125,7 +160,9 @@ def _bounds(data: bytes, place: int, encoding: int, n: int) -> tuple[float, floa
 
 
 @part
-def _floats(data: bytes, lows: int, highs: int, n: int, kind: Any) -> tuple[float, float, bool]:
+def _floats(
+    data: NDArray[np.uint8], lows: int, highs: int, n: int, kind: Any
+) -> tuple[float, float, bool]:
     """The hull, and whether all are intervals; a NaN is in no order."""
     least, most, good = np.inf, -np.inf, True
     for k in range(n):
@@ -137,7 +174,7 @@ def _floats(data: bytes, lows: int, highs: int, n: int, kind: Any) -> tuple[floa
 
 
 @part
-def _codes(data: bytes, lows: int, highs: int, n: int) -> tuple[int, int, bool]:
+def _codes(data: NDArray[np.uint8], lows: int, highs: int, n: int) -> tuple[int, int, bool]:
     """The least and the greatest code, -1 where a lower side is unbounded; whether all in order."""
     least, most, good = UNBOUNDED, 0, True
     for k in range(n):
@@ -149,7 +186,7 @@ def _codes(data: bytes, lows: int, highs: int, n: int) -> tuple[int, int, bool]:
 
 
 @part
-def _head(data: bytes, place: int, major: int) -> tuple[int, int]:
+def _head(data: NDArray[np.uint8], place: int, major: int) -> tuple[int, int]:
     """An item's number in its shortest form, and where it goes on (RFC 8949, section 3)."""
     if not 0 <= place < len(data) or data[place] >> 5 != major:
         return 0, _NONE
@@ -168,25 +205,25 @@ def _head(data: bytes, place: int, major: int) -> tuple[int, int]:
 
 
 @part
-def _key(data: bytes, place: int, key: int) -> int:
+def _key(data: NDArray[np.uint8], place: int, key: int) -> int:
     """Where a field's value stands."""
     return place + 1 if 0 <= place < len(data) and data[place] == key else _NONE
 
 
 @part
-def _pair(data: bytes, place: int, key: int) -> int:
+def _pair(data: NDArray[np.uint8], place: int, key: int) -> int:
     """Where the first of a field's two values stands."""
     return _key(data, _key(data, place, key), 0x82)
 
 
 @part
-def _count(data: bytes, place: int, key: int) -> tuple[int, int]:
+def _count(data: NDArray[np.uint8], place: int, key: int) -> tuple[int, int]:
     number, behind = _head(data, _key(data, place, key), 0)
     return (number, behind) if number <= MOST_COUNT else (0, _NONE)
 
 
 @part
-def _integer(data: bytes, place: int) -> tuple[int, int]:
+def _integer(data: NDArray[np.uint8], place: int) -> tuple[int, int]:
     if 0 <= place < len(data) and data[place] >> 5 == 1:
         number, behind = _head(data, place, 1)
         return -1 - number, behind
@@ -194,14 +231,14 @@ def _integer(data: bytes, place: int) -> tuple[int, int]:
 
 
 @part
-def _string(data: bytes, place: int, major: int) -> tuple[int, int]:
+def _string(data: NDArray[np.uint8], place: int, major: int) -> tuple[int, int]:
     """Where a string begins and ends."""
     length, begin = _head(data, place, major)
     return (begin, begin + length) if 0 <= length <= len(data) - begin else (0, _NONE)
 
 
 @part
-def _samples(data: bytes, place: int, tag: int, size: int) -> tuple[int, int]:
+def _samples(data: NDArray[np.uint8], place: int, tag: int, size: int) -> tuple[int, int]:
     """Where an array of so many bytes begins and ends."""
     found, place = _head(data, place, 6)
     begin, end = _string(data, place, 2)
@@ -209,7 +246,7 @@ def _samples(data: bytes, place: int, tag: int, size: int) -> tuple[int, int]:
 
 
 @part
-def _real(data: bytes, place: int) -> tuple[float, int]:
+def _real(data: NDArray[np.uint8], place: int) -> tuple[float, int]:
     """A binary64, or an infinity, whose shortest form has 16 bits."""
     if 0 <= place <= len(data) - 3 and data[place] == 0xF9 and data[place + 2] == 0:
         if data[place + 1] == 0x7C:

@@ -19,7 +19,7 @@ from cloud.store.presence import MOST_LAG
 from cloud.store.schema import dead_letters
 from eskin.errors import StoreError
 from eskin.identity import IdentityKind
-from eskin.messages import decode_summary
+from eskin.messages.scan import scan_all
 from tests.cloud.clouds import batch, count_blocks, post, problem, standing, warrant
 from tests.cloud.messages import NODE, START, block, gap, peak, status
 
@@ -28,7 +28,8 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from eskin.messages import Peak, Summary
+    from eskin.messages import BlockSummary, Peak
+    from eskin.messages.joined import Joined
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
@@ -125,12 +126,12 @@ async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
 ) -> None:
     bad = block(1).encode()
 
-    def breaks(data: bytes) -> Summary:
-        if data == bad:
+    def breaks(messages: Joined) -> list[BlockSummary | None]:
+        if bad in messages.data:
             raise OverflowError("a number that nobody thought of")
-        return decode_summary(data)
+        return scan_all(messages)
 
-    monkeypatch.setattr("cloud.store.item.decode_summary", breaks)
+    monkeypatch.setattr("cloud.store.item.scan_all", breaks)
     items = (await stand.ingest(batch(block(0), block(1), block(2)))).json()["items"]
     assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
     assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
@@ -140,10 +141,10 @@ async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
 async def test_message_is_not_at_fault_where_memory_runs_out(
     stand: Stand, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def breaks(_: bytes) -> Summary:
+    def breaks(_: Joined) -> list[BlockSummary | None]:
         raise MemoryError
 
-    monkeypatch.setattr("cloud.store.item.decode_summary", breaks)
+    monkeypatch.setattr("cloud.store.item.scan_all", breaks)
     assert (await stand.ingest(batch(block(0)))).status_code == 500
     monkeypatch.undo()
     items = (await stand.ingest(batch(block(0)))).json()["items"]

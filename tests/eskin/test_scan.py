@@ -16,7 +16,8 @@ from eskin.errors import MessageError
 from eskin.interval import Interval
 from eskin.messages import Block, Encoding, Position, decode_summary
 from eskin.messages.fields import dump
-from eskin.messages.scan import scan
+from eskin.messages.joined import Joined
+from eskin.messages.scan import scan, scan_all
 from eskin.tube import Tube
 
 BOUND = st.floats(allow_nan=False)
@@ -167,6 +168,22 @@ def test_damaged_bytes_are_found_to_say_what_reading_says(
     found = scan(damaged)
     if found is not None:
         assert found == Block.decode(damaged).summary
+
+
+@given(
+    kept=st.lists(
+        st.tuples(st.sampled_from(Encoding), st.integers(0, 200), st.binary(max_size=3)), max_size=9
+    )
+)
+def test_message_among_others_is_read_as_if_it_were_alone(
+    kept: list[tuple[Encoding, int, bytes]],
+) -> None:
+    """None is read into the next one, however it is cut."""
+    said = [
+        block([(1.0, 2.0), (1.5, 3.0)], encoding, ticks=cut).encode()[: cut or None] + more
+        for encoding, cut, more in kept
+    ]
+    assert scan_all(Joined.of(said)) == [scan(data) for data in said]
 
 
 @pytest.mark.parametrize(
