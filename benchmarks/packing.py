@@ -1,4 +1,4 @@
-"""Packs beside the blocks they are made of: bytes a sample, and samples read in a second.
+"""Packs and compressed blocks beside what they are made of: bytes a sample, samples read a second.
 
 ``python -m benchmarks.packing`` measures them alone.
 """
@@ -14,6 +14,8 @@ import numpy as np
 from benchmarks.report import Row
 from eskin.interval import Interval
 from eskin.messages import Block, Encoding, Position
+from eskin.messages.compression import compress_all
+from eskin.messages.joined import Joined
 from eskin.messages.pack import Kept, Pack, pack
 from eskin.messages.stored import read_bounds
 from eskin.tube import Tube
@@ -41,7 +43,18 @@ def measure_packing() -> list[Row]:
         ratio = plain / n / packed
         title = f"bytes a sample in a pack, signal {name}"
         rows.append(Row(title, packed, "bytes", "q16 block", plain / n, ratio, None, met))
-    return [*rows, *_speed()]
+        rows.append(_compression(name, noise))
+    return [*rows, *_speed(), *_speed_of_compression()]
+
+
+def _compression(name: str, noise: float) -> Row:
+    blocks = [kept.data for kept in _blocks(8, 250, noise, Encoding.F32)]
+    n, plain = 8 * 250, sum(map(len, blocks))
+    made = sum(len(short or b"") for short in compress_all(Joined.of(blocks)))
+    title = f"bytes a sample compressed, signal {name}"
+    return Row(
+        title, made / n, "bytes", "f32 block", plain / n, plain / made, 1.0, 0 < made < plain
+    )
 
 
 def _speed() -> list[Row]:
@@ -59,6 +72,20 @@ def _speed() -> list[Row]:
     ]  # fmt: skip
 
 
+def _speed_of_compression() -> list[Row]:
+    blocks = [kept.data for kept in _blocks(64, 500, 1e-3, Encoding.F32)]
+    joined = Joined.of(blocks)
+    short = [each for each in compress_all(joined) if each is not None]
+    made = 32_000 / _seconds(lambda: compress_all(joined)) / 1e6
+    read = 32_000 / _seconds(lambda: [read_bounds(each) for each in short]) / 1e6
+    plain = 32_000 / _seconds(lambda: [read_bounds(each) for each in blocks]) / 1e6
+    return [
+        Row("samples of f32 compressed on one core", made, "M/s"),
+        Row("samples read from compressed blocks of 500", read, "M/s", "from f32 blocks",
+            plain, read / plain),
+    ]  # fmt: skip
+
+
 def _seconds(call: Callable[[], object]) -> float:
     """The processor's time of one call, whoever else uses it."""
     call()
@@ -71,7 +98,7 @@ def _seconds(call: Callable[[], object]) -> float:
     return median(times)
 
 
-def _blocks(count: int, n: int, noise: float) -> Sequence[Kept]:
+def _blocks(count: int, n: int, noise: float, encoding: Encoding = Encoding.Q16) -> Sequence[Kept]:
     random = np.random.default_rng(5)
     t = np.arange(count * n)
     values = random.normal(0.0, 1.0, t.size)
@@ -82,7 +109,7 @@ def _blocks(count: int, n: int, noise: float) -> Sequence[Kept]:
         tube = Interval.relative(5e-11 * (2.0 + 0.2 * values[k * n : (k + 1) * n]), 0.01)
         first = k * n * _DT
         made = Tube((first, first + 4_000_000), _DT, tube, "F", 1.0)
-        block = Block.pack(Position(1, k), "t01.capacitance", first, made, Encoding.Q16)
+        block = Block.pack(Position(1, k), "t01.capacitance", first, made, encoding)
         found.append(Kept(block.encode(), k, first))
     return found
 

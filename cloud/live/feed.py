@@ -18,6 +18,7 @@ from cloud.live.printing import Press
 from cloud.store.entry import Entry
 from cloud.store.schema import blocks, events, feed
 from cloud.store.sealed import veiled
+from eskin.messages.compression import decompress
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -163,7 +164,10 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry
     b = blocks.c
     query = select(b.cursor, b.node, b.channel, b.data, b.received)
     rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
-    found = [Entry(*row[:4], None, row[4]) for row in rows]
+    found = [
+        Entry(cursor, node, channel, decompress(data), None, received)
+        for cursor, node, channel, data, received in rows
+    ]
     e = events.c
     told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
     found += [

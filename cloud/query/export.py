@@ -16,6 +16,7 @@ from sqlalchemy import and_, case, or_, select, tuple_
 from cloud.query.span import before, clip, count, touching
 from cloud.store.schema import blocks, channels
 from eskin.messages import Block
+from eskin.messages.compression import decompress
 from eskin.messages.pack import Pack
 
 if TYPE_CHECKING:
@@ -113,7 +114,9 @@ class Export:
                 return
             for page in self._pages(index, begin, until, whole=True):
                 for k in range(0, len(page), _AT_ONCE):
-                    decoded = [Block.decode(found.data) for found in page[k : k + _AT_ONCE]]
+                    decoded = [
+                        Block.decode(decompress(found.data)) for found in page[k : k + _AT_ONCE]
+                    ]
                     yield Part(self.sources[index].channel, decoded)
 
     def _pages(

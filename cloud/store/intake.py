@@ -129,7 +129,7 @@ def take_in(
 def _prepare(batch: _Batch, items: Sequence[Item]) -> None:
     boots: dict[tuple[str, int], None] = {}
     places: dict[tuple[str, str], None] = {}
-    for node, _, message, _ in items:
+    for node, _, message, *_ in items:
         if message is None:
             continue
         boots[node, message.position.boot] = None
@@ -189,7 +189,7 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
         _see(batch, node, block.position)
         run.begin(batch.connection, batch.cache, block)
     cursor = batch.cache.next_cursor(batch.connection)
-    row = block_row(node, block, item.data, cursor, batch.now)
+    row = block_row(node, block, item.kept or item.data, cursor, batch.now)
     run.rows.append(row)
     run.ranges.add(sequence)
     batch.blocks.add(row)

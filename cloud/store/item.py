@@ -9,6 +9,7 @@ from cloud.store.schema import NODE_LENGTH
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.messages import BlockSummary, Peak, Summary, decode_summary
+from eskin.messages.compression import compress_all
 from eskin.messages.fields import MOST_BYTES
 from eskin.messages.head import Kind
 from eskin.messages.joined import Joined
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 _AT_ONCE: Final = 64
-"""Messages of one look: as many as stay in a processor's cache."""
+"""Messages of one look: as many as a processor's cache holds."""
 IN_THE_CLEAR: Final = (
     "it tells of a person and is not sealed, so that none of it is kept here; let a gateway that "
     "seals bring it"
@@ -37,12 +38,14 @@ class Item(NamedTuple):
         data: Its bytes.
         message: What they say; ``None`` if they say nothing.
         reason: Why not.
+        kept: A block as the store keeps it, where that is shorter than its bytes.
     """
 
     node: str
     data: bytes
     message: Summary | Veiled | None
     reason: str | None = None
+    kept: bytes | None = None
 
     @classmethod
     def read(cls, node: str, data: bytes) -> Item:
@@ -55,12 +58,13 @@ class Item(NamedTuple):
         items: list[Item] = []
         for at in range(0, len(said), _AT_ONCE):
             some = said[at : at + _AT_ONCE]
-            blocks = scan_all(Joined.of([data for _, data in some]))
-            items += (cls._of(*each, block) for each, block in zip(some, blocks, strict=True))
+            joined = Joined.of([data for _, data in some])
+            found = zip(some, scan_all(joined), compress_all(joined), strict=True)
+            items += [cls._of(node, data, block, kept) for (node, data), block, kept in found]
         return items
 
     @classmethod
-    def _of(cls, node: str, data: bytes, block: BlockSummary | None) -> Item:
+    def _of(cls, node: str, data: bytes, block: BlockSummary | None, kept: bytes | None) -> Item:
         try:
             _require_node(node)
             if is_veiled(data):
@@ -73,7 +77,7 @@ class Item(NamedTuple):
             return cls.unread(node, data, str(error), instead=UNREAD)
         except IdentityError as error:
             return cls.unread(node, data, str(error))
-        return cls(node, data, message)
+        return cls(node, data, message, None, kept)
 
     @classmethod
     def unread(cls, node: str, data: bytes, reason: str, *, instead: str | None = None) -> Item:

@@ -130,9 +130,13 @@ def _fourteenth(connection: Connection) -> None:
         keep_reading(connection, Reading(heard))
 
 
+def _fifteenth(_: Connection) -> None:
+    """Blocks may be compressed from now on, which earlier programs cannot read."""
+
+
 MIGRATIONS: Final[tuple[Callable[[Connection], None], ...]] = (
     *(_first, _second, _third, _fourth, _fifth, _sixth, _seventh, _eighth, _ninth, _tenth),
-    *(_eleventh, _twelfth, _thirteenth, _fourteenth),
+    *(_eleventh, _twelfth, _thirteenth, _fourteenth, _fifteenth),
 )
 CURRENT: Final = len(MIGRATIONS)
 _STANDING: Final = select(func.max(versions.c.version))

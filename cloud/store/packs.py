@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from cloud.store.intake import block_row
 from eskin.errors import StoreError
+from eskin.messages.compression import decompress
 from eskin.messages.pack import Kept, Pack, pack
 from eskin.messages.scan import scan
 
@@ -70,5 +71,5 @@ def part(row: Mapping[str, Any]) -> list[Row]:
 def bytes_of(row: RowMapping) -> list[bytes]:
     """The blocks that a row holds, byte for byte."""
     if row["packed"] is None:
-        return [row["data"]]
+        return [decompress(row["data"])]
     return [kept.data for kept in Pack.read(row["data"]).blocks()]

@@ -11,6 +11,9 @@ from numba.extending import intrinsic
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import numpy as np
+    from numpy.typing import NDArray
+
 
 def _fma(_typing: Any, _a: Any, _b: Any, _c: Any) -> Any:
     def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
@@ -33,6 +36,20 @@ def _from_bits(_typing: Any, _value: Any) -> Any:
     return types.float64(types.int64), generate
 
 
+def _to_bits32(_typing: Any, _value: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.IntType(32))
+
+    return types.uint32(types.float32), generate
+
+
+def _from_bits32(_typing: Any, _value: Any) -> Any:
+    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+        return builder.bitcast(arguments[0], ir.FloatType())
+
+    return types.float32(types.uint32), generate
+
+
 def _load(_typing: Any, data: Any, place: Any, index: Any, kind: Any) -> Any:
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         start = context.make_array(data)(context, builder, arguments[0]).data
@@ -49,5 +66,11 @@ to_bits: Final = cast("Callable[[float], int]", intrinsic(_to_bits))
 """The bits of a float as an integer."""
 from_bits: Final = cast("Callable[[int], float]", intrinsic(_from_bits))
 """The float that has these bits."""
-load: Final = cast("Callable[[bytes, int, int, type[Any]], Any]", intrinsic(_load))
+to_bits32: Final = cast("Callable[[np.float32], np.uint32]", intrinsic(_to_bits32))
+"""The bits of a binary32 as an integer."""
+from_bits32: Final = cast("Callable[[np.uint32], np.float32]", intrinsic(_from_bits32))
+"""The binary32 that has these bits."""
+load: Final = cast(
+    "Callable[[bytes | NDArray[np.uint8], int, int, type[Any]], Any]", intrinsic(_load)
+)
 """The index-th number of a kind in bytes, from a place on that need not be aligned; unchecked."""

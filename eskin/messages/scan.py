@@ -18,7 +18,6 @@ from eskin.messages.block_summary import LONGEST_DT, MOST_SAMPLES, UNIT_LENGTH, 
 from eskin.messages.encoding import ENCODINGS, MOST_OFFSET, SAFE_EXPONENT, UNBOUNDED
 from eskin.messages.fields import MOST_COUNT, text
 from eskin.messages.head import CHANNEL_LENGTH, Position, require_channel
-from eskin.messages.joined import Joined
 from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from eskin.interval import Floats
+    from eskin.messages.joined import Joined
 
 _PLAIN: Final = 0xAF  # a map of 15 pairs
 _SCALED: Final = 0xB1  # of 17: with a scale
@@ -48,8 +48,11 @@ def scan_all(messages: Joined) -> list[BlockSummary | None]:
     names, counts = np.empty((size, 4), np.int64), np.empty((size, 8), np.int64)
     reals = np.empty((size, 4))
     good = _scan_all(np.frombuffer(messages.data, np.uint8), messages.ends, names, counts, reals)
-    found = zip(good, names.tolist(), counts.tolist(), reals.tolist(), strict=True)
-    return [_summary(messages.data, *each) if well else None for well, *each in found]
+    found = zip(good.tolist(), names.tolist(), counts.tolist(), reals.tolist(), strict=True)
+    return [
+        _summary(messages.data, named, counted, told) if well else None
+        for well, named, counted, told in found
+    ]
 
 
 def _summary(

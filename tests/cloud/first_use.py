@@ -32,7 +32,7 @@ _MANY = 40
 
 def main(place: Path, *, warm: bool) -> None:
     """Do it all, and print."""
-    sent = [_encoded(number) for number in range(_MANY)]
+    sent = [_encoded(number) for number in range(2 * _MANY)]
     if warm:
         warm_up()
     look_up: Any = Cache.load_overload
@@ -46,21 +46,22 @@ def main(place: Path, *, warm: bool) -> None:
 
 
 def _encoded(number: int) -> bytes:
+    """Blocks in `Encoding.Q16`, and then in `Encoding.F32`."""
     lo = np.sin(np.arange(100) / 9 + number)
     begin = START + number * _SPAN
-    said = block(number + 1, lo, lo + 1.5, time=(begin, begin), encoding=Encoding.Q16)
-    return said.encode()
+    encoding = Encoding.Q16 if number < _MANY else Encoding.F32
+    return block(number + 1, lo, lo + 1.5, time=(begin, begin), encoding=encoding).encode()
 
 
 def _work(store: Store, sent: list[bytes]) -> None:
-    put_items(store, [Item.read(NODE, data) for data in sent])
+    put_items(store, Item.read_all([(NODE, data) for data in sent]))
     build(store)
     for channel in find_packable(store, 0):
         while pack_some(store, channel, 0):
             pass
     with store.read() as connection:
         row = find_channel(connection, NODE, CHANNEL)
-        read_series(connection, row, Window(START, START + _MANY * _SPAN), points=500)
+        read_series(connection, row, Window(START, START + 2 * _MANY * _SPAN), points=500)
 
 
 if __name__ == "__main__":
