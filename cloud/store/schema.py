@@ -138,7 +138,7 @@ blocks = Table(
         "dt",
     ),
 )
-"""Blocks byte for byte, or ``packed`` of them in one row, see `cloud.store.packs`.
+"""Blocks byte for byte, compressed (`eskin.messages.compression`), or ``packed`` of them in a row.
 
 ``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
 first sample's moment; ``error`` is how far a moment may lie from its middle.

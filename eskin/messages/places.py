@@ -44,7 +44,7 @@ def _item(data: bytes | NDArray[np.uint8], place: int) -> tuple[int, int, int]:
 
     Of a tag and an array the end is that of their head; it is negative where there is none.
     """
-    if place >= len(data):
+    if not 0 <= place < len(data):
         return 0, -1, -1
     major, short = data[place] >> 5, data[place] & 31
     width = 0 if short < 24 else 1 << (short - 24)

@@ -32,6 +32,7 @@ NAMES: Final = (
     "questions",
     "requests",
     "enrolment",
+    "compression",
     "flash",
     "spool",
 )

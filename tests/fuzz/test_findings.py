@@ -30,6 +30,8 @@ from eskin.errors import (
 from eskin.identity import IdentityKind, Trust, der, new_key
 from eskin.interval import Interval
 from eskin.messages import Block, Encoding, Position, decode_message
+from eskin.messages.compression import compress_all
+from eskin.messages.joined import Joined
 from eskin.tube import Tube
 from gateway.record import NodeRecord
 from gateway.settings import GatewaySettings
@@ -95,6 +97,11 @@ def test_nested_setting_of_the_environment_is_a_clear_error(
     monkeypatch.setenv("ESKIN_BROKER", "[" * 3000)
     with pytest.raises(SettingsError, match="environment"):
         GatewaySettings.load()
+
+
+def test_message_that_ends_within_a_pair_is_looked_at_once() -> None:
+    """It was gone through again and again from its beginning."""
+    assert compress_all(Joined.of([b"\xa8\x05\x82\x1b\x18", b"\xa8\x05\x82"])) == [None, None]
 
 
 def test_rate_whose_period_is_endless_is_refused() -> None:

@@ -6,6 +6,7 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import cbor2
+import numpy as np
 from sqlalchemy import select
 
 from cloud.ingest.batch import read_batch
@@ -13,6 +14,8 @@ from cloud.ingest.errors import MalformedBatchError
 from cloud.store import Store
 from cloud.store.intake import take_in
 from cloud.store.schema import blocks
+from eskin.messages import Encoding
+from eskin.messages.compression import decompress
 from tests.cloud import messages as said
 from tests.fuzz.mutations.trees import mutate_tree
 from tests.fuzz.target import Target
@@ -59,11 +62,14 @@ def make(folder: Path) -> Target:
         for entry in outcome.entries:
             if entry.block is not None:
                 kept = select(blocks.c.data).where(blocks.c.cursor == entry.cursor)
-                assert connection.execute(kept).scalar_one() == entry.block
+                assert decompress(connection.execute(kept).scalar_one()) == entry.block
 
     one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]
     batches = [[[said.NODE, message.encode()]] for message in one]
     batches.append([item for batch in batches for item in batch])
+    wave = np.sin(np.arange(60) / 9.0)
+    long = said.block(5, wave, wave + 0.5, encoding=Encoding.F32)
+    batches.append([[said.NODE, long.encode()]])
     seeds = tuple(cbor2.dumps(batch) for batch in batches)
     return Target(seeds, mutate_tree, check, stack, longest=_LONGEST)
 
