@@ -144,23 +144,24 @@ def unpack_run(data: bytes, place: int, order: int, codes: NDArray[np.uint16]) -
 
 @kernel
 def unpack_bounds(
-    data: bytes, runs: NDArray[np.int64], scales: NDArray[np.int64], lo: Floats, hi: Floats
+    data: bytes, first: int, blocks: NDArray[np.int64], lo: Floats, hi: Floats
 ) -> None:
     """Read blocks of ``q16``: each a run of lower codes, then one of what the upper are above them.
 
     Args:
         data: With ``PADDING`` bytes behind the last run.
-        runs: How many samples each block has, where its lower codes begin, and the order of both
-            runs; shape ``(blocks, 4)``.
-        scales: Exponent, at most 960 in size, and offset; shape ``(blocks, 2)``.
+        first: Where the first block begins.
+        blocks: Of each block how many samples it has, the order of both runs, how many bytes they
+            take, the scale's exponent, at most 960 in size, and its offset; shape ``(6, blocks)``.
         lo: For the result, all blocks' in their order.
         hi: For the result.
     """
-    done = 0
+    done, behind = 0, first
     codes, above = np.empty(_GROUP, np.int32), np.empty(_GROUP, np.int32)
-    for block in range(runs.shape[0]):
-        n, place, order, order_w = runs[block]
-        scale, offset = 2.0 ** scales[block, 0], np.float64(scales[block, 1])
+    for block in range(blocks.shape[1]):
+        n, order, order_w, size_, exponent, offset_ = blocks[:, block]
+        place, behind = behind, behind + size_
+        scale, offset = 2.0**exponent, np.float64(offset_)
         at, at_w = _open(data, place, n), _open(data, _skip(data, place, n), n)
         for begin in range(0, n, _GROUP):
             size = min(n - begin, _GROUP)

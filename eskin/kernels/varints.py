@@ -34,6 +34,24 @@ def write_varints(numbers: NDArray[np.int64], out: NDArray[np.uint8]) -> int:
 
 
 @kernel
+def read_differences(data: bytes, place: int, table: NDArray[np.int64], twice: int) -> int:
+    """Read rows of numbers that are told by their differences; gives where they end.
+
+    Args:
+        data: What `write_varints` wrote; nothing is checked.
+        place: Where they begin.
+        table: For the result.
+        twice: How many of the first rows are told by differences of differences.
+    """
+    for row in range(table.shape[0]):
+        place = read_varints(data, place, table[row])
+        for _ in range(2 if row < twice else 1):
+            for k in range(1, table.shape[1]):
+                table[row, k] += table[row, k - 1]
+    return place
+
+
+@kernel
 def read_varints(data: bytes, place: int, numbers: NDArray[np.int64]) -> int:
     """Read as many numbers as there is room for; gives where they end.
 

@@ -26,7 +26,7 @@ from eskin.kernels.packing import (
     unpack_bounds,
     unpack_run,
 )
-from eskin.kernels.varints import LONGEST, read_varints, write_varints
+from eskin.kernels.varints import LONGEST, read_differences, write_varints
 from eskin.messages.encoding import SAFE_EXPONENT, Encoding, typed_codes
 from eskin.messages.fields import Fields, dump
 from eskin.messages.head import Kind, Position, position_fields
@@ -46,8 +46,8 @@ _BENT: Final = ("sequence", "cursor", "ticks", "t_lo", "t_hi")
 """What grows evenly from block to block: told by second differences."""
 _PLAIN: Final = ("received", "n", "exponent", "offset", "widening", "order", "order_above", "size")
 _NAMES: Final = (*_BENT, *_PLAIN)
-_RUNS: Final = [_NAMES.index(name) for name in ("n", "order", "order_above")]
-_SCALES: Final = [_NAMES.index(name) for name in ("exponent", "offset")]
+_BODY: Final = ("n", "order", "order_above", "size", "exponent", "offset")
+_BODIES: Final = np.array([_NAMES.index(name) for name in _BODY])
 
 
 class Kept(NamedTuple):
@@ -92,9 +92,7 @@ class Pack:
         channel, unit, boot, dt, coverage, count = cbor2.loads(data[3:behind])
         table = np.empty((len(_NAMES), count), np.int64)
         padded = data + bytes(PADDING)
-        place = read_varints(padded, behind, table.ravel())
-        np.cumsum(table, axis=1, out=table)
-        np.cumsum(table[: len(_BENT)], axis=1, out=table[: len(_BENT)])
+        place = read_differences(padded, behind, table, len(_BENT))
         return cls(channel, unit, boot, dt, coverage, table, padded, place)
 
     @property
@@ -121,10 +119,9 @@ class Pack:
 
     def bounds(self) -> tuple[Floats, Floats]:
         """The lower and the upper bounds of all samples."""
-        lo, hi = np.empty((2, int(self.n.sum())))
-        n, order, above = self._table[_RUNS]
-        runs = np.stack([n, self._places(), order, above], axis=1)
-        unpack_bounds(self._data, runs, self._table[_SCALES].T.copy(), lo, hi)
+        blocks = self._table[_BODIES]
+        lo, hi = np.empty((2, int(blocks[0].sum())))
+        unpack_bounds(self._data, self._place, blocks, lo, hi)
         return lo, hi
 
     def blocks(self) -> list[Kept]:
