@@ -11,6 +11,9 @@ Where widths differ little, an upper bound so takes few bits also near zero, whe
 together than elsewhere. The greatest difference that its bits hold stands for an infinite bound; a
 missing sample has two of them. Four words of 32 bits tell of a group: least code, ``w``, least
 distance, and how many bits the differences of both kinds take (`eskin.kernels.lanes`).
+
+``lo + w`` is the only sum of floats here. It is the same for whoever reads as long as both round to
+nearest, see `eskin.kernels.rounding_mode`.
 """
 
 from __future__ import annotations
@@ -40,6 +43,9 @@ _LOWEST: Final = 0x007FFFFF
 """The code of minus infinity, of the least finite float, and of infinity; beyond are NaN."""
 _FINITE: Final = 0x00800000
 _HIGHEST: Final = 0xFF800000
+_NORMAL: Final = 0x00800000
+"""The bits of the least normal float."""
+_TINY: Final = 0x00FFFFFF
 
 
 def most_words(n: int) -> int:
@@ -51,7 +57,7 @@ def most_words(n: int) -> int:
 def pack_floats(
     data: NDArray[np.uint8], places: tuple[int, int], n: int, out: NDArray[np.uint32], place: int
 ) -> int:
-    """Write intervals; gives where they end, or -1 where they lie too far apart or are none.
+    """Write intervals; gives where they end, or -1 where they are too far apart, subnormal or none.
 
     Args:
         data: With the lower and the upper bounds, little endian.
@@ -84,7 +90,10 @@ def pack_floats(
 def _look(
     data: NDArray[np.uint8], places: tuple[int, int], codes: NDArray[np.uint32]
 ) -> tuple[np.uint32, int, np.float32]:
-    """The least code of the lower bounds, bits of what they are above it, and the least width."""
+    """The least code of the lower bounds, bits of what they are above it, and the least width.
+
+    The width is zero where there is none that is finite and normal.
+    """
     least, most, narrow = np.uint32(_ALL), np.uint32(0), np.uint32(_ALL)
     lowest = np.uint32(_ALL)
     for k in range(codes.size):
@@ -94,11 +103,11 @@ def _look(
         lowest, most = min(lowest, code), max(most, code)
         least = min(least, np.uint32(code - _FINITE))  # minus infinity comes round to the end
         narrow = min(narrow, to_bits32(hi - lo))  # the order of floats that are not negative
-    width = from_bits32(narrow)
+    width = from_bits32(narrow) if _NORMAL <= narrow < _ABOVE else np.float32(0.0)
     least = np.uint32(least + _FINITE)
     good = lowest >= _LOWEST and most <= _HIGHEST
     bits = bit_length(np.int64(most) - np.int64(least) + 1) if good else _WIDEST + 1
-    return least, bits, width if np.isfinite(width) else np.float32(0.0)
+    return least, bits, width
 
 
 @inlined
@@ -110,16 +119,22 @@ def _measure(
 ) -> tuple[np.uint32, int]:
     """The least distance of upper bounds from what is expected, and bits of what is above it."""
     least, most = np.int32(0), np.int32(0)  # about as far as the narrowest one is
+    tiny = np.uint32(0)
     for k in range(codes.size):
         lo, code = load(data, places[0], k, np.float32), _code(load(data, places[1], k, np.uint32))
-        codes[k] = np.uint32(code - _expected(lo, like))
+        expected = _expected(lo, like)
+        tiny |= _is_tiny(to_bits32(lo)) | _is_tiny(expected)
+        codes[k] = np.uint32(code - _code(expected))
         distance = np.int32(codes[k]) & (np.int32(code == np.uint32(_HIGHEST)) - np.int32(1))
         least, most = min(least, np.int32(distance)), max(most, np.int32(distance))
-    return np.uint32(least), bit_length(np.int64(most) - np.int64(least) + 1)
+    bits = _WIDEST + 1 if tiny else bit_length(np.int64(most) - np.int64(least) + 1)
+    return np.uint32(least), bits
 
 
 @part
-def unpack_floats(data: bytes, place: int, lo: NDArray[Any], hi: NDArray[Any]) -> bool:
+def unpack_floats(
+    data: bytes | NDArray[np.uint8], place: int, lo: NDArray[Any], hi: NDArray[Any]
+) -> bool:
     """Read intervals; gives whether these are what the data's rest holds.
 
     Args:
@@ -148,7 +163,7 @@ def unpack_floats(data: bytes, place: int, lo: NDArray[Any], hi: NDArray[Any]) -
         for k in range(size):
             low = _float(np.uint32(lower[k] + least))
             low = np.float32(-np.inf) if lower[k] == tops[0] else low
-            high = _float(np.uint32(_expected(low, like) + upper[k] + nearest))
+            high = _float(np.uint32(_code(_expected(low, like)) + upper[k] + nearest))
             lo[begin + k] = low
             hi[begin + k] = np.float32(np.inf) if upper[k] == tops[1] else high
     return place == len(data)
@@ -156,7 +171,7 @@ def unpack_floats(data: bytes, place: int, lo: NDArray[Any], hi: NDArray[Any]) -
 
 @inlined
 def _expected(lo: np.float32, like: tuple[np.float32, np.float32]) -> np.uint32:
-    """The code of ``lo + width``.
+    """The bits of ``lo + width``.
 
     Args:
         lo: A lower bound.
@@ -165,7 +180,13 @@ def _expected(lo: np.float32, like: tuple[np.float32, np.float32]) -> np.uint32:
     bits = to_bits32(lo)
     other = np.uint32(0) - np.uint32(bits == np.uint32(_BELOW))  # all bits, or none
     bits = np.uint32((bits & ~other) | (to_bits32(like[0]) & other))
-    return _code(to_bits32(from_bits32(bits) + like[1]))
+    return to_bits32(from_bits32(bits) + like[1])
+
+
+@inlined
+def _is_tiny(bits: np.uint32) -> np.uint32:
+    """1 if a float is subnormal, else 0: some libraries have processors take it for zero."""
+    return np.uint32(np.uint32(np.uint32(bits << np.uint32(1)) - np.uint32(1)) < np.uint32(_TINY))
 
 
 @inlined

@@ -69,7 +69,9 @@ def write_lanes(
 
 
 @inlined
-def read_lanes(data: bytes, place: int, n: int, width: int, numbers: NDArray[np.uint32]) -> None:
+def read_lanes(
+    data: bytes | NDArray[np.uint8], place: int, n: int, width: int, numbers: NDArray[np.uint32]
+) -> None:
     """Read numbers.
 
     Args:

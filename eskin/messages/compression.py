@@ -15,6 +15,8 @@ import numpy as np
 from eskin.errors import MessageError
 from eskin.kernels.compiled import kernel, part
 from eskin.kernels.float_packing import most_words, pack_floats, unpack_floats
+from eskin.kernels.instructions import load, to_bits32
+from eskin.kernels.rounding_mode import rounding_to_nearest
 from eskin.messages.block_summary import MOST_SAMPLES
 from eskin.messages.places import ENCODING, HIGHS, LOWS, N, find_fields
 
@@ -44,6 +46,7 @@ def is_compressed(data: bytes) -> bool:
     return data[:1] == _FORM
 
 
+@rounding_to_nearest
 def compress_all(messages: Joined) -> list[bytes | None]:
     """Each message in this form; `None` where it is no ``f32`` block, or would not be shorter."""
     ends = np.empty_like(messages.ends)
@@ -80,6 +83,7 @@ def compressed_bounds(data: bytes) -> tuple[Floats, Floats]:
     return _open(data, np.float64)[0]
 
 
+@rounding_to_nearest
 def _open(data: bytes, kind: type[Real]) -> tuple[tuple[NDArray[Real], NDArray[Real]], int]:
     """The bounds, and where the bytes before them end."""
     n = int.from_bytes(data[4:6], "little")
@@ -113,9 +117,7 @@ def _compress_all(
     begin = place = 0
     for k in range(ends.size):
         message = data[begin : ends[k]]
-        size = _compress(message, words[place:])
-        if 0 < _WORD * size < len(message):
-            place += size
+        place += _compress(message, words[place:])
         made_ends[k] = _WORD * place
         begin = ends[k]
     return words[:place].view(np.uint8)
@@ -123,7 +125,7 @@ def _compress_all(
 
 @part
 def _compress(data: NDArray[np.uint8], out: NDArray[np.uint32]) -> int:
-    """Compress a message; gives how many words it takes, none where it cannot be."""
+    """Compress a message; gives how many words it takes, none where it stays as it is."""
     good, said = find_fields(data)
     n, before = said[N], said[LOWS]
     between, behind = said[HIGHS] - before - _WORD * n, len(data) - said[HIGHS] - _WORD * n
@@ -145,4 +147,21 @@ def _compress(data: NDArray[np.uint8], out: NDArray[np.uint32]) -> int:
     while place % _WORD:
         head[place] = 0
         place += 1
-    return pack_floats(data, (before, said[HIGHS]), n, out, place // _WORD)
+    end = pack_floats(data, (before, said[HIGHS]), n, out, place // _WORD)
+    if end < 0 or _WORD * end >= len(data):
+        return 0
+    same = _comes_back(head[: _WORD * end], place, data, (before, said[HIGHS]), n)
+    return end if same else 0
+
+
+@part
+def _comes_back(
+    made: NDArray[np.uint8], place: int, data: NDArray[np.uint8], places: tuple[int, int], n: int
+) -> bool:
+    """Whether the bounds are read from what was made bit by bit as they came."""
+    lo, hi = np.empty(n, np.float32), np.empty(n, np.float32)
+    good = unpack_floats(made, place, lo, hi)
+    for k in range(n):
+        good &= to_bits32(lo[k]) == load(data, places[0], k, np.uint32)
+        good &= to_bits32(hi[k]) == load(data, places[1], k, np.uint32)
+    return good

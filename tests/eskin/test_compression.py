@@ -167,3 +167,13 @@ def test_block_that_ends_too_early_is_damaged(size: int) -> None:
         decompress(short[:size])
     with pytest.raises(MessageError, match="damaged"):
         read_bounds(short + b"\0\0\0\0")
+
+
+def test_subnormal_bounds_stay_as_they_came() -> None:
+    """A processor that takes them for zero would read others."""
+    lo = np.full(500, 1.0)
+    assert compress(block(lo, lo + 0.5)) is not None
+    lo[77] = 1e-40
+    assert compress(block(lo, lo + 0.5)) is None
+    assert compress(block(np.full(500, -2e-38), np.full(500, -1.9e-38))) is not None
+    assert compress(block(np.full(500, -2e-38), np.full(500, -3e-39))) is None

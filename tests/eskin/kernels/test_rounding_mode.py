@@ -9,8 +9,13 @@ import numpy as np
 import pytest
 
 from eskin import models
+from eskin.interval import Interval
 from eskin.kernels.rounding_mode import rounding_to_nearest, rounds_to_nearest
+from eskin.messages import Block, Encoding, Position
+from eskin.messages.compression import compress_all, decompress
+from eskin.messages.joined import Joined
 from eskin.peaks import find_peaks
+from eskin.tube import Tube
 from tests.eskin.peaks.firmware import Detector
 
 if TYPE_CHECKING:
@@ -73,3 +78,20 @@ def test_peaks_are_found_as_if_it_rounded_to_nearest(odd_mode: int) -> None:
     lows, highs = [0.1, 7.7, 0.2] * 20, [0.3, 7.9, 0.7] * 20
     expected = list(rounding_to_nearest(Detector(1.0).feed)(lows, highs))
     assert list(find_peaks(lows, highs, prominence=1.0)) == expected
+
+
+@rounding_to_nearest
+def said() -> tuple[bytes, bytes | None]:
+    """A block of ``f32``, and what it is compressed."""
+    lo = np.random.default_rng(5).random(500)
+    tube = Tube((0, 0), 1_000_000, Interval(lo, lo + 1e-3), "F", 1.0)
+    data = Block.pack(Position(1, 2), "t01.capacitance", 7, tube, Encoding.F32).encode()
+    return data, compress_all(Joined.of([data]))[0]
+
+
+def test_compressed_blocks_are_written_and_read_alike(odd_mode: int) -> None:
+    data, short = said()
+    assert short is not None
+    assert compress_all(Joined.of([data])) == [short]
+    assert decompress(short) == data
+    assert C.fegetround() == odd_mode
