@@ -18,7 +18,7 @@ nearest, see `eskin.kernels.rounding_mode`.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -71,14 +71,16 @@ def pack_floats(
         size = min(n - begin, _GROUP)
         at = places[0] + _WORD * begin, places[1] + _WORD * begin
         least, bits, width = _look(data, at, lower[:size])
-        nearest, upper_bits = _measure(data, at, (_float(least), width), upper[:size])
+        nearest, upper_bits = _measure(data, at, (_bits(least), width), upper[:size])
         if max(bits, upper_bits) > _WIDEST:
             return -1
         tops = np.uint32(_ALL >> (_WIDEST - bits)), np.uint32(_ALL >> (_WIDEST - upper_bits))
         for k in range(size):
             low, high = np.uint32(lower[k] - least), np.uint32(upper[k] - nearest)
-            lower[k] = tops[0] if load(data, at[0], k, np.uint32) == _BELOW else low
-            upper[k] = tops[1] if load(data, at[1], k, np.uint32) == _ABOVE else high
+            open_ = load(data, at[0], k, np.uint32) == np.uint32(_BELOW)
+            lower[k] = _select(open_, tops[0], low)
+            open_ = load(data, at[1], k, np.uint32) == np.uint32(_ABOVE)
+            upper[k] = _select(open_, tops[1], high)
         out[place], out[place + 1], out[place + 2] = least, to_bits32(width), nearest
         out[place + 3] = bits | upper_bits << 8
         place = write_lanes(lower, size, bits, out, place + _HEAD)
@@ -114,16 +116,16 @@ def _look(
 def _measure(
     data: NDArray[np.uint8],
     places: tuple[int, int],
-    like: tuple[np.float32, np.float32],
+    like: tuple[np.uint32, np.float32],
     codes: NDArray[np.uint32],
 ) -> tuple[np.uint32, int]:
     """The least distance of upper bounds from what is expected, and bits of what is above it."""
     least, most = np.int32(0), np.int32(0)  # about as far as the narrowest one is
     tiny = np.uint32(0)
     for k in range(codes.size):
-        lo, code = load(data, places[0], k, np.float32), _code(load(data, places[1], k, np.uint32))
+        lo, code = load(data, places[0], k, np.uint32), _code(load(data, places[1], k, np.uint32))
         expected = _expected(lo, like)
-        tiny |= _is_tiny(to_bits32(lo)) | _is_tiny(expected)
+        tiny |= _is_tiny(lo) | _is_tiny(expected)
         codes[k] = np.uint32(code - _code(expected))
         distance = np.int32(codes[k]) & (np.int32(code == np.uint32(_HIGHEST)) - np.int32(1))
         least, most = min(least, np.int32(distance)), max(most, np.int32(distance))
@@ -133,15 +135,15 @@ def _measure(
 
 @part
 def unpack_floats(
-    data: bytes | NDArray[np.uint8], place: int, lo: NDArray[Any], hi: NDArray[Any]
+    data: bytes | NDArray[np.uint8], place: int, lo: NDArray[np.uint32], hi: NDArray[np.uint32]
 ) -> bool:
     """Read intervals; gives whether these are what the data's rest holds.
 
     Args:
         data: With what `pack_floats` wrote at its end.
         place: Where it begins.
-        lo: For the result, of binary32 or binary64.
-        hi: For the result.
+        lo: For the bits of the lower bounds.
+        hi: For those of the upper bounds.
     """
     lower, upper = np.empty(_GROUP, np.uint32), np.empty(_GROUP, np.uint32)
     for begin in range(0, lo.size, _GROUP):
@@ -159,28 +161,34 @@ def unpack_floats(
         read_lanes(data, first, size, bits, lower)
         read_lanes(data, second, size, upper_bits, upper)
         tops = np.uint32(_ALL >> (_WIDEST - bits)), np.uint32(_ALL >> (_WIDEST - upper_bits))
-        like = _float(least), width
+        like = _bits(least), width
         for k in range(size):
-            low = _float(np.uint32(lower[k] + least))
-            low = np.float32(-np.inf) if lower[k] == tops[0] else low
-            high = _float(np.uint32(_code(_expected(low, like)) + upper[k] + nearest))
-            lo[begin + k] = low
-            hi[begin + k] = np.float32(np.inf) if upper[k] == tops[1] else high
+            bits_ = _bits(np.uint32(lower[k] + least))
+            lo[begin + k] = _select(lower[k] == tops[0], np.uint32(_BELOW), bits_)
+        for k in range(size):
+            expected = _code(_expected(lo[begin + k], like))
+            bits_ = _bits(np.uint32(expected + upper[k] + nearest))
+            hi[begin + k] = _select(upper[k] == tops[1], np.uint32(_ABOVE), bits_)
     return place == len(data)
 
 
 @inlined
-def _expected(lo: np.float32, like: tuple[np.float32, np.float32]) -> np.uint32:
+def _expected(lo: np.uint32, like: tuple[np.uint32, np.float32]) -> np.uint32:
     """The bits of ``lo + width``.
 
     Args:
-        lo: A lower bound.
-        like: What it is taken for where it is infinite, and the width.
+        lo: The bits of a lower bound.
+        like: Those that are taken where it is infinite, and the width.
     """
-    bits = to_bits32(lo)
-    other = np.uint32(0) - np.uint32(bits == np.uint32(_BELOW))  # all bits, or none
-    bits = np.uint32((bits & ~other) | (to_bits32(like[0]) & other))
-    return to_bits32(from_bits32(bits) + like[1])
+    finite = _select(lo == np.uint32(_BELOW), like[0], lo)
+    return to_bits32(from_bits32(finite) + like[1])
+
+
+@inlined
+def _select(whether: np.bool, one: np.uint32, other: np.uint32) -> np.uint32:
+    """One or the other, without a branch."""
+    mask = np.uint32(np.uint32(0) - np.uint32(whether))
+    return np.uint32((one & mask) | (other & ~mask))
 
 
 @inlined
@@ -196,7 +204,6 @@ def _code(bits: np.uint32) -> np.uint32:
 
 
 @inlined
-def _float(code: np.uint32) -> np.float32:
-    """The float that has this place."""
-    bits = np.uint32(code ^ (np.uint32(~(np.int32(code) >> 31)) | np.uint32(_SIGN)))
-    return from_bits32(bits)
+def _bits(code: np.uint32) -> np.uint32:
+    """The bits of the float that has this place."""
+    return np.uint32(code ^ (np.uint32(~(np.int32(code) >> 31)) | np.uint32(_SIGN)))

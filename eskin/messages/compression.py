@@ -8,14 +8,14 @@ the bounds (16 each). Then these bytes, up to a whole word of 32 bits, and the b
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Final, TypeVar
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin.errors import MessageError
 from eskin.kernels.compiled import kernel, part
 from eskin.kernels.float_packing import most_words, pack_floats, unpack_floats
-from eskin.kernels.instructions import load, to_bits32
+from eskin.kernels.instructions import load
 from eskin.kernels.rounding_mode import rounding_to_nearest
 from eskin.messages.block_summary import MOST_SAMPLES
 from eskin.messages.places import ENCODING, HIGHS, LOWS, N, find_fields
@@ -25,8 +25,6 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin.messages.joined import Joined
-
-Real = TypeVar("Real", np.float32, np.float64)
 
 FORM: Final = 2
 """The first byte."""
@@ -67,7 +65,7 @@ def decompress(data: bytes) -> bytes:
     """
     if not is_compressed(data):
         return data
-    (lo, hi), middle = _open(data, np.float32)
+    lo, hi, middle = _open(data)
     end = middle + data[1]
     behind = end + int.from_bytes(data[2:4], "little")
     begin, between, rest = data[_HEAD:middle], data[middle:end], data[end:behind]
@@ -80,21 +78,22 @@ def compressed_bounds(data: bytes) -> tuple[Floats, Floats]:
     Raises:
         MessageError: It is not what `compress_all` made.
     """
-    return _open(data, np.float64)[0]
+    lo, hi, _ = _open(data)
+    return lo.view(np.float32).astype(np.float64), hi.view(np.float32).astype(np.float64)
 
 
 @rounding_to_nearest
-def _open(data: bytes, kind: type[Real]) -> tuple[tuple[NDArray[Real], NDArray[Real]], int]:
-    """The bounds, and where the bytes before them end."""
+def _open(data: bytes) -> tuple[NDArray[np.uint32], NDArray[np.uint32], int]:
+    """The bounds' bits, and where the bytes before them end."""
     n = int.from_bytes(data[4:6], "little")
-    lo, hi = np.empty(n, kind), np.empty(n, kind)
+    lo, hi = np.empty(n, np.uint32), np.empty(n, np.uint32)
     if not _decompress(data, lo, hi):
         raise MessageError(f"a compressed block of {len(data)} bytes is damaged")
-    return (lo, hi), _HEAD + int.from_bytes(data[6:8], "little")
+    return lo, hi, _HEAD + int.from_bytes(data[6:8], "little")
 
 
 @kernel
-def _decompress(data: bytes, lo: NDArray[Any], hi: NDArray[Any]) -> bool:
+def _decompress(data: bytes, lo: NDArray[np.uint32], hi: NDArray[np.uint32]) -> bool:
     """Read the bounds; gives whether this is what `compress_all` made of as many samples."""
     if len(data) < _HEAD or data[0] != FORM:
         return False
@@ -159,9 +158,11 @@ def _comes_back(
     made: NDArray[np.uint8], place: int, data: NDArray[np.uint8], places: tuple[int, int], n: int
 ) -> bool:
     """Whether the bounds are read from what was made bit by bit as they came."""
-    lo, hi = np.empty(n, np.float32), np.empty(n, np.float32)
+    lo, hi = np.empty(n, np.uint32), np.empty(n, np.uint32)
     good = unpack_floats(made, place, lo, hi)
+    wrong = np.uint32(0)
     for k in range(n):
-        good &= to_bits32(lo[k]) == load(data, places[0], k, np.uint32)
-        good &= to_bits32(hi[k]) == load(data, places[1], k, np.uint32)
-    return good
+        wrong |= lo[k] ^ load(data, places[0], k, np.uint32)
+    for k in range(n):
+        wrong |= hi[k] ^ load(data, places[1], k, np.uint32)
+    return good and wrong == 0
