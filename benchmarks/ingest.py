@@ -143,13 +143,17 @@ class Posted:
 
 
 def measure_ingest(folder: Path, *, blocks: int) -> list[Row]:
-    """Millions of samples a second, of each way of ours and of each peer."""
+    """Millions of samples a second, of each way of ours and of each peer.
+
+    Args:
+        folder: For the stores.
+        blocks: How many go into each of ours in a round, as many as DuckDB takes samples.
+    """
     folder.mkdir()
-    few = blocks // _ROUNDS
     with ExitStack() as stack:
         cluster = stack.enter_context(Cluster())
         subjects: list[Subject] = [
-            Stored(name, place, encoding, few, stack)
+            Stored(name, place, encoding, blocks, stack)
             for encoding in (Encoding.F32, Encoding.Q16)
             for name, place in (
                 ("SQLite", folder / f"{encoding.name}.sqlite"),
@@ -157,8 +161,8 @@ def measure_ingest(folder: Path, *, blocks: int) -> list[Row]:
             )
         ]
         subjects += [
-            Posted("SQLite", None, folder / "file", few, stack),
-            Posted("PostgreSQL", cluster.fresh(), folder / "server", few, stack),
+            Posted("SQLite", None, folder / "file", blocks, stack),
+            Posted("PostgreSQL", cluster.fresh(), folder / "server", blocks, stack),
         ]
         peers: list[Peer] = [
             SQLiteRows(folder, stack),

@@ -136,7 +136,7 @@ class DuckDBRows(Columns):
     name = "DuckDB, a row a sample (Arrow)"
 
     def __init__(self, folder: Path, stack: ExitStack) -> None:
-        super().__init__(8 * BATCH)
+        super().__init__(40 * BATCH)
         self._database = stack.enter_context(closing(duckdb.connect(str(folder / "rows.duckdb"))))
         self._database.execute(_TABLE.replace(", PRIMARY KEY (channel, t)", ""))
 

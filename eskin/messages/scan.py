@@ -155,25 +155,31 @@ def _bounds(
         scale = 2.0**exponent
         inf = -np.inf if least < 0 else np.float64(least + offset) * scale
         sup = np.inf if most == UNBOUNDED else np.float64(most + offset) * scale
+        good = good and lo == inf and hi == sup
     elif encoding == 1:
-        inf, sup, good = _floats(data, lows, highs, n, np.float32)
+        good = _is_hull(data, (lows, highs), n, (lo, hi), np.float32)
     else:
-        inf, sup, good = _floats(data, lows, highs, n, np.float64)
-    return lo, hi, widening, good and lo == inf and hi == sup
+        good = _is_hull(data, (lows, highs), n, (lo, hi), np.float64)
+    return lo, hi, widening, good
 
 
 @part
-def _floats(
-    data: NDArray[np.uint8], lows: int, highs: int, n: int, kind: Any
-) -> tuple[float, float, bool]:
-    """The hull, and whether all are intervals; a NaN is in no order."""
-    least, most, good = np.inf, -np.inf, True
+def _is_hull(
+    data: NDArray[np.uint8], places: tuple[int, int], n: int, hull: tuple[float, float], kind: Any
+) -> bool:
+    """Whether all are intervals, and have this hull; a NaN is in no order.
+
+    Comparing becomes vector instructions; looking for the least does not, as one may be NaN.
+    """
+    lo, hi = kind(hull[0]), kind(hull[1])
+    good, starts, ends = lo == hull[0] and hi == hull[1], False, False
     for k in range(n):
-        lo, hi = load(data, lows, k, kind), load(data, highs, k, kind)
-        good &= lo <= hi
-        good &= (lo < np.inf) & (hi > -np.inf)
-        least, most = min(least, lo), max(most, hi)
-    return least, most, good
+        low, high = load(data, places[0], k, kind), load(data, places[1], k, kind)
+        good &= (low <= high) & (low < np.inf) & (high > -np.inf)
+        good &= (low >= lo) & (high <= hi)
+        starts |= low == lo
+        ends |= high == hi
+    return good and starts and ends
 
 
 @part
