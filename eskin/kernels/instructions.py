@@ -22,32 +22,16 @@ def _fma(_typing: Any, _a: Any, _b: Any, _c: Any) -> Any:
     return types.float64(types.float64, types.float64, types.float64), generate
 
 
-def _to_bits(_typing: Any, _value: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.IntType(64))
+def _bitcast(given: Any, found: Any, kind: ir.Type) -> Any:
+    """The same bits as a number of another type, which the compiler calls ``kind``."""
 
-    return types.int64(types.float64), generate
+    def cast_bits(_typing: Any, _value: Any) -> Any:
+        def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
+            return builder.bitcast(arguments[0], kind)
 
+        return found(given), generate
 
-def _from_bits(_typing: Any, _value: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.DoubleType())
-
-    return types.float64(types.int64), generate
-
-
-def _to_bits32(_typing: Any, _value: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.IntType(32))
-
-    return types.uint32(types.float32), generate
-
-
-def _from_bits32(_typing: Any, _value: Any) -> Any:
-    def generate(_context: Any, builder: Any, _signature: Any, arguments: Any) -> Any:
-        return builder.bitcast(arguments[0], ir.FloatType())
-
-    return types.float32(types.uint32), generate
+    return intrinsic(cast_bits)
 
 
 def _load(_typing: Any, data: Any, place: Any, index: Any, kind: Any) -> Any:
@@ -62,13 +46,21 @@ def _load(_typing: Any, data: Any, place: Any, index: Any, kind: Any) -> Any:
 
 fma: Final = cast("Callable[[float, float, float], float]", intrinsic(_fma))
 """``a·b + c``, rounded once."""
-to_bits: Final = cast("Callable[[float], int]", intrinsic(_to_bits))
+to_bits: Final = cast(
+    "Callable[[float], int]", _bitcast(types.float64, types.int64, ir.IntType(64))
+)
 """The bits of a float as an integer."""
-from_bits: Final = cast("Callable[[int], float]", intrinsic(_from_bits))
+from_bits: Final = cast(
+    "Callable[[int], float]", _bitcast(types.int64, types.float64, ir.DoubleType())
+)
 """The float that has these bits."""
-to_bits32: Final = cast("Callable[[np.float32], np.uint32]", intrinsic(_to_bits32))
+to_bits32: Final = cast(
+    "Callable[[np.float32], np.uint32]", _bitcast(types.float32, types.uint32, ir.IntType(32))
+)
 """The bits of a binary32 as an integer."""
-from_bits32: Final = cast("Callable[[np.uint32], np.float32]", intrinsic(_from_bits32))
+from_bits32: Final = cast(
+    "Callable[[np.uint32], np.float32]", _bitcast(types.uint32, types.float32, ir.FloatType())
+)
 """The binary32 that has these bits."""
 load: Final = cast(
     "Callable[[bytes | NDArray[np.uint8], int, int, type[Any]], Any]", intrinsic(_load)
