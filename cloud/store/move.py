@@ -17,9 +17,9 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from cloud.store.bulk import insert_many
 from cloud.store.faults import explain
-from cloud.store.migrations import migrate, require_current
 from cloud.store.place import reading_engine, show, writing_engine
 from cloud.store.schema import feed, metadata, versions
+from cloud.store.version import prepare, require_current
 from cloud.store.write_cache import MOVING
 from eskin.errors import StoreError
 
@@ -67,7 +67,7 @@ def move(
     Args:
         source: A store that nobody writes.
         target: Where it goes; empty, or with a part of it from a move before.
-        now: UTC ns, for the record of migrations.
+        now: UTC ns, for the record of when its tables were made.
         progress: Told steps done and steps in all.
 
     Returns:
@@ -105,7 +105,7 @@ def move(
 def _prepare(writing: Engine, target: Place, now: int) -> None:
     """Make the target's tables, and keep clouds away from it."""
     with writing.begin() as connection:
-        migrate(connection, now=now)
+        prepare(connection, now=now)
         if connection.execute(select(feed.c.writer)).scalar_one() == MOVING:
             return
         full = next((table.name for table in TABLES if _count(connection, table)), None)

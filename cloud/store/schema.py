@@ -25,7 +25,7 @@ versions = Table(
     Column("version", Integer, primary_key=True, autoincrement=False),
     Column("applied", BigInteger, nullable=False),
 )
-"""Which migrations were applied, and when."""
+"""The version of the schema (`cloud.store.version`), and when the tables were made."""
 
 feed = Table(
     "feed",

@@ -12,9 +12,9 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from cloud.store.copying import finish
 from cloud.store.faults import explain
-from cloud.store.migrations import migrate, require_current
 from cloud.store.place import Place, reading_engine, show, writing_engine
 from cloud.store.schema import feed
+from cloud.store.version import prepare, require_current
 from cloud.store.write_cache import WriteCache
 from cloud.store.writer import Writer
 from eskin.errors import StoreError
@@ -54,7 +54,7 @@ class Store:
         """Open the store; make it where there is none.
 
         Raises:
-            StoreError: It cannot be opened, or is of a later version.
+            StoreError: It cannot be opened, or is of another version.
         """
         self.place = place
         self.clock = clock
@@ -67,7 +67,7 @@ class Store:
             if isinstance(place, Path):
                 place.parent.mkdir(parents=True, exist_ok=True)
             with self._writing.begin() as connection:
-                migrate(connection, now=clock())
+                prepare(connection, now=clock())
         except (OSError, SQLAlchemyError, StoreError) as error:
             self._dispose()
             raise StoreError(f"{self}: the store cannot be opened: {explain(error)}") from error
@@ -135,7 +135,7 @@ class Store:
         """A transaction that sees one state of the store, of the schema that this program knows.
 
         Raises:
-            StoreError: The store cannot be read, or a newer program has migrated it.
+            StoreError: The store cannot be read, or is of another version.
         """
         try:
             with self._reading.begin() as connection:
@@ -174,7 +174,7 @@ class Store:
         self._dispose()
 
     def _begin(self, connection: Connection) -> None:
-        """A newer program may have migrated meanwhile, and another process may have written."""
+        """Another program may have replaced the store, and another process may have written."""
         require_current(connection)
         self.cache.refresh(connection)
 

@@ -153,7 +153,7 @@ def move(
     console = Console(stderr=True)
     bar = Progress(console=console, transient=True, disable=not console.is_terminal)
     with only_one(source), bar:
-        Store(source).close()  # migrates what an earlier version left
+        Store(source).close()  # refuses what is no store
         task = bar.add_task("moving", total=None)
         counts = carry(
             source,

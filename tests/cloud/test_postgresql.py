@@ -10,7 +10,7 @@ import pytest
 from sqlalchemy import delete, func, select, text, update
 
 from cloud.settings import StoreSection
-from cloud.store import Store, migrations
+from cloud.store import Store, version
 from cloud.store.audit_log import Action, Deed, check_deeds, record
 from cloud.store.schema import audit_log, blocks, channels, feed, nodes, sequences, versions
 from eskin.errors import StoreError
@@ -44,36 +44,24 @@ def test_durability_is_asked_of_the_server(store: Store) -> None:
     assert store.write(asked).result(120) == ["on"] * 3
 
 
-def test_of_programs_that_start_at_once_one_migrates(cluster: Cluster) -> None:
+def test_of_programs_that_start_at_once_one_makes_the_tables(cluster: Cluster) -> None:
     place = cluster.fresh(empty=True)
     with ThreadPoolExecutor(4) as pool:
         for store in pool.map(lambda _: Store(place), range(4)):
             store.close()
     with Store(place) as store, store.read() as connection:
         applied = connection.execute(select(versions.c.version).order_by(versions.c.version))
-        assert list(applied.scalars()) == list(range(1, migrations.CURRENT + 1))
+        assert list(applied.scalars()) == [version.VERSION]
         assert connection.execute(select(feed.c.cursor)).scalar_one() == 0
 
 
-def test_first_version_is_brought_up_to_date(
-    cluster: Cluster, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    place = cluster.fresh(empty=True)
-    with monkeypatch.context() as patch:
-        patch.setattr(migrations, "MIGRATIONS", migrations.MIGRATIONS[:1])
-        patch.setattr(migrations, "CURRENT", 1)
-        Store(place).close()
-    with Store(place) as store:
-        assert put(store, block(0)).results[0].result == "stored"
-
-
-def test_program_of_before_writes_nothing_more_after_a_migration(store: Store) -> None:
-    later = migrations.CURRENT + 1
+def test_program_of_before_writes_nothing_to_a_store_of_another_version(store: Store) -> None:
+    later = version.VERSION + 1
     store.write(lambda c: c.execute(versions.insert().values(version=later, applied=0))).result(120)
     try:
-        with pytest.raises(StoreError, match="start the newer program"):
+        with pytest.raises(StoreError, match="schema version"):
             put(store, block(0))
-        with pytest.raises(StoreError, match="start the newer program"):
+        with pytest.raises(StoreError, match="schema version"):
             store.check()
     finally:
         store._writing.dispose()

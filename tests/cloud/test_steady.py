@@ -6,24 +6,19 @@ import asyncio
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from sqlalchemy import text
 
 from cloud import retention
 from cloud.retention import Rounds, retain, sweep
 from cloud.settings import RetentionSection
 from cloud.steady import ABSENCE, DOUBT, LEAP, Steady
 from cloud.store.clock import Reading, last_reading
-from cloud.store.migrations import migrate
-from tests.cloud.clouds import batch, count_blocks, put, standing
+from tests.cloud.clouds import batch, count_blocks, standing
 from tests.cloud.messages import START, block
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from sqlalchemy import Connection
-
     from cloud.store.place import Place
-    from tests.cloud.clouds import Stand
     from tests.identities import Identities
 
 YEAR = 365 * 86_400 * 10**9
@@ -137,23 +132,6 @@ def test_cloud_that_was_off_for_long_removes_nothing_on_its_first_day() -> None:
     assert time.steady() == START + time.passed - ABSENCE - 1
     time.passed += DOUBT
     assert time.is_right()
-
-
-def test_store_from_before_knows_when_a_node_was_heard_last(stand: Stand) -> None:
-    store = stand.cloud.store
-
-    def as_before(connection: Connection) -> None:
-        connection.execute(text("DROP TABLE clock"))
-        connection.execute(text("DELETE FROM versions WHERE version >= 14"))
-        migrate(connection, now=1)
-
-    for heard in (None, START + 5):
-        if heard is not None:
-            stand.clock.now = heard
-            put(store, block(1))
-        store.write(as_before).result(120)
-        with store.read() as connection:
-            assert last_reading(connection) == (None if heard is None else Reading(heard))
 
 
 @pytest.mark.anyio

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from sqlalchemy import func, select, text
+from sqlalchemy import func, select
 
-from cloud.store import migrations
 from cloud.store.packing import pack_some
 from cloud.store.removal import Reason, Sweep, remove
 from cloud.store.schema import blocks
@@ -16,8 +15,6 @@ from tests.cloud.clouds import put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 
 if TYPE_CHECKING:
-    from sqlalchemy import Connection
-
     from cloud.store import Store
     from eskin.messages import Block
     from tests.cloud.clouds import Stand
@@ -82,19 +79,3 @@ async def test_channel_tells_what_its_blocks_take_also_packed_and_in_part_remove
         before = START + (64 - kept) * SAMPLES * DT
         shorten(store, Sweep(NODE, CHANNEL, Reason.AGE, before))
         assert await told(stand) == counted(stand)
-
-
-async def test_store_from_before_counts_the_bytes_of_its_channels_once(stand: Stand) -> None:
-    store = stand.cloud.store
-    put(store, *(said(k) for k in range(5)), *(said(k, OTHER) for k in range(3)))
-
-    def as_before(connection: Connection) -> None:
-        connection.execute(text("ALTER TABLE channels DROP COLUMN bytes"))
-        connection.execute(text("DELETE FROM versions WHERE version >= 13"))
-        migrations.migrate(connection, now=1)
-        store.cache.forget()
-
-    store.write(as_before).result(120)
-    assert await told(stand) == counted(stand)
-    put(store, said(5))
-    assert await told(stand) == counted(stand)

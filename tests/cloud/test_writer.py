@@ -1,4 +1,4 @@
-"""The store as a whole: one writer, shared commits, migrations, faults."""
+"""The store as a whole: one writer, shared commits, its version, faults."""
 
 from __future__ import annotations
 
@@ -7,11 +7,10 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from sqlalchemy import func, insert, select, text
+from sqlalchemy import insert, select, text
 
-from cloud.store import Store, migrations
+from cloud.store import Store, version
 from cloud.store.channels import add_blocks
-from cloud.store.events import ENERGY
 from cloud.store.intake import take_in
 from cloud.store.item import Item
 from cloud.store.salvage import take_in_apart
@@ -191,7 +190,7 @@ def test_cancelled_work_is_left_out(store: Store) -> None:
     held.set_result(None)
     put(store, block(0))
     applied = [row["version"] for row in rows(store, versions)]
-    assert applied == list(range(1, migrations.CURRENT + 1))
+    assert applied == [version.VERSION]
 
 
 def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> None:
@@ -203,73 +202,16 @@ def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> Non
     }
 
 
-def test_store_of_before_is_given_the_columns_of_nodes(tmp_path: Path) -> None:
-    columns = (*ENERGY, "faults", "places")
-    path = tmp_path / "s.sqlite"
-    with Store(path) as store:
-
-        def back(connection: Connection) -> None:
-            for name in columns:
-                connection.execute(text(f"ALTER TABLE nodes DROP COLUMN {name}"))
-            connection.execute(text("DELETE FROM versions WHERE version >= 4"))
-
-        store.write(back).result(120)
-    with Store(path) as store:
-        put(store, block(0))
-        (node,) = rows(store, nodes)
-        assert {node[name] for name in columns} == {None}
-
-
-def test_later_schema_is_refused(tmp_path: Path) -> None:
+def test_schema_of_another_version_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "s.sqlite"
     with Store(path) as store:
         store.write(
-            lambda c: c.execute(insert(versions).values(version=migrations.CURRENT + 1, applied=0))
+            lambda c: c.execute(insert(versions).values(version=version.VERSION + 1, applied=0))
         ).result(120)
         with pytest.raises(StoreError, match="schema version"):
             store.check()
-    with pytest.raises(StoreError, match="newer program"):
+    with pytest.raises(StoreError, match="schema version"):
         Store(path)
-
-
-def test_failed_migration_leaves_no_trace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = tmp_path / "s.sqlite"
-
-    def second(connection: Connection) -> None:
-        connection.execute(text("CREATE TABLE half (x INTEGER)"))
-        raise StoreError("half way")
-
-    with Store(path):
-        pass
-    steps: tuple[Callable[[Connection], None], ...] = (*migrations.MIGRATIONS, second)
-    monkeypatch.setattr(migrations, "MIGRATIONS", steps)
-    monkeypatch.setattr(migrations, "CURRENT", len(steps))
-    with pytest.raises(StoreError, match="half way"):
-        Store(path)
-    monkeypatch.undo()
-    with Store(path) as store, store.read() as connection:
-        query = text("SELECT count(*) FROM sqlite_master WHERE name = 'half'")
-        assert connection.execute(query).scalar_one() == 0
-        newest = select(func.max(versions.c.version))
-        assert connection.execute(newest).scalar_one() == migrations.CURRENT
-
-
-def test_store_of_the_first_version_is_brought_up_to_date(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    path = tmp_path / "s.sqlite"
-    tables = text("SELECT name FROM sqlite_master WHERE name IN ('commands', 'states')")
-    with monkeypatch.context() as patch:
-        patch.setattr(migrations, "MIGRATIONS", migrations.MIGRATIONS[:1])
-        patch.setattr(migrations, "CURRENT", 1)
-        with Store(path) as store:
-            put(store, block(0))
-            with store.read() as connection:
-                assert connection.execute(tables).all() == []
-    with Store(path) as store:
-        assert len(rows(store, blocks)) == 1
-        with store.read() as connection:
-            assert len(connection.execute(tables).all()) == 2
 
 
 def test_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
