@@ -111,7 +111,7 @@ def segment_shape(segment: Run, channel: Row) -> Json:
         "start": format_moment(segment.start),
         "end": format_moment(segment.end),
         "verdict": verdict,
-        "coverage": union_coverage(channel["coverage"], segment.n),
+        "coverage": union_coverage(channel["coverage"], n=segment.n),
         "time_error": segment.error,
     }
 
@@ -127,7 +127,7 @@ def occupancy_shape(found: Occupancy, window: Window, channel: Row) -> Json:
         "unknown_s": seconds(found.unknown, math.inf),
         "samples": {"lo": found.samples[0], "hi": found.samples[1]},
         "entries": {"lo": found.entries[0], "hi": found.entries[1]},
-        "coverage": union_coverage(channel["coverage"], found.n),
+        "coverage": union_coverage(channel["coverage"], n=found.n),
         "time_error": found.error,
     }
 

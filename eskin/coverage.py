@@ -8,18 +8,17 @@ from functools import lru_cache
 
 
 @lru_cache(4096)
-def union_coverage(coverage: float, n: int) -> float:
-    """Union bound: all of n samples are enclosed with ``1 - n·(1 - coverage)`` at least.
+def union_coverage(*coverages: float, n: int = 1) -> float:
+    """Union bound: all of n samples of each are enclosed with ``1 - n·Σ(1 - coverage)`` at least.
 
-    Rounded down, and not below 0; certainty stays certainty.
+    Rounded down, and not below 0. It is 1 only where every coverage is: certainty stays certainty.
 
     Args:
-        coverage: Probability with which each sample is enclosed.
-        n: How many samples; of none, the statement is as good as one.
+        coverages: Probability with which each sample of one kind is enclosed; of none, 1.
+        n: How many samples of each; of none, the statement is as good as one.
     """
-    if coverage == 1.0 or n == 0:
-        return coverage
-    exact = 1 - n * (1 - Fraction(coverage))
+    beyond = sum(1 - Fraction(coverage) for coverage in coverages)
+    exact = 1 - max(n, 1) * beyond
     if exact <= 0:
         return 0.0
     nearest = float(exact)

@@ -36,7 +36,7 @@ def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
             "lo": lo,  # orjson writes infinities as null
             "hi": hi,
             "unit": block.unit,
-            "coverage": union_coverage(block.coverage, block.n),
+            "coverage": union_coverage(block.coverage, n=block.n),
             "n": block.n,
         }
     )
@@ -52,7 +52,7 @@ def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
     if t0 < senml.EARLIEST:
         return
     t1 = block.time[1] + (block.n - 1) * block.dt
-    coverage = union_coverage(block.coverage, block.n)
+    coverage = union_coverage(block.coverage, n=block.n)
     about = {
         "coverage": (coverage, senml.RATIO),
         "span": (senml.seconds(t1 - t0), senml.SECONDS),

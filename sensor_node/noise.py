@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, TypeAlias
+from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Field
 
+from eskin.noise import coverage_within
 from eskin.settings import Section
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
 
 class UniformNoise(Section):
@@ -45,20 +43,8 @@ class GaussianNoise(Section):
     @property
     def coverage(self) -> float:
         """``1 - erfc(k/√2)``, rounded down."""
-        # erfc's own error is far below one part in 1e12.
-        beyond = math.erfc(self.k / math.sqrt(2.0)) * (1.0 + 1e-12)
-        return math.nextafter(1.0 - beyond, 0.0)
+        return coverage_within(self.k)
 
 
 Noise: TypeAlias = Annotated[UniformNoise | GaussianNoise, Field(discriminator="kind")]
 """One of the two, told apart by ``kind``."""
-
-
-def joint_coverage(coverages: Iterable[float]) -> float:
-    """Probability that several noises stay within their reaches at once, at least (union bound)."""
-    beyond = 0.0
-    for coverage in coverages:
-        if coverage < 1.0:
-            # 1 - coverage is exact (Sterbenz) for any coverage from one half on.
-            beyond = math.nextafter(beyond + (1.0 - coverage), math.inf)
-    return 1.0 if beyond == 0.0 else max(0.0, math.nextafter(1.0 - beyond, 0.0))

@@ -111,7 +111,7 @@ def _as_hull(connection: Connection, channel: RowMapping, window: Window, points
         node=channel["node"],
         channel=channel["channel"],
         unit=channel["unit"],
-        coverage=union_coverage(least, int(pieces.n.max(initial=0))),
+        coverage=union_coverage(least, n=int(pieces.n.max(initial=0))),
         resolution="hull",
         t0=buckets.start,
         t=t,

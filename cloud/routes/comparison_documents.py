@@ -59,7 +59,7 @@ def stretch_shape(stretch: Stretch, coverage: float) -> Json:
         "start": format_moment(stretch.start),
         "end": format_moment(stretch.end),
         "verdict": verdict,
-        "coverage": union_coverage(coverage, stretch.samples),
+        "coverage": union_coverage(coverage, n=stretch.samples),
     }
 
 
@@ -73,5 +73,5 @@ def standing_shape(found: Standing, window: Window, unit: str, coverage: float) 
         "time_s": {"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
         "unknown_s": seconds(found.unknown, math.inf),
         "entries": {"lo": found.entries[0], "hi": found.entries[1]},
-        "coverage": union_coverage(coverage, found.samples),
+        "coverage": union_coverage(coverage, n=found.samples),
     }

@@ -4,13 +4,8 @@ from __future__ import annotations
 
 from eskin.noise.detection import Detection, detect
 from eskin.noise.error_rates import ErrorRates, error_rates
-from eskin.noise.gaussian import (
-    GaussianNoise,
-    TouchReadings,
-    coverage_within,
-    touch_with_noise,
-    touch_within,
-)
+from eskin.noise.gaussian import GaussianNoise, TouchReadings, touch_with_noise, touch_within
+from eskin.noise.normal import coverage_within, upper_tail
 
 __all__ = [
     "Detection",
@@ -22,4 +17,5 @@ __all__ = [
     "error_rates",
     "touch_with_noise",
     "touch_within",
+    "upper_tail",
 ]

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from eskin.coverage import union_coverage
 from eskin.errors import IntervalError
 from eskin.interval import Interval, as_interval
 from eskin.models.broadcasting import broadcast_shape
@@ -19,6 +20,7 @@ from eskin.models.parameters import (
     thin,
 )
 from eskin.models.touch import Touch, touch_of_area
+from eskin.noise.normal import coverage_within
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -70,17 +72,6 @@ class TouchReadings:
     area: Floats
     capacitance: Floats
     energy: Floats
-
-
-def coverage_within(deviations: float) -> float:
-    """Share of a normal distribution within so many standard deviations of its mean.
-
-    Raises:
-        IntervalError: The number is negative or NaN.
-    """
-    if not deviations >= 0.0:
-        raise IntervalError(f"deviations must be >= 0, is {deviations!r}")
-    return math.erf(deviations / math.sqrt(2.0))
 
 
 def touch_with_noise(
@@ -152,7 +143,7 @@ def touch_within(
     """
     if not math.isfinite(deviations):
         raise IntervalError(f"deviations must be finite and >= 0, is {deviations!r}")
-    missed = 1.0 - coverage_within(deviations)
+    each = coverage_within(deviations)
     true = not_negative("area", area)
     true.require_allowed()
     disturbed = _around(true.interval, noise.area, deviations)
@@ -166,8 +157,8 @@ def touch_within(
         volts = as_interval(voltage)
         energy = measured * volts * volts * 0.5
     energy = _around(energy, noise.energy, deviations)
-    sources = sum(sigma > 0.0 for sigma in (noise.area, noise.capacitance, noise.energy))
-    return Touch(exact.area, measured, energy), max(1.0 - sources * missed, 0.0)
+    sources = [each for sigma in (noise.area, noise.capacitance, noise.energy) if sigma > 0.0]
+    return Touch(exact.area, measured, energy), union_coverage(*sources)
 
 
 def _around(value: Interval, sigma: float, deviations: float) -> Interval:

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final, Self, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
+from eskin.coverage import union_coverage
 from eskin.errors import ScenarioError
 from sensor_node.dataset.columns import COIL, PAD, SURROUNDINGS
 from sensor_node.firmware.calibration import EPSILON_0
-from sensor_node.noise import joint_coverage
 from sensor_node.scenario import read_scenario
 from sensor_node.scenario.file import refusal
 from sensor_node.scenario.fit import Staged
@@ -119,7 +119,7 @@ class Plan:
         """Probability that a single interval holds the truth, at least."""
         # What a pad tells of its contacts follows from the air, too.
         air = (self.thermometer, self.hygrometer)
-        told = [joint_coverage([each.coverage for each in (pad, *air)]) for pad in self.pads]
+        told = [union_coverage(*(each.coverage for each in (pad, *air))) for pad in self.pads]
         rest: list[AnyTaxel] = [*self.coils, self.electrode]
         return min(told + [taxel.coverage for taxel in rest])
 

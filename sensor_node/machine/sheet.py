@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING, Final
 
-from sensor_node.noise import joint_coverage
+from eskin.coverage import union_coverage
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,10 +46,10 @@ def coverage(
         companions: What it reads along.
         around: Its neighbours whose readings are taken into account, and what they read along.
     """
-    return joint_coverage(
-        [
+    return union_coverage(
+        *(
             each.coverage
             for one, along in ((taxel, companions), *around)
             for each in (one, *(companion.taxel for companion in along.values()))
-        ]
+        )
     )

@@ -10,9 +10,10 @@ from typing import Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo
 
+from eskin.coverage import union_coverage
 from eskin.settings import Section
 from sensor_node.machine.crystal import BILLION
-from sensor_node.noise import Noise, joint_coverage
+from sensor_node.noise import Noise
 
 Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
 Positive: TypeAlias = Annotated[float, Field(gt=0)]
@@ -95,7 +96,7 @@ class TaxelSection(Section):
     @property
     def coverage(self) -> float:
         """Probability that a sample's interval holds the truth, at least."""
-        return joint_coverage([self.noise.coverage] * self.disturbances)
+        return union_coverage(self.noise.coverage, n=self.disturbances)
 
     @property
     def companions(self) -> dict[str, str]:

@@ -90,7 +90,7 @@ def compare(series: Series, truth: Truth, window: Window, points: int) -> None:
             assert high >= mean(truth.hi[inside])
     whole = truth.within(Window(starts[0], starts[-1] + series.dt))
     least = truth.coverage[whole].min(initial=1.0)
-    assert series.coverage == union_coverage(float(least), largest)
+    assert series.coverage == union_coverage(float(least), n=largest)
 
 
 def check_states(store: Store, truth: Truth, window: Window, question: Question) -> None:

@@ -51,4 +51,4 @@ def test_last_bucket_answers_for_all_that_it_spans(store: Store) -> None:
         series = read_series(connection, row, Window(START, START + 10), points=3)
     assert (series.dt, series.t.tolist()) == (4, [0, 4, 8])
     assert series.hi.tolist() == [4.0, 8.0, 12.0]
-    assert series.coverage == union_coverage(0.5, 4)
+    assert series.coverage == union_coverage(0.5, n=4)

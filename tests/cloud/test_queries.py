@@ -130,7 +130,7 @@ def check_hull(series: Series, said: list[Block], window: Window) -> None:
         assert hi == max((s.hi for s in inside), default=math.inf)
     touched = Window(window.start, starts[-1] + series.dt)
     least = min(b.tube.coverage for b in said if within([b], touched))
-    assert series.coverage == union_coverage(least, largest)
+    assert series.coverage == union_coverage(least, n=largest)
 
 
 @settings(
