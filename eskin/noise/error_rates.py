@@ -9,9 +9,9 @@ import numpy as np
 
 from eskin.errors import IntervalError
 from eskin.interval import Interval, as_interval
+from eskin.noise.normal import upper_tail
 
 if TYPE_CHECKING:
-    from numpy.random import Generator
     from numpy.typing import ArrayLike, NDArray
 
 Floats: TypeAlias = "NDArray[np.float64]"
@@ -19,13 +19,13 @@ Floats: TypeAlias = "NDArray[np.float64]"
 
 @dataclass(frozen=True, slots=True)
 class ErrorRates:
-    """Shares of wrong decisions; intervals where the untouched or the touched value is one.
+    """Probabilities of wrong decisions, enclosed.
 
     Attributes:
         noise: Standard deviations, one a row.
         threshold: Thresholds, one a column.
-        false_positive: Share of untouched readings that reach the threshold.
-        false_negative: Share of touched readings that do not.
+        false_positive: Probability that an untouched reading reaches the threshold.
+        false_negative: Probability that a touched reading does not.
     """
 
     noise: Floats
@@ -40,23 +40,21 @@ def error_rates(
     touched: Interval | ArrayLike,
     noise: ArrayLike,
     threshold: ArrayLike,
-    draws: int,
-    generator: Generator,
 ) -> ErrorRates:
-    """Simulate readings with and without a touch, and count the wrong decisions.
+    """Enclose how often readings with Gaussian noise are judged wrongly.
 
-    The same draws serve every point of the curves, so that these are smooth and monotone.
+    With Q the upper tail of the normal distribution, x a reading without noise, T the threshold and
+    σ the noise, a reading reaches the threshold with the probability ``Q((T - x)/σ)``.
 
     Args:
         untouched: Reading without noise and without a touch: a number, or an interval.
         touched: Reading without noise with a touch.
         noise: Standard deviations in the same unit, >= 0, one axis.
         threshold: In the same unit, one axis; a reading on it counts as a touch.
-        draws: How many readings of each kind, >= 1.
-        generator: Draws the noise; the same seed gives the same rates.
 
     Returns:
-        Rates, noise × threshold.
+        Probabilities, noise × threshold. They hold that of every member of ``untouched`` and
+        ``touched``.
 
     Raises:
         IntervalError: A value is not allowed.
@@ -65,28 +63,22 @@ def error_rates(
     limit = _axis("threshold", threshold)
     if np.any(sigma < 0.0):
         raise IntervalError(f"noise must be >= 0, is {float(sigma.min())!r}")
-    if draws < 1:
-        raise IntervalError(f"draws must be >= 1, is {draws!r}")
     at_rest, at_touch = _single("untouched", untouched), _single("touched", touched)
-    rest = np.sort(generator.standard_normal(draws))
-    hand = np.sort(generator.standard_normal(draws))
     return ErrorRates(
         sigma,
         limit,
-        Interval(*(1.0 - _share_below(rest, x, sigma, limit) for x in at_rest)),
-        Interval(*(_share_below(hand, x, sigma, limit) for x in reversed(at_touch))),
+        _tail(Interval(limit) - at_rest, sigma, at_zero=True),
+        _tail(at_touch - Interval(limit), sigma, at_zero=False),
     )
 
 
-def _share_below(noise: Floats, value: float, sigma: Floats, limit: Floats) -> Floats:
-    """Share of ``value + sigma·noise`` that stays below each limit."""
-    rows = []
-    for each in sigma:
-        if each == 0.0:
-            rows.append(np.where(value < limit, 1.0, 0.0))
-        else:
-            rows.append(np.searchsorted(noise, (limit - value) / each, side="left") / noise.size)
-    return np.array(rows).reshape(sigma.size, limit.size)
+def _tail(distance: Interval, sigma: Floats, *, at_zero: bool) -> Interval:
+    """Probability that noise exceeds a distance (n,); ``at_zero``: also where both are zero."""
+    rows = distance[None, :]
+    noisy = upper_tail(rows / Interval(np.where(sigma > 0.0, sigma, 1.0))[:, None])
+    most, least = (side <= 0.0 if at_zero else side < 0.0 for side in (rows.inf, rows.sup))
+    still = (sigma == 0.0)[:, None]
+    return Interval(np.where(still, least, noisy.inf), np.where(still, most, noisy.sup))
 
 
 def _axis(name: str, value: ArrayLike) -> Floats:
@@ -99,12 +91,11 @@ def _axis(name: str, value: ArrayLike) -> Floats:
     return made
 
 
-def _single(name: str, value: Interval | ArrayLike) -> tuple[float, float]:
+def _single(name: str, value: Interval | ArrayLike) -> Interval:
     try:
         bounds = as_interval(value)
     except IntervalError as error:
         raise IntervalError(f"{name}: {error}") from error
-    inf, sup = np.asarray(bounds.inf), np.asarray(bounds.sup)
-    if inf.size != 1 or not (np.isfinite(inf).all() and np.isfinite(sup).all()):
+    if bounds.size != 1 or not np.all(bounds.is_common_interval):
         raise IntervalError(f"{name} must be one finite number or interval, is {value!r}")
-    return float(inf.item()), float(sup.item())
+    return bounds.reshape(())

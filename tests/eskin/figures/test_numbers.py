@@ -193,7 +193,6 @@ EQUATIONS: dict[str, Callable[[Floats], Iterable[Floats]]] = {
 }  # fmt: skip
 LOOSE = {
     "voltage_corrected_V": 3e-4,  # our trapezoids of the phase
-    **dict.fromkeys(HEADERS["error_rates_noise"].split(), 6e-3),  # five standard errors
 }
 
 
