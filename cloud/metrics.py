@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
+from cloud.clock_check import count_wrong_clocks
 from cloud.store.disk import measure_disk
 
 if TYPE_CHECKING:
@@ -19,6 +20,12 @@ if TYPE_CHECKING:
 class Metrics:
     """What a cloud counts.
 
+    Args:
+        store: Where messages are.
+        feed: The live feed.
+        board: Where gateways wait for commands.
+        clock_error: Greatest error of gateways' and clouds' clocks, ns.
+
     Attributes:
         items: Messages that gateways brought, by result.
         ingest_seconds: From a batch's last byte to its commit.
@@ -28,7 +35,7 @@ class Metrics:
         faults: Work in the background that broke, by what it was.
     """
 
-    def __init__(self, store: Store, feed: Feed, board: Board) -> None:
+    def __init__(self, store: Store, feed: Feed, board: Board, *, clock_error: int) -> None:
         self._registry = CollectorRegistry()
         self._store = store
         self._use = measure_disk(store)
@@ -69,6 +76,11 @@ class Metrics:
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
         self._gauge("waiting", "Gateways that wait for commands.", lambda: board.waiting)
         self._gauge("feed_cursor", "Latest place in the feed.", lambda: feed.last)
+        self._gauge(
+            "wrong_clocks",
+            "Nodes whose latest status proves that their clock is beyond its bound.",
+            lambda: count_wrong_clocks(store, clock_error),
+        )
         self._watch(store)
 
     def write(self) -> bytes:

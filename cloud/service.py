@@ -41,6 +41,7 @@ from eskin.listener import Listener
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
 from eskin.memory import settle
+from eskin.moment import SECOND
 from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
@@ -98,7 +99,9 @@ def make_cloud(
         # One process needs no commit to know what it has seen.
         replay=Replay() if isinstance(store.place, Path) else SharedReplay(store),
     )
-    metrics, rate_limits = Metrics(store, feed, board), RateLimits(settings.limits)
+    clock_error = round(settings.nodes.clock_error_s * SECOND)
+    metrics = Metrics(store, feed, board, clock_error=clock_error)
+    rate_limits = RateLimits(settings.limits)
     keys = settings.keys
     vault = None if keys.directory is None else open_vault(keys, keys.directory)
     return Cloud(

@@ -156,6 +156,13 @@ class NodesSection(Section):
     silence_s: float = Field(
         default=15.0, gt=0, le=86_400, description="seconds of silence after which it is offline"
     )
+    clock_error_s: float = Field(
+        default=1.0,
+        ge=0,
+        le=3600,
+        description="greatest error of the clocks of gateways and clouds, by which nodes' clocks "
+        "are checked",
+    )
 
 
 class AccessSection(Section):

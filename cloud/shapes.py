@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import orjson
 
 from cloud.access import token_id
+from cloud.clock_check import ClockCheck
 from cloud.commands.wish import is_settled
 from eskin.coverage import union_coverage
 from eskin.messages import Shedding, Sustained
-from eskin.moment import format_moment
+from eskin.moment import SECOND, format_moment
 from eskin.privacy import is_biometric
 
 if TYPE_CHECKING:
@@ -164,7 +165,7 @@ def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
     }
 
 
-def node_shape(row: Row, *, channels: int, health: str) -> Json:
+def node_shape(row: Row, *, channels: int, health: str, clock_error_s: float) -> Json:
     """A node."""
     outbox = {
         "messages": row["messages"],
@@ -186,6 +187,25 @@ def node_shape(row: Row, *, channels: int, health: str) -> Json:
         "faults": None if row["faults"] is None else json.loads(row["faults"]),
         "channels": channels,
         "lag": lag_shape(row),
+        "clock": clock_shape(row, clock_error_s),
+    }
+
+
+def clock_shape(row: Row, error_s: float) -> Json | None:
+    """Whether the node's clock holds its bound, by its latest status."""
+    if row["clock_before"] is None:
+        return None
+    check = ClockCheck(
+        stated=(row["clock_earliest"], row["clock_latest"]),
+        after=row["clock_after"],
+        before=row["clock_before"],
+        error=round(error_s * SECOND),
+    )
+    least, most = check.offset
+    return {
+        "verdict": check.verdict,
+        "offset": {"lo_ns": least, "hi_ns": most},
+        "references_agree": check.references_agree,
     }
 
 

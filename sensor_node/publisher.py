@@ -250,6 +250,7 @@ class Publisher:
         for plaintext in self._opened(self._acks_topic, "acknowledgement"):
             try:
                 said = Acknowledgement.decode(plaintext)
+                self._outbox.scribe.hear(said.time)
                 for boot, first, last in said.spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
                 # A copy is worth nothing: who carries it shall not keep a node awake.

@@ -100,6 +100,21 @@ class LagDocument(BaseModel):
     hi_ns: int
 
 
+class OffsetDocument(BaseModel):
+    """The middle of what the clock states minus the true time, ns; ``null``: not bounded."""
+
+    lo_ns: int | None
+    hi_ns: int | None
+
+
+class ClockDocument(BaseModel):
+    """Whether the node's statement of UTC in its latest status holds, by what messages prove."""
+
+    verdict: Literal["certain", "possible", "impossible"]
+    offset: OffsetDocument
+    references_agree: bool
+
+
 class NodeDocument(BaseModel):
     """A node."""
 
@@ -117,6 +132,7 @@ class NodeDocument(BaseModel):
     faults: list[FaultDocument] | None
     channels: int
     lag: LagDocument | None
+    clock: ClockDocument | None
 
 
 class TaxelDocument(BaseModel):

@@ -92,4 +92,9 @@ def get_taxels(
 def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
     health = health_shape(cloud.settings.nodes, silence, ahead=-silence)
-    return node_shape(row, channels=channels, health=health)
+    return node_shape(
+        row,
+        channels=channels,
+        health=health,
+        clock_error_s=cloud.settings.nodes.clock_error_s,
+    )

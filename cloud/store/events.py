@@ -77,7 +77,7 @@ def gap_row(node: str, gap: Gap, data: bytes) -> Row:
 
 
 def status_row(
-    connection: Connection, cache: WriteCache, node: str, status: Status, data: bytes
+    connection: Connection, cache: WriteCache, node: str, status: Status, data: bytes, *, now: int
 ) -> Row | None:
     """Keep the node's latest status; gives a row when it tells of a new start."""
     row = cache.row(connection, nodes, node)
@@ -99,6 +99,10 @@ def status_row(
         "gaps": status.gaps,
         "faults": _faults(status),
         "places": _places(status),
+        "clock_earliest": status.time[0],
+        "clock_latest": status.time[1],
+        "clock_after": status.gateway_time,
+        "clock_before": now,
     } | _energy(status)
     cache.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:

@@ -223,7 +223,9 @@ def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
         _tell_if_any(batch, keep_result(batch.connection, node, message, data))
     else:
         declare(batch.connection, batch.cache, node, message)
-        _tell_if_any(batch, status_row(batch.connection, batch.cache, node, message, data))
+        _tell_if_any(
+            batch, status_row(batch.connection, batch.cache, node, message, data, now=batch.now)
+        )
 
 
 def _tell_if_any(batch: _Batch, row: Row | None) -> None:

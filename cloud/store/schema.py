@@ -66,8 +66,14 @@ nodes = Table(
     Column("faults", Words()),  # JSON, as the API tells it
     Column("places", Words()),
     *(Column(name, BigInteger) for name in ("lag_lo", "lag_hi")),
+    *(
+        Column(name, BigInteger)
+        for name in ("clock_earliest", "clock_latest", "clock_after", "clock_before")
+    ),
 )
 """Each node: latest position and status, and how long after its last sample a block was stored.
+
+``clock_*`` are the times of a `cloud.clock_check.ClockCheck`, by the latest status.
 
 ``places`` is JSON: ``[taxel, x, y]`` of each taxel on the map of its skin, in m.
 """

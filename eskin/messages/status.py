@@ -17,11 +17,12 @@ from eskin.messages.head import (
     require_channel,
 )
 from eskin.messages.vocabulary import TAXEL
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset((*range(1, 14), 16, 17, 18))
+_FIELDS: Final = frozenset((*range(1, 14), 16, 17, 18, 20))
 _MOST_CHANNELS: Final = 1000
 _MOST_TAXELS: Final = 100
 _MOST_PLACES: Final = 1000
@@ -155,6 +156,8 @@ class Status:
         energy: What it knows of its energy; ``None`` where it has a supply that never ends.
         faults: Taxels that may be broken; ``None`` before its first self-test.
         places: Where taxels sit, of those that sit somewhere.
+        gateway_time: Time of a gateway's clock, UTC ns, in the latest acknowledgement that the node
+            had received when it wrote this; ``None`` where it had received none.
     """
 
     position: Position
@@ -171,6 +174,7 @@ class Status:
     energy: Energy | None = None
     faults: tuple[TaxelFaults, ...] | None = None
     places: tuple[Place, ...] = ()
+    gateway_time: int | None = None
 
     def encode(self) -> bytes:
         """Write as CBOR."""
@@ -184,6 +188,7 @@ class Status:
             | ({} if self.energy is None else {16: self.energy.encode()})
             | ({} if self.faults is None else {17: [_encoded(each) for each in self.faults]})
             | ({18: [[p.taxel, p.x, p.y] for p in self.places]} if self.places else {})
+            | ({} if self.gateway_time is None else {20: self.gateway_time})
         )
 
     @classmethod
@@ -214,6 +219,9 @@ class Status:
             energy=_energy(fields) if fields.has(16) else None,
             faults=_faults(fields) if fields.has(17) else None,
             places=_places(fields) if fields.has(18) else (),
+            gateway_time=(
+                fields.integer(20, -MOST_MOMENT, MOST_MOMENT) if fields.has(20) else None
+            ),
         )
 
 

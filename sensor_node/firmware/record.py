@@ -105,11 +105,22 @@ class Scribe:
     Args:
         boot: Number of this start.
         numbers: Gives the sequence numbers.
+
+    Attributes:
+        gateway_time: Latest time of a gateway's clock in an acknowledgement, UTC ns; ``None``
+            before the first one. It goes out with each status: what a node writes after it has
+            received a time was not written before that time.
     """
 
     def __init__(self, boot: int, numbers: "Numbers") -> None:
         self._boot = boot
         self._numbers = numbers
+        self.gateway_time: "int | None" = None
+
+    def hear(self, time: int) -> None:
+        """Remember the time in an acknowledgement, UTC ns, if it is the latest."""
+        if self.gateway_time is None or time > self.gateway_time:
+            self.gateway_time = time
 
     def block(
         self,
@@ -213,7 +224,9 @@ class Scribe:
         that may be broken, whether they are dead and whether they are stuck. ``places``: taxels
         with x and y in m on a flat map of the skin.
         """
+        heard = self.gateway_time
         parts = 13 + (energy is not None) + (faults is not None) + bool(places)
+        parts += heard is not None
         out, sequence = self._begin(STATUS, parts)
         put_integers(out, 4, time)
         put_text(out, 5, profile)
@@ -235,6 +248,8 @@ class Scribe:
             _faults(out, faults)
         if places:
             _places(out, places)
+        if heard is not None:
+            put_integer(out, 20, heard)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def result(

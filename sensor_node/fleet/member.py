@@ -91,6 +91,8 @@ class Member:
         looks = [each for each in self.radio.looks if self.outbox.awaits(each.spans)]
         self.watched = max((each.watched for each in looks), default=0)
         self.outbox.acknowledge(self.radio.spans)
+        if self.radio.time is not None:
+            self.outbox.scribe.hear(self.radio.time)
 
     def heed(self) -> None:
         """They are done with; somebody may look on."""

@@ -45,6 +45,7 @@ class Radio:
         keys: As given.
         spans: What gateways acknowledged since it was last looked at.
         looks: Those words of theirs that told of somebody who looks on.
+        time: Latest time of a gateway's clock in them, UTC ns.
         commands: What came for it since, as the cloud signed it.
         fresh: Whether the broker took it and the outbox does not know it yet.
         online: Whether the broker has taken it.
@@ -55,7 +56,7 @@ class Radio:
 
     __slots__ = (
         "_client", "_name", "attempts", "commands", "fresh", "keys", "looks", "online", "received",
-        "sent", "spans",
+        "sent", "spans", "time",
     )  # fmt: skip
 
     def __init__(self, keys: NodeKeys, broker: BrokerSection) -> None:
@@ -63,6 +64,7 @@ class Radio:
         self._name = keys.own.name
         self.spans: list[tuple[int, int, int]] = []
         self.looks: list[Acknowledgement] = []
+        self.time: int | None = None
         self.commands: list[bytes] = []
         self.fresh = self.online = False
         self.attempts = self.sent = self.received = 0
@@ -165,6 +167,7 @@ class Radio:
             elif len(self.spans) < _MOST_SPANS:
                 said = Acknowledgement.decode(opened)
                 self.spans.extend(said.spans)
+                self.time = said.time if self.time is None else max(self.time, said.time)
                 if said.watched:
                     self.looks.append(said)
         except (EnvelopeError, MessageError) as error:

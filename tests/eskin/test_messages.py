@@ -153,7 +153,7 @@ EXAMPLES: list[Message] = [
     Status(Position(3, 9), (1, 2), "palm", "a palm", 10**9, 1, 2, 3, 4, (), faults=()),
     Status(
         Position(3, 8), (1, 2), "hand", "a hand", 10**9, 1, 2, 3, 4, (),
-        places=(Place("t00", 0.01, -0.02), Place("t01", 0.03, 0.0)),
+        places=(Place("t00", 0.01, -0.02), Place("t01", 0.03, 0.0)), gateway_time=-5,
     ),
 ]  # fmt: skip
 

@@ -181,6 +181,8 @@ def tell(
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
         energy = manager.told if manager and step["lives"] else None
+        if step["heard"] is not None:
+            scribe.hear(int(step["heard"]))
         more = {"energy": energy, "faults": step["faults"], "places": places(step)}
         return scribe.status(times(step), *told, **more)
     raise ValueError("an unknown step")

@@ -82,13 +82,19 @@ class Peer:
         return self._retained.copy()
 
     def acknowledge(
-        self, node: str, positions: list[Position], *, topic: str = "", watched: int = 0
+        self,
+        node: str,
+        positions: list[Position],
+        *,
+        topic: str = "",
+        watched: int = 0,
+        time_ns: int | None = None,
     ) -> None:
-        """Say that messages are durable, and that somebody looks on for some ms."""
+        """Acknowledge messages; a client watches for some ms; by a clock that says ``time_ns``."""
         spans = tuple((p.boot, p.sequence, p.sequence) for p in positions)
         topic = topic or node_topic(node, Stream.ACKS)
         sealed = self._sealers[node].seal(
-            Acknowledgement(time.time_ns(), spans, watched).encode(), topic=topic
+            Acknowledgement(time_ns or time.time_ns(), spans, watched).encode(), topic=topic
         )
         self.client.publish(node_topic(node, Stream.ACKS), sealed, qos=1)
 

@@ -164,6 +164,28 @@ def test_newest_status_is_retained_and_repeated(
         assert next(iter(late.messages)) >= newest
 
 
+@its_broker(status_s=0.1)
+def test_status_carries_the_latest_gateway_time_that_was_received(
+    broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]
+) -> None:
+    def statuses() -> list[Status]:
+        return [message for message in peer.messages.values() if isinstance(message, Status)]
+
+    begun = time.time_ns()
+    with Peer(identities, broker.gateway_port) as peer, publishing():
+        wait_until(lambda: len(statuses()) >= 4, "status comes again and again")
+        told = [status.gateway_time for status in statuses()]
+        assert told[0] is None
+        later = [each for each in told if each is not None]
+        assert later == sorted(set(later))
+        assert all(begun <= each <= time.time_ns() for each in later)
+        peer.acknowledge("fingertip", [max(peer.messages)], time_ns=begun)
+        known = max(later)
+        count = len(statuses())
+        wait_until(lambda: len(statuses()) > count + 1, "statuses after an older time")
+        assert all((s.gateway_time or known) >= known for s in statuses()[count:])
+
+
 @its_broker(status_s=0.1, resend_s=0.2)
 def test_no_status_piles_up_while_no_gateway_answers(
     bench: Bench, broker: Mosquitto, identities: Identities, publishing: Callable[..., Any]

@@ -76,6 +76,12 @@ export interface NodeItem {
   readonly faults: readonly FaultJson[] | null;
   readonly channels: number;
   readonly lag: LagJson | null;
+  /** Whether the node's clock holds its bound, by its latest status. */
+  readonly clock: {
+    readonly verdict: "certain" | "possible" | "impossible";
+    readonly offset: { readonly lo_ns: number | null; readonly hi_ns: number | null };
+    readonly references_agree: boolean;
+  } | null;
 }
 
 /** A taxel that sits somewhere: x and y of its centre in m, on a flat map of the skin. */

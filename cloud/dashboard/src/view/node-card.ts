@@ -57,6 +57,17 @@ function lagOf({ lag }: NodeItem): HTMLElement {
   return element("span", { "data-testid": "node-lag", title }, sealed ? `${formatLag(lag)}, sealed` : formatLag(lag));
 }
 
+/** Shown only where messages prove that the node's clock is beyond its stated bound. */
+function wrongClock({ clock }: NodeItem): HTMLElement[] {
+  if (clock === null || clock.verdict !== "impossible") return [];
+  const { lo_ns: least, hi_ns: most } = clock.offset;
+  const ahead = least !== null && least > 0;
+  const size = ahead ? least : -(most ?? 0);
+  const text = `≥ ${formatDuration(size, "down")} ${ahead ? "ahead" : "behind"}`;
+  const title = "Times that this node states do not hold";
+  return fact("clock", element("span", { class: "sentence warn", title, "data-testid": "node-clock" }, text));
+}
+
 function uptime({ uptime_ns }: NodeItem): string {
   return uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(uptime_ns / 1e9) * 1e9)}`;
 }
@@ -84,6 +95,7 @@ export function nodeCard(
     ...fact("gaps", gaps),
     ...battery(node),
     ...broken(node),
+    ...wrongClock(node),
     ...fact("boot", element("span", { class: "sentence" }, `${node.boot} · ${uptime(node)}`)),
   );
   return element(
