@@ -34,7 +34,7 @@ HOME_ASSISTANT_NEEDS := tests/gateway/homeassistant/requirements.txt
 THINGSBOARD := $(VENV)/thingsboard
 THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 
-.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz scan docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz nightly scan docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -75,6 +75,9 @@ powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any
 
 fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every way in (ARGS="--inputs 100000 --target wire")
 	$(BIN)/python -m tests.fuzz $(ARGS)
+
+nightly: $(VENV)/.development ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
+	$(BIN)/python -m tests.nightly $(ARGS)
 
 scan: $(VENV)/.scan ## Look the pinned libraries up among known vulnerabilities (needs the network)
 	@status=0; \

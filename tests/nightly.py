@@ -1,0 +1,60 @@
+"""``make nightly``: every long check, one after the other, with a table at the end.
+
+Each step's output goes to ``build/nightly/STEP.log``. A step that fails ends no other. Exit status 1 if
+one failed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Final
+
+from rich.console import Console
+from rich.table import Table
+
+STEPS: Final = {
+    "lint": ["make", "lint"],
+    "test": ["make", "test", "ARGS=--hypothesis-profile=hunt"],
+    "chaos-sqlite": ["make", "chaos", "ARGS=--duration 300 --seed {seed}"],
+    "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
+    "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
+    "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
+    "soak": ["make", "soak", "ARGS=--duration 600 --rate 1000"],
+    "test-compose": ["make", "test-compose"],
+}
+"""What runs, by the name of its log; ``{seed}`` is what ``--seed`` says."""
+
+
+def main() -> int:
+    """Run the steps and print what became of each."""
+    parser = argparse.ArgumentParser(prog="make nightly", description=__doc__)
+    parser.add_argument(
+        "--step", action="append", choices=list(STEPS), help="only this; repeatable"
+    )
+    parser.add_argument("--seed", type=int, default=1, help="draws faults, cuts and inputs")
+    options = parser.parse_args()
+    logs = Path("build/nightly")
+    logs.mkdir(parents=True, exist_ok=True)
+    console = Console(stderr=True)
+    table = Table("step", "result", "seconds", "log")
+    failed = 0
+    for name in options.step or STEPS:
+        log, begun = logs / f"{name}.log", time.monotonic()
+        command = [word.format(seed=options.seed) for word in STEPS[name]]
+        with console.status(f"{name}: {' '.join(command)}"), log.open("wb") as out:
+            status = subprocess.run(command, stdout=out, stderr=out, check=False).returncode
+        failed += status != 0
+        result = "passed" if status == 0 else f"FAILED ({status})"
+        seconds = f"{time.monotonic() - begun:.0f}"
+        console.print(f"{name}: {result} in {seconds} s", highlight=False)
+        table.add_row(name, result, seconds, str(log))
+    Console().print(table)
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
