@@ -1,7 +1,7 @@
 """``make nightly``: every long check, one after the other, with a table at the end.
 
-Each step's output goes to ``build/nightly/STEP.log``. A step that fails ends no other. Exit status 1 if
-one failed.
+Each step's output goes to ``build/nightly/STEP.log``. A step that fails ends no other. Exit
+status 1 if one failed.
 """
 
 from __future__ import annotations
