@@ -78,7 +78,12 @@ class Enrolments:
             if standing is not None:
                 return standing
             chain = self._authority.issue(
-                found.kind, found.name, key, hosts=found.hosts, lifetime=self._lifetime
+                found.kind,
+                found.name,
+                key,
+                site=found.site,
+                hosts=found.hosts,
+                lifetime=self._lifetime,
             )
         log.info("enrolled: kind=%s name=%s", found.kind, found.name)
         return chain

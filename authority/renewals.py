@@ -11,7 +11,7 @@ from authority.allowance import Allowance
 from authority.requests import requested_key
 from eskin.envelope import Verifier, signer_chain
 from eskin.errors import EnvelopeError, IdentityError
-from eskin.identity import IdentityKind, Trust, common_name, issuer_kind
+from eskin.identity import IdentityKind, Trust, common_name, issuer_kind, site_of
 from eskin.identity.certificates import read_certificate
 from eskin.topics import RENEWAL
 
@@ -90,7 +90,12 @@ class Renewals:
                 return latest
             with self._allowance.take(name):
                 return self._authority.issue(
-                    kind, name, key, hosts=hosts_of(old), lifetime=self._lifetime
+                    kind,
+                    name,
+                    key,
+                    site=site_of(old) if kind.has_site else "",
+                    hosts=hosts_of(old),
+                    lifetime=self._lifetime,
                 )
 
     def _judged(self, signed: bytes) -> tuple[x509.Certificate, ec.EllipticCurvePublicKey]:

@@ -213,7 +213,7 @@ def _hand_out(
     if expected.count:
         tokens.exclude(name for name in names if name in issued)
     given = expected.kind, expected.name, expected.hosts, lifetime
-    token = tokens.create(*given, lines=lines, count=expected.count)
+    token = tokens.create(*given, lines=lines, site=expected.site, count=expected.count)
     write_whole(expected.directory / f"{expected.name}.token", token.encode(), mode=0o600)
     log.info("token ready: kind=%s name=%s", expected.kind, expected.name)
 

@@ -55,6 +55,10 @@ class Expected(Section):
 
     kind: IdentityKind = Field(description="node, site, gateway, server or client")
     name: str = Field(description="common name; of a fleet, what its nodes' names begin with")
+    site: str = Field(
+        default="",
+        description="the site of a node or gateway, such as site.main; other kinds have none",
+    )
     count: int = Field(
         default=0,
         ge=0,
@@ -68,6 +72,7 @@ class Expected(Section):
     def _name_fits_kind(self) -> Self:
         try:
             self.kind.require_name(self.name)
+            self.kind.require_site(self.site)
             if self.count:
                 self.kind.require_name(numbered(self.name, self.count)[-1])
         except IdentityError as error:

@@ -46,6 +46,7 @@ class Enrolment:
         created: RFC 3339; empty where it was not noted yet.
         lines: How many the CA's ledger had when it was made; ``None`` where only the time was
             noted.
+        site: The site of nodes and gateways; empty of other kinds.
     """
 
     kind: IdentityKind
@@ -57,6 +58,7 @@ class Enrolment:
     count: int = 0
     created: str = ""
     lines: int | None = None
+    site: str = ""
 
 
 class Tokens:
@@ -83,6 +85,7 @@ class Tokens:
         lifetime: timedelta,
         *,
         lines: int,
+        site: str = "",
         count: int = 0,
     ) -> str:
         """Make the token of a name, or of so many of a fleet; an older one is void.
@@ -93,6 +96,7 @@ class Tokens:
             hosts: A server's names and addresses.
             lifetime: How long it is good.
             lines: How many the CA's ledger has: names that are revoked later are not enrolled.
+            site: The site of nodes and gateways.
             count: Names of a fleet; 0: one name.
         """
         token, now = secrets.token_urlsafe(32), self._clock()
@@ -105,6 +109,7 @@ class Tokens:
             count=count,
             created=now.isoformat(),
             lines=lines,
+            site=site,
         )
         self._write()
         return token

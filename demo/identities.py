@@ -88,9 +88,12 @@ def _prepare(
     authority: Authority, directory: Path, kind: IdentityKind, name: str, lifetime: timedelta
 ) -> bool:
     hosts = _HOSTS if kind is IdentityKind.SERVER else ()
+    site = SITE if kind.has_site else ""
     if not (directory / "chain.pem").exists():
         key = new_key()
-        chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
+        chain = authority.issue(
+            kind, name, key.public_key(), site=site, hosts=hosts, lifetime=lifetime
+        )
         Identity.save(directory, key=key, chain=chain, roots=authority.roots)
         return True
     now = datetime.now(UTC)
@@ -105,6 +108,8 @@ def _prepare(
         forget_past(directory, now)
         if is_due(standing.certificate, now) or is_superseded(standing):
             key = next_key(directory)
-            chain = authority.issue(kind, name, key.public_key(), hosts=hosts, lifetime=lifetime)
+            chain = authority.issue(
+                kind, name, key.public_key(), site=site, hosts=hosts, lifetime=lifetime
+            )
             install(directory, chain)
     return True

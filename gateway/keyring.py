@@ -50,6 +50,12 @@ class Keyring:
         self.context = client_context(self.gateway.directory / ROOT_FILE, self.gateway)
         self.warrants = Warrants(self.gateway)
         self._site = _identity("identity.site", settings.site, IdentityKind.SITE)
+        if self._site.name != self.gateway.site:
+            raise SettingsError(
+                "identity.site",
+                f"{settings.site} is {self._site.name}, and {self.gateway.name} is a gateway of "
+                f"{self.gateway.site}",
+            )
         self._sites = self._load_sites()
         self._opener: Opener | None = None
         self._stopping = Event()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 from cryptography import x509
 
 from eskin.errors import UntrustedCertificateError
-from eskin.identity import common_name, der, thumbprint
+from eskin.identity import common_name, der, site_of, thumbprint
 from gateway.batch import Sender
 
 if TYPE_CHECKING:
@@ -43,6 +43,7 @@ class Senders:
     Args:
         spool: Where certificates are remembered.
         revocations: The nodes' CA, root and revocation list.
+        site: The gateway's own; nodes of another one are refused.
         capacity: How many verified certificates are kept in memory.
         clock: Monotonic seconds.
     """
@@ -52,11 +53,13 @@ class Senders:
         spool: Spool,
         revocations: Revocations,
         *,
+        site: str,
         capacity: int = 4096,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._spool = spool
         self._revocations = revocations
+        self._site = site
         self._capacity = capacity
         self._clock = clock
         self._now = clock()
@@ -125,6 +128,10 @@ class Senders:
 
     def _verify(self, chain: Sequence[bytes]) -> _Known:
         leaf = self._revocations.verify(chain)
+        if site_of(leaf) != self._site:
+            raise UntrustedCertificateError(
+                f"{common_name(leaf)} is a node of {site_of(leaf)}, not of {self._site}"
+            )
         known = _Known(leaf, x509.load_der_x509_certificate(chain[1]), self._now)
         named = thumbprint(leaf)
         self._known[named] = known

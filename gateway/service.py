@@ -166,7 +166,7 @@ class Gateway:
         )
 
     def _make_worker(self) -> Worker:
-        senders = Senders(self.spool, self._revocations)
+        senders = Senders(self.spool, self._revocations, site=self.keyring.gateway.site)
         intake = Intake(
             opener=self.keyring.make_opener(senders.find),
             senders=senders,

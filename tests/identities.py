@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from eskin.identity import Authority, Identity, IdentityKind, new_key
 
@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import datetime, timedelta
     from pathlib import Path
+
+SITE: Final = "site.main"
 
 
 class Identities:
@@ -32,6 +34,7 @@ class Identities:
         kind: IdentityKind,
         name: str,
         *,
+        site: str = SITE,
         hosts: Sequence[str] = ("127.0.0.1", "localhost"),
         now: datetime | None = None,
         lifetime: timedelta | None = None,
@@ -39,6 +42,14 @@ class Identities:
         """Issue an identity and save it in a folder of its name."""
         key = new_key()
         extra = {} if lifetime is None else {"lifetime": lifetime}
-        chain = self.authority.issue(kind, name, key.public_key(), hosts=hosts, now=now, **extra)
+        chain = self.authority.issue(
+            kind,
+            name,
+            key.public_key(),
+            site=site if kind.has_site else "",
+            hosts=hosts,
+            now=now,
+            **extra,
+        )
         roots = self.authority.roots
         return Identity.save(self._directory / name, key=key, chain=chain, roots=roots)

@@ -199,7 +199,7 @@ def test_ca_that_exists_stays_as_it_is(tmp_path: Path) -> None:
 
 def test_ca_that_lost_its_root_is_not_made_anew(tmp_path: Path) -> None:
     ca = tmp_path / "ca"
-    issue = ["--kind", "node", "--name", "n", "--out", str(tmp_path / "n")]
+    issue = ["--kind", "node", "--name", "n", "--site", "site.a", "--out", str(tmp_path / "n")]
     assert run("pki", "init", "--dir", str(ca)).returncode == 0
     assert run("pki", "issue", "--dir", str(ca), *issue).returncode == 0
     (ca / "root.pem").unlink()
@@ -212,7 +212,8 @@ def test_ca_that_lost_its_root_is_not_made_anew(tmp_path: Path) -> None:
 
 def test_fleet_gets_an_identity_and_a_key_of_its_own_for_each_node(tmp_path: Path) -> None:
     ca, out = tmp_path / "ca", tmp_path / "out"
-    issue = ["--kind", "node", "--name", "skin", "--out", str(out), "--count", "3"]
+    issue = ["--kind", "node", "--name", "skin", "--site", "site.a"]
+    issue += ["--out", str(out), "--count", "3"]
     assert run("pki", "init", "--dir", str(ca)).returncode == 0
     done = run("pki", "issue", "--dir", str(ca), *issue)
     assert done.stdout.startswith(f"skin-0001 to skin-0003 in {out}, valid until ")
@@ -229,7 +230,7 @@ def test_ca_service_without_a_folder_for_a_token_says_so(tmp_path: Path) -> None
     config = tmp_path / "authority.toml"
     config.write_text(
         '[authority]\ndirectory = "ca"\n'
-        '[[identity]]\nkind = "node"\nname = "palm"\ndirectory = "nowhere"\n'
+        '[[identity]]\nkind = "node"\nname = "palm"\nsite = "site.main"\ndirectory = "nowhere"\n'
     )
     done = run("pki", "serve", "--config", str(config), cwd=tmp_path)
     assert done.returncode == 2
@@ -244,7 +245,7 @@ def test_list_of_identities_is_whole_when_piped(identities: Identities) -> None:
     for entry in identities.authority.issued():
         line = next(line for line in done.stdout.splitlines() if entry.serial in line)
         assert line.split() == [
-            *(entry.name, entry.kind, entry.expires),
+            *(entry.name, entry.kind, entry.site or "-", entry.expires),
             *(entry.revoked or "-", entry.serial),
         ]
 

@@ -49,6 +49,9 @@ def issue(
             help="Folder for key.pem, chain.pem and root.pem; with --count, for a folder each."
         ),
     ],
+    site: Annotated[
+        str, typer.Option(help="The site of a node or gateway, such as site.main.")
+    ] = "",
     host: Annotated[list[str] | None, typer.Option(help="A server's name or address.")] = None,
     days: Annotated[float, typer.Option(min=0.001, max=398, help="Days of validity.")] = 90.0,
     count: Annotated[
@@ -69,7 +72,12 @@ def issue(
     for each, folder in track(pairs, "issuing", console=Console(stderr=True), disable=not count):
         key = new_key()
         chain = authority.issue(
-            kind, each, key.public_key(), hosts=host or (), lifetime=timedelta(days=days)
+            kind,
+            each,
+            key.public_key(),
+            site=site,
+            hosts=host or (),
+            lifetime=timedelta(days=days),
         )
         Identity.save(folder, key=key, chain=chain, roots=authority.roots)
     until = chain[0].not_valid_after_utc.isoformat()
@@ -84,10 +92,17 @@ def list_(directory: Directory) -> None:
     from rich.table import Table
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for heading in ("name", "kind", "expires", "revoked", "serial"):
+    for heading in ("name", "kind", "site", "expires", "revoked", "serial"):
         table.add_column(heading, overflow="fold")
     for entry in Authority(directory).issued():
-        table.add_row(entry.name, entry.kind, entry.expires, entry.revoked or "-", entry.serial)
+        table.add_row(
+            entry.name,
+            entry.kind,
+            entry.site or "-",
+            entry.expires,
+            entry.revoked or "-",
+            entry.serial,
+        )
     show(table)
 
 
@@ -100,10 +115,12 @@ def tokens(directory: Directory) -> None:
     from authority.tokens import TOKENS_FILE, Tokens
 
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for heading in ("name", "kind", "used", "of", "expires"):
+    for heading in ("name", "kind", "site", "used", "of", "expires"):
         table.add_column(heading, overflow="fold")
     for each, used in Tokens(directory / TOKENS_FILE).listed():
-        table.add_row(each.name, each.kind, str(used), str(each.count or 1), each.expires)
+        table.add_row(
+            each.name, each.kind, each.site or "-", str(used), str(each.count or 1), each.expires
+        )
     show(table)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin.identity.authority import Authority
-from eskin.identity.certificates import common_name, der, issuer_kind, new_key, thumbprint
+from eskin.identity.certificates import common_name, der, issuer_kind, new_key, site_of, thumbprint
 from eskin.identity.identity import Identity, load_certificates
 from eskin.identity.kinds import IdentityKind
 from eskin.identity.ledger import Issued
@@ -44,5 +44,6 @@ __all__ = [
     "past_identities",
     "server_context",
     "settle",
+    "site_of",
     "thumbprint",
 ]

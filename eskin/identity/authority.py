@@ -115,6 +115,7 @@ class Authority:
         name: str,
         key: ec.EllipticCurvePublicKey,
         *,
+        site: str = "",
         hosts: Sequence[str] = (),
         lifetime: timedelta = LEAF_LIFETIME,
         now: datetime | None = None,
@@ -125,6 +126,7 @@ class Authority:
             kind: Kind of the identity.
             name: Common name, see `eskin.identity.kinds`.
             key: The identity's public key.
+            site: The site of a node or gateway, such as ``site.main``; empty for other kinds.
             hosts: DNS names and addresses of a server.
             lifetime: How long it is valid.
             now: Start of its validity; the present by default.
@@ -133,16 +135,20 @@ class Authority:
             The certificate, then the issuing CA's.
 
         Raises:
-            IdentityError: The name is none of that kind, or the key was revoked.
+            IdentityError: The name is none of that kind, or was issued to another site; the site
+                is missing; or the key was revoked.
         """
         kind.require_name(name)
+        kind.require_site(site)
         with self.changing():
+            self.register.require_site(name, site)
             self.register.require_unrevoked(key)
             issuer = self.issuer(kind, name)
             certificate = leaf_certificate(
                 kind,
                 name,
                 key,
+                site=site,
                 hosts=hosts,
                 signer=issuer.key,
                 not_before=now or datetime.now(UTC),

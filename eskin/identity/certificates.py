@@ -33,6 +33,9 @@ UNREADABLE: Final = (
 )
 """What reading a stranger's certificate or request may raise, field by field."""
 
+_TRUST_DOMAIN: Final = "spiffe://eskin/"
+"""What all SPIFFE IDs of one CA begin with."""
+
 _NO_USAGE: Final = {
     "digital_signature": False,
     "content_commitment": False,
@@ -105,6 +108,34 @@ def issuer_kind(certificate: x509.Certificate) -> IdentityKind:
     raise IdentityError(f"issuer {issuer!r} is no issuing CA of eskin")
 
 
+def site_of(certificate: x509.Certificate) -> str:
+    """The site of a node or gateway, as its CA says: the common name of the site, ``site.main``.
+
+    It stands in the one URI of the subject alternative name, a SPIFFE ID
+    ``spiffe://eskin/SITE/NAME``; this is proof only after the chain was verified.
+
+    Raises:
+        IdentityError: It names none, another than the one name, or the kind has no site.
+    """
+    kind, name = issuer_kind(certificate), common_name(certificate)
+    if not kind.has_site:
+        raise IdentityError(f"{name} is a {kind}, which belongs to no site")
+    try:
+        names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+        uris = names.get_values_for_type(x509.UniformResourceIdentifier)
+    except (x509.ExtensionNotFound, *UNREADABLE) as error:
+        raise IdentityError(f"the certificate of {name} names no site: {error}") from error
+    site = uris[0].removeprefix(_TRUST_DOMAIN).partition("/")[0] if len(uris) == 1 else ""
+    if not site or uris[0] != spiffe_id(name, kind.require_site(site)):
+        raise IdentityError(f"the certificate of {name} names no site; have it issued anew")
+    return site
+
+
+def spiffe_id(name: str, site: str) -> str:
+    """The SPIFFE ID of an identity: its common name below its site's, if it has one."""
+    return f"{_TRUST_DOMAIN}{site}/{name}" if site else f"{_TRUST_DOMAIN}{name}"
+
+
 def ca_certificate(
     subject: str,
     key: ec.EllipticCurvePublicKey,
@@ -130,6 +161,7 @@ def leaf_certificate(
     name: str,
     key: ec.EllipticCurvePublicKey,
     *,
+    site: str,
     hosts: Sequence[str],
     signer: ec.EllipticCurvePrivateKey,
     not_before: datetime,
@@ -142,7 +174,7 @@ def leaf_certificate(
     )
     builder = builder.add_extension(_usage(kind), critical=True)
     builder = builder.add_extension(x509.ExtendedKeyUsage([_purpose(kind)]), critical=False)
-    builder = builder.add_extension(_alternative_names(kind, name, hosts), critical=False)
+    builder = builder.add_extension(_alternative_names(name, site, hosts), critical=False)
     return _signed(builder, key, signer)
 
 
@@ -220,10 +252,8 @@ def _purpose(kind: IdentityKind) -> x509.ObjectIdentifier:
     return ExtendedKeyUsageOID.CLIENT_AUTH
 
 
-def _alternative_names(
-    kind: IdentityKind, name: str, hosts: Sequence[str]
-) -> x509.SubjectAlternativeName:
-    names: list[x509.GeneralName] = [x509.UniformResourceIdentifier(f"urn:eskin:{kind}:{name}")]
+def _alternative_names(name: str, site: str, hosts: Sequence[str]) -> x509.SubjectAlternativeName:
+    names: list[x509.GeneralName] = [x509.UniformResourceIdentifier(spiffe_id(name, site))]
     for host in hosts:
         try:
             names.append(x509.IPAddress(ip_address(host)))

@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import common_name, issuer_kind, pem, thumbprint
+from eskin.identity.certificates import common_name, issuer_kind, pem, site_of, thumbprint
 from eskin.ownership import create, make_folder
 
 if TYPE_CHECKING:
@@ -110,6 +110,15 @@ class Identity:
     def kind(self) -> IdentityKind:
         """Its kind, as its issuing CA says."""
         return issuer_kind(self.certificate)
+
+    @property
+    def site(self) -> str:
+        """The common name of its site.
+
+        Raises:
+            IdentityError: It is neither a node nor a gateway.
+        """
+        return site_of(self.certificate)
 
 
 def load_certificates(path: Path) -> tuple[x509.Certificate, ...]:

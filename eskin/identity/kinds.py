@@ -29,6 +29,25 @@ class IdentityKind(StrEnum):
         """Common name of the kind's issuing CA."""
         return f"eskin {self} CA"
 
+    @property
+    def has_site(self) -> bool:
+        """Whether its certificates name a site: what a node or gateway may do, it may there."""
+        return self in {IdentityKind.NODE, IdentityKind.GATEWAY}
+
+    def require_site(self, site: str) -> str:
+        """Check the site of an identity of this kind; empty where it has none.
+
+        Raises:
+            IdentityError: It is missing, none, or this kind has no site.
+        """
+        if self.has_site and not site:
+            raise IdentityError(f"a {self} belongs to a site; name it, such as site.main")
+        if self.has_site:
+            return IdentityKind.SITE.require_name(site)
+        if site:
+            raise IdentityError(f"a {self} has no site; leave {site[:100]!r} out")
+        return site
+
     def require_name(self, name: str) -> str:
         """Check a common name of this kind.
 

@@ -30,6 +30,7 @@ class Issued:
             rotated.
         key: SHA-256 of the public key (see `eskin.identity.certificates.key_digest`); empty in
             lines from before revoked keys were refused.
+        site: The site of a node or gateway; empty of other kinds.
     """
 
     serial: str
@@ -39,6 +40,7 @@ class Issued:
     revoked: str | None = None
     issuer: str = ""
     key: str = ""
+    site: str = ""
 
     def revoke(self, moment: str) -> Issued:
         """The line that revokes it.
@@ -115,6 +117,12 @@ class Ledger:
             self._follow()
             return self._revocations.get(name)
 
+    def site(self, name: str) -> str | None:
+        """The site to which a name was issued first; ``None`` if it never was."""
+        with self._lock:
+            self._follow()
+            return self._sites.get(name)
+
     def _start_over(self) -> None:
         self._read = 0
         self._lines = 0
@@ -122,6 +130,7 @@ class Ledger:
         self._latest: dict[str, Issued] = {}
         self._revoked_keys: set[str] = set()
         self._revocations: dict[str, Revocation] = {}
+        self._sites: dict[str, str] = {}
 
     def _follow(self) -> None:
         """Read what was added: of a fleet the file is long, and each request asks for it."""
@@ -151,6 +160,7 @@ class Ledger:
             ) from error
         self._read, self._lines = self._read + len(line), number
         self._latest[entry.serial] = entry
+        self._sites.setdefault(entry.name, entry.site)
         if not revoked:
             return
         self._revocations[entry.name] = Revocation(number, revoked)

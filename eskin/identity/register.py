@@ -9,7 +9,14 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import common_name, issuer_kind, key_digest, pem, public_key
+from eskin.identity.certificates import (
+    common_name,
+    issuer_kind,
+    key_digest,
+    pem,
+    public_key,
+    site_of,
+)
 from eskin.identity.identity import load_certificates, write_whole
 from eskin.identity.ledger import Issued, Ledger, Revocation
 from eskin.ownership import make_folder
@@ -45,14 +52,15 @@ class Register:
         Raises:
             OSError: It cannot be written; then nobody may be given the certificate.
         """
-        name = common_name(certificate)
+        name, kind = common_name(certificate), issuer_kind(certificate)
         entry = Issued(
             _serial(certificate),
-            str(issuer_kind(certificate)),
+            str(kind),
             name,
             certificate.not_valid_after_utc.isoformat(),
             issuer=_serial(issuer),
             key=key_digest(public_key(certificate)),
+            site=site_of(certificate) if kind.has_site else "",
         )
         self._ledger.add(entry)
         make_folder(self._issued, mode=0o755)
@@ -93,6 +101,19 @@ class Register:
     def revocation(self, name: str) -> Revocation | None:
         """When a certificate of a name was revoked last; ``None`` if none ever was."""
         return self._ledger.revocation(name)
+
+    def require_site(self, name: str, site: str) -> None:
+        """Require that a name was issued to no other site: what it said stays where it is.
+
+        Raises:
+            IdentityError: It was.
+        """
+        standing = self._ledger.site(name)
+        if standing not in {None, site}:
+            raise IdentityError(
+                f"{name} was issued to {standing}; a name belongs to one site, so choose another "
+                f"name for {site}"
+            )
 
     def require_unrevoked(self, key: ec.EllipticCurvePublicKey) -> None:
         """Require that no certificate of a key was revoked.

@@ -15,6 +15,7 @@ from eskin.identity.certificates import (
     issuer_kind,
     public_key,
     read_certificate,
+    site_of,
     thumbprint,
 )
 from eskin.identity.identity import load_certificates
@@ -106,7 +107,8 @@ class Trust:
 
         Raises:
             UntrustedCertificateError: It does not lead to the root over the kind's issuing CA,
-                is outside of its validity, is revoked, or has a name that is none of that kind.
+                is outside of its validity, is revoked, has a name that is none of that kind, or
+                no site where its kind has one.
         """
         self._follow()
         leaf, issuer = _pair(chain)
@@ -222,6 +224,8 @@ def _require_kind(leaf: x509.Certificate, kind: IdentityKind) -> None:
         name = common_name(leaf)
         public_key(leaf)
         issued_as.require_name(name)
+        if issued_as.has_site:
+            site_of(leaf)
     except IdentityError as error:
         raise UntrustedCertificateError(str(error)) from error
     if issued_as is not kind:

@@ -19,7 +19,7 @@ from authority.tokens import TOKENS_FILE, Tokens
 from eskin.envelope import sign
 from eskin.identity import IdentityKind, new_key
 from eskin.topics import RENEWAL
-from tests.identities import Identities
+from tests.identities import SITE, Identities
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -67,7 +67,7 @@ def test_key_that_is_renewed_again_and_again_is_told_to_wait(rig: Rig) -> None:
 
 
 def test_same_key_and_token_get_the_same_certificate(rig: Rig) -> None:
-    token, key = rig.tokens.create(NODE, "palm", (), DAY, lines=0), new_key()
+    token, key = rig.tokens.create(NODE, "palm", (), DAY, lines=0, site=SITE), new_key()
     request = make_request(key, "palm").public_bytes(serialization.Encoding.PEM).decode()
     asked = {"token": token, "request": request}
     first, again = rig.post("/enrol", asked, asked)

@@ -23,7 +23,7 @@ from eskin.identity import Authority, IdentityKind, Trust, der, new_key, next_ke
 from eskin.identity import register as register_module
 from eskin.identity.ledger import Ledger
 from eskin.topics import RENEWAL
-from tests.identities import Identities
+from tests.identities import SITE, Identities
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -191,7 +191,7 @@ def test_two_processes_that_open_a_fresh_folder_make_one_ca(tmp_path: Path) -> N
                 await_ready(process)
             authority = Authority(folder)
             for kind, name in ((NODE, "palm"), (IdentityKind.GATEWAY, "gateway.a")):
-                chain = authority.issue(kind, name, new_key().public_key())
+                chain = authority.issue(kind, name, new_key().public_key(), site=SITE)
                 Trust(*authority.roots).verify([der(each) for each in chain], kind)
 
 

@@ -26,6 +26,7 @@ from eskin.identity import Authority, Identity, IdentityKind, Trust, der, new_ke
 from eskin.identity.ledger import Issued, Ledger, Revocation
 from eskin.lockfile import LockFile
 from eskin.topics import RENEWAL
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -61,7 +62,7 @@ class Rig:
 
     def token(self, name: str, count: int = 0) -> str:
         lines = self.authority.register.length()
-        return self.tokens.create(NODE, name, (), HOUR, lines=lines, count=count)
+        return self.tokens.create(NODE, name, (), HOUR, lines=lines, site=SITE, count=count)
 
 
 @pytest.fixture
@@ -92,7 +93,7 @@ def test_revoked_key_enrols_with_no_token(rig: Rig, stem: str, name: str, count:
 
 
 def test_token_that_was_not_used_is_void_once_its_name_was_revoked(rig: Rig) -> None:
-    rig.authority.issue(NODE, "palm", new_key().public_key())
+    rig.authority.issue(NODE, "palm", new_key().public_key(), site=SITE)
     token = rig.token("palm")
     rig.authority.revoke("palm")
     key = new_key()
@@ -112,7 +113,7 @@ def test_key_from_before_keys_were_noted_is_refused_too(rig: Rig) -> None:
 def test_revocation_wins_against_a_thief_who_keeps_renewing(tmp_path: Path) -> None:
     authority, key = Authority.open(tmp_path / "ca"), new_key()
     renewals = Renewals(authority, lifetime=HOUR, grace=HOUR, most=10**6)
-    chain = authority.issue(NODE, "palm", key.public_key())
+    chain = authority.issue(NODE, "palm", key.public_key(), site=SITE)
     held = [Identity.save(tmp_path / "palm", key=key, chain=chain, roots=authority.roots)]
     stopping = Event()
 
@@ -147,7 +148,7 @@ def test_revocation_wins_against_a_thief_who_keeps_renewing(tmp_path: Path) -> N
 def test_list_that_is_signed_meanwhile_forgets_nobody(tmp_path: Path) -> None:
     authority = Authority.open(tmp_path / "ca")
     names = ("palm", "fingertip")
-    chains = [authority.issue(NODE, name, new_key().public_key()) for name in names]
+    chains = [authority.issue(NODE, name, new_key().public_key(), site=SITE) for name in names]
     stopping = Event()
 
     def keep_signing() -> None:
@@ -176,7 +177,7 @@ def test_whoever_has_the_turn_may_take_it_again_and_nobody_else(
     authority = Authority.open(tmp_path / "ca")
     other = Authority(tmp_path / "ca")
     with authority.changing():
-        authority.issue(NODE, "palm", new_key().public_key())
+        authority.issue(NODE, "palm", new_key().public_key(), site=SITE)
         with pytest.raises(LockedError, match=r"ledger\.jsonl: another process uses it"):
             other.revoke("palm")
         faults: list[Exception] = []
@@ -209,7 +210,7 @@ def test_service_that_cannot_have_the_turn_asks_to_come_again(
 
 def test_folder_that_cannot_be_written_is_a_clear_error_and_can_be_listed(tmp_path: Path) -> None:
     authority = Authority.open(tmp_path)
-    authority.issue(NODE, "palm", new_key().public_key())
+    authority.issue(NODE, "palm", new_key().public_key(), site=SITE)
     lock = tmp_path / "ledger.jsonl.lock"
     lock.unlink()
     lock.mkdir()  # whoever runs as root may write a read-only folder
@@ -254,10 +255,10 @@ def test_tokens_go_by_the_order_of_things_not_by_a_clock_that_is_wrong(
     register = authority.register
 
     def made(name: str) -> str:
-        return tokens.create(NODE, name, (), 9 * HOUR, lines=register.length())
+        return tokens.create(NODE, name, (), 9 * HOUR, lines=register.length(), site=SITE)
 
     for name in ("palm", "sole"):
-        authority.issue(NODE, name, new_key().public_key())
+        authority.issue(NODE, name, new_key().public_key(), site=SITE)
     clock[0] += off * HOUR
     before = made("palm")
     authority.revoke("palm")
@@ -272,7 +273,7 @@ def test_tokens_go_by_the_order_of_things_not_by_a_clock_that_is_wrong(
 
 def test_token_from_before_lines_were_noted_goes_by_its_time(tmp_path: Path) -> None:
     path, now = tmp_path / TOKENS_FILE, datetime.now(UTC)
-    token = Tokens(path, clock=lambda: now).create(NODE, "palm", (), HOUR, lines=7)
+    token = Tokens(path, clock=lambda: now).create(NODE, "palm", (), HOUR, lines=7, site=SITE)
     (entry,) = json.loads(path.read_bytes())
     del entry["lines"]
     path.write_text(json.dumps([entry]))

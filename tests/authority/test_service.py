@@ -30,6 +30,7 @@ from eskin.identity import (
     load_certificates,
     numbered,
 )
+from tests.identities import SITE
 from tests.processes import ESKIN, Running, accepts, free_port, wait_until
 
 if TYPE_CHECKING:
@@ -56,10 +57,13 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     config.write_text(
         f'[authority]\ndirectory = "{folder / "ca"}"\nport = {port}\n'
         + "".join(
-            f'[[identity]]\nkind = "{kind}"\nname = "{name}"\ndirectory = "{folder}"\n'
+            f'[[identity]]\nkind = "{kind}"\nname = "{name}"\n'
+            + ('site = "site.main"\n' if kind in {"node", "gateway"} else "")
+            + f'directory = "{folder}"\n'
             for kind, name in names
         )
-        + f'[[identity]]\nkind = "node"\nname = "skin"\ncount = 12\ndirectory = "{folder}"\n'
+        + '[[identity]]\nkind = "node"\nname = "skin"\nsite = "site.main"\ncount = 12\n'
+        + f'directory = "{folder}"\n'
     )
     argv = [ESKIN, "pki", "serve", "--config", str(config)]
     with Running(argv, log=folder / "log") as process:
@@ -177,7 +181,7 @@ def test_fleet_enrols_with_one_token_and_goes_on_where_it_was_cut_off(
         trust.verify([der(certificate) for certificate in own.chain], IdentityKind.NODE)
     listed = CliRunner().invoke(pki, ["tokens", "--dir", str(service.authority)])
     row = next(line.split() for line in listed.stdout.splitlines() if "skin" in line)
-    assert row[:4] == ["skin", "node", "12", "12"]
+    assert row[:5] == ["skin", "node", SITE, "12", "12"]
     with pytest.raises(IdentityError, match="skin-0001, for another key"):
         enrol_skins(service, tmp_path / "thief", 1)
     with pytest.raises(IdentityError, match="good for skin-0001 to skin-0012, not for 'skin-0013'"):
@@ -195,7 +199,9 @@ def test_fleet_waits_for_a_service_that_is_away(tmp_path: Path, service: Service
 def test_token_of_a_fleet_is_good_for_its_names_alone_and_expires(tmp_path: Path) -> None:
     now = [datetime.now(UTC)]
     tokens = Tokens(tmp_path / "tokens.json", clock=lambda: now[0])
-    first = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), lines=0, count=3)
+    first = tokens.create(
+        IdentityKind.NODE, "skin", (), timedelta(hours=1), lines=0, site=SITE, count=3
+    )
     tokens.exclude(["skin-0003"])
     assert tokens.redeem(first, b"key", "skin-0001").name == "skin-0001"
     for name in ("skin-0004", "skin-0000", "skin-1", "skin-0001x", "skin", "", "other-0001"):
@@ -203,7 +209,9 @@ def test_token_of_a_fleet_is_good_for_its_names_alone_and_expires(tmp_path: Path
             tokens.redeem(first, b"key", name)
     with pytest.raises(IdentityError, match="used before for skin-0003"):
         tokens.redeem(first, b"key", "skin-0003")
-    second = tokens.create(IdentityKind.NODE, "skin", (), timedelta(hours=1), lines=0, count=3)
+    second = tokens.create(
+        IdentityKind.NODE, "skin", (), timedelta(hours=1), lines=0, site=SITE, count=3
+    )
     reopened = Tokens(tmp_path / "tokens.json", clock=lambda: now[0])
     with pytest.raises(IdentityError, match="not known"):
         reopened.redeem(first, b"key", "skin-0002")
@@ -234,8 +242,8 @@ def test_ca_keys_are_private(service: Service) -> None:
 
 def test_new_token_voids_the_older_one(tmp_path: Path) -> None:
     tokens = Tokens(tmp_path / "tokens.json")
-    first = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1), lines=0)
-    second = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1), lines=0)
+    first = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1), lines=0, site=SITE)
+    second = tokens.create(IdentityKind.NODE, "palm", (), timedelta(hours=1), lines=0, site=SITE)
     reopened = Tokens(tmp_path / "tokens.json")
     with pytest.raises(IdentityError, match="not known"):
         reopened.redeem(first, b"key")
@@ -245,7 +253,7 @@ def test_new_token_voids_the_older_one(tmp_path: Path) -> None:
 
 def test_expired_token_is_refused(tmp_path: Path) -> None:
     tokens = Tokens(tmp_path / "tokens.json")
-    token = tokens.create(IdentityKind.NODE, "palm", (), timedelta(seconds=-1), lines=0)
+    token = tokens.create(IdentityKind.NODE, "palm", (), timedelta(seconds=-1), lines=0, site=SITE)
     with pytest.raises(IdentityError, match="expired"):
         tokens.redeem(token, b"key")
 

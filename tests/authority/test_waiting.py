@@ -24,6 +24,7 @@ from eskin.errors import LockedError
 from eskin.identity import Authority, IdentityKind, client_context, new_key, turn
 from eskin.listening import Bounds
 from eskin.lockfile import LockFile
+from tests.identities import SITE
 from tests.processes import free_port, wait_until
 
 if TYPE_CHECKING:
@@ -77,7 +78,7 @@ class Rig:
         )
 
     def token(self, name: str) -> str:
-        return self.tokens.create(NODE, name, (), HOUR, lines=0)
+        return self.tokens.create(NODE, name, (), HOUR, lines=0, site=SITE)
 
     async def enrol(
         self, token: str, name: str, key: ec.EllipticCurvePrivateKey | None = None
@@ -167,7 +168,7 @@ async def test_party_comes_again_where_the_ca_itself_is_at_fault(
     rig: Rig, harm: Callable[[Path], None]
 ) -> None:
     token, key, folder = rig.token("palm"), new_key(), rig.authority.directory
-    rig.authority.issue(NODE, "sole", new_key().public_key())
+    rig.authority.issue(NODE, "sole", new_key().public_key(), site=SITE)
     names = "ledger.jsonl", "node.key", "root.pem"
     good = {path: path.read_bytes() for path in (folder / name for name in names)}
     harm(folder)

@@ -78,8 +78,8 @@ class Part:
         """Give an identity its next certificate and key, as the CA service does."""
         own = Identity.load(directory)
         key = next_key(directory).public_key()
-        hosts = (self.host.address,)
-        install(directory, self._authority.issue(own.kind, own.name, key, hosts=hosts))
+        hosts, site = (self.host.address,), own.site if own.kind.has_site else ""
+        install(directory, self._authority.issue(own.kind, own.name, key, site=site, hosts=hosts))
 
     def come_back(self) -> None:
         """Be well again after its disk was full: others need no help for that."""

@@ -11,6 +11,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from demo.broker import Party, may_publish, may_subscribe
 from eskin.identity import Authority, Identity, IdentityKind, client_context, new_key
+from tests.identities import SITE
 from tests.processes import Running, accepts, free_port, wait_until
 
 if TYPE_CHECKING:
@@ -253,7 +254,7 @@ def test_certificate_of_another_ca_is_refused(
     identities: Identities, port: int, tmp_path: Path
 ) -> None:
     stranger, key = Authority.open(tmp_path / "ca"), new_key()
-    chain = stranger.issue(IdentityKind.NODE, "fingertip", key.public_key())
+    chain = stranger.issue(IdentityKind.NODE, "fingertip", key.public_key(), site=SITE)
     forged = Identity.save(tmp_path / "id", key=key, chain=chain, roots=stranger.roots)
     assert is_refused(port, forged, identities.node.directory / "root.pem")
 

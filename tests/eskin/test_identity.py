@@ -20,6 +20,7 @@ from eskin.identity import (
     server_context,
 )
 from eskin.identity.certificates import leaf_certificate
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,7 +54,7 @@ def test_chain_of_another_ca_is_refused(identities: Identities, tmp_path: Path) 
 def test_leaf_cannot_issue(identities: Identities) -> None:
     gateway, key = identities.gateway, new_key()
     forged = leaf_certificate(
-        IdentityKind.NODE, "fingertip", key.public_key(), hosts=(), signer=gateway.key,
+        IdentityKind.NODE, "fingertip", key.public_key(), site=SITE, hosts=(), signer=gateway.key,
         not_before=datetime.now(UTC), lifetime=timedelta(days=1),
     )  # fmt: skip
     with pytest.raises(UntrustedCertificateError):
@@ -116,7 +117,7 @@ def test_name_of_another_kind_is_not_issued(
     identities: Identities, kind: IdentityKind, name: str
 ) -> None:
     with pytest.raises(IdentityError, match=f"no name of a {kind}"):
-        identities.authority.issue(kind, name, new_key().public_key())
+        identities.authority.issue(kind, name, new_key().public_key(), site=SITE)
 
 
 def test_anchor_of_a_kind_signs_itself(identities: Identities) -> None:

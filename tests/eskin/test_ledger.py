@@ -13,6 +13,7 @@ from eskin.errors import IdentityError
 from eskin.identity import Authority, IdentityKind, new_key
 from eskin.identity.ledger import Issued, Ledger
 from eskin.identity.lines import append_lines
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,7 +49,7 @@ def test_end_of_what_is_whole_is_found_however_long_the_rest(tmp_path: Path, who
 @pytest.mark.parametrize("damage", ["{}", "[]", LINE[:40], LINE[:40] + LINE[:-1], "\0" * 9])
 def test_damaged_line_is_told_with_place_and_remedy(tmp_path: Path, damage: str) -> None:
     authority = Authority.open(tmp_path)
-    authority.issue(NODE, "palm", new_key().public_key())
+    authority.issue(NODE, "palm", new_key().public_key(), site=SITE)
     ledger = tmp_path / "ledger.jsonl"
     whole = ledger.read_bytes()
     ledger.write_bytes(whole + damage.encode() + b"\n" + LINE.encode())

@@ -15,7 +15,7 @@ from eskin.envelope import sign
 from eskin.errors import IdentityError, UntrustedCertificateError
 from eskin.identity import Authority, IdentityKind, Trust, der, next_key, publishing
 from eskin.topics import RENEWAL
-from tests.identities import Identities
+from tests.identities import SITE, Identities
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -108,7 +108,7 @@ def test_ledger_from_a_backup_forgets_no_revocation(own: Identities) -> None:
     require_refused(Trust(*again.roots), own, own.node)
     assert again.latest("fingertip") is None
     with pytest.raises(IdentityError, match="this key was revoked"):
-        again.issue(NODE, "fingertip", own.node.key.public_key())
+        again.issue(NODE, "fingertip", own.node.key.public_key(), site=SITE)
 
 
 def test_certificate_that_a_ledger_from_a_backup_does_not_know_stays_revoked(

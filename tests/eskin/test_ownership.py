@@ -55,7 +55,10 @@ def test_ca_that_root_rotates_stays_its_users(tmp_path: Path) -> None:
         os.chown(path, NOBODY, NOBODY)
     for command in (
         ["rotate", "--kind", "node"],
-        ["issue", "--kind", "node", "--name", "palm", "--out", str(own.ca / "palm")],
+        [
+            *("issue", "--kind", "node", "--name", "palm", "--site", "site.main"),
+            *("--out", str(own.ca / "palm")),
+        ],
         ["revoke", "--name", "fingertip"],
         ["retire", "--kind", "node", "--force"],
         ["rotate", "--root"],

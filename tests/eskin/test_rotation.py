@@ -8,7 +8,7 @@ import pytest
 
 from eskin.errors import IdentityError, UntrustedCertificateError
 from eskin.identity import Authority, IdentityKind, Trust, der, load_certificates
-from tests.identities import Identities
+from tests.identities import SITE, Identities
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -63,7 +63,7 @@ def test_ca_is_rotated_once_at_a_time_and_survives_reopening(tmp_path: Path) -> 
     own.authority.rotate(NODE)
     with pytest.raises(IdentityError, match="being replaced already"):
         own.authority.rotate(NODE)
-    chain = Authority(own.ca).issue(NODE, "palm", own.node.key.public_key())
+    chain = Authority(own.ca).issue(NODE, "palm", own.node.key.public_key(), site=SITE)
     assert chain[1] == load_certificates(own.ca / "node.pem")[0]
     (own.ca / "node.key").unlink()
     with pytest.raises(IdentityError, match="key of a node CA is missing"):

@@ -23,7 +23,7 @@ from eskin.identity import (
     rotation,
 )
 from eskin.identity.authority import CA_SERVICE
-from tests.identities import Identities
+from tests.identities import SITE, Identities
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -64,7 +64,9 @@ def require_whole(ca: Path, *, issuers: int) -> None:
     """Require that each kind's newest certificate passes, and nothing lies beside what stands."""
     authority = Authority(ca)
     for kind, name in ((NODE, "palm"), (SERVER, "server.cloud")):
-        chain = authority.issue(kind, name, new_key().public_key())
+        chain = authority.issue(
+            kind, name, new_key().public_key(), site=SITE if kind is NODE else ""
+        )
         trust = Trust(*authority.roots)
         trust.revocations(kind, authority.revocations_file(kind).read_bytes())
         trust.verify([der(one) for one in chain], kind)

@@ -19,7 +19,7 @@ from gateway.veiling import WITHHELD
 from tests.gateway.messages import block, gap, peak, status
 from tests.gateway.twins import Inside
 from tests.gateway.wire_node import Seal
-from tests.identities import Identities
+from tests.identities import SITE, Identities
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -122,7 +122,12 @@ def test_expired_certificate_is_untrusted(inside: Inside, identities: Identities
     long_ago = datetime.now(UTC) - timedelta(days=3)
     key = new_key()
     chain = identities.authority.issue(
-        IdentityKind.NODE, "fingertip", key.public_key(), now=long_ago, lifetime=timedelta(days=1)
+        IdentityKind.NODE,
+        "fingertip",
+        key.public_key(),
+        site=SITE,
+        now=long_ago,
+        lifetime=timedelta(days=1),
     )
     expired = replace(identities.node, key=key, chain=chain)  # other tests share the folder
     introduce(inside, Seal(expired, identities.site))
@@ -296,3 +301,14 @@ def test_spool_that_cannot_be_read_is_no_fault_of_the_topic(
     monkeypatch.setattr(inside.spool, "sender", unreadable)
     inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
     assert inside.rejected() == {"fault": 1}
+
+
+def test_node_of_another_site_is_untrusted(inside: Inside, identities: Identities) -> None:
+    for site in ("site.other", SITE):
+        own = identities.make(IdentityKind.NODE, f"of-{site[5:]}", site=site)
+        sealed = Seal(own, identities.site)(
+            own.name, Stream.STATUS, status(0).encode(), introduce=True
+        )
+        inside.arrive(Stream.STATUS, sealed, node=own.name)
+    assert inside.rejected() == {"untrusted": 1}
+    assert len(inside.stored()) == 1

@@ -110,7 +110,9 @@ class Inside:
         self._make_keys(folder / "keys")
         self.trust = Trust(*identities.gateway.roots, clock=self.clock.now)
         self.revocations = Revocations(self.trust, revocations)
-        self.senders = Senders(self.spool, self.revocations, clock=self.clock)
+        self.senders = Senders(
+            self.spool, self.revocations, site=identities.gateway.site, clock=self.clock
+        )
         self.records = Records(self.spool)
         self.presence = Presence(15.0)
         self.inbox = Inbox(1000, most_bytes=10_000_000)

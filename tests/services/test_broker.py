@@ -12,6 +12,7 @@ import pytest
 from eskin.identity import Authority, IdentityKind, new_key
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, Identity
 from tests.brokers import Mosquitto
+from tests.identities import SITE
 from tests.processes import wait_until
 from tests.services.party import Party
 
@@ -98,7 +99,7 @@ def test_certificate_of_another_ca_is_refused(
 ) -> None:
     other = Authority.open(tmp_path / "ca")
     key = new_key()
-    chain = other.issue(IdentityKind.NODE, "fingertip", key.public_key())
+    chain = other.issue(IdentityKind.NODE, "fingertip", key.public_key(), site=SITE)
     stranger = Identity.save(tmp_path / "fingertip", key=key, chain=chain, roots=other.roots)
     with Party(stranger, broker.node_port, root=root) as party:
         assert party.refused

@@ -72,6 +72,7 @@ names = ["localhost"]
 [[identity]]
 kind = "node"
 name = "palm"
+site = "site.main"
 directory = "palm"
 """
 FILES = (
