@@ -5,7 +5,7 @@ from __future__ import annotations
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Final
 
-from authority.problems import problem
+from authority.problems import log_refusal, problem
 from eskin.limiting import RateLimit, counted
 
 if TYPE_CHECKING:
@@ -44,6 +44,7 @@ class LimitsMiddleware:
             address=address,
             statuses=_REFUSALS,
             flooded=lambda: _flood("refused requests", self._refusals)(scope, receive, send),
+            admitted=lambda: log_refusal(scope),
         )
         await self._app(scope, receive, counting)
 

@@ -17,10 +17,13 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from fastapi import FastAPI, Request
+    from starlette.types import Scope
 
 log = logging.getLogger(__name__)
 
 _LONGEST_DETAIL: Final = 1000
+_REFUSAL: Final = "eskin.refusal"
+"""Where a request's scope keeps why it is refused, until its limits are known."""
 _AGAIN: Final = {"Retry-After": "10"}
 """The request is good, and may come again."""
 _TITLES: Final = {422: "Unprocessable Content"}
@@ -38,12 +41,19 @@ def problem(status: int, detail: str, *, headers: Mapping[str, str] | None = Non
     )
 
 
+def log_refusal(scope: Scope) -> None:
+    """Log a refusal; after its address was counted, so that a flood is silent."""
+    reason = scope.get(_REFUSAL)
+    if reason is not None:
+        log.warning("refused: %s", reason)
+
+
 def answer_problems(app: FastAPI) -> None:
     """Have an application answer every refusal with problem details."""
 
     @app.exception_handler(IdentityError)
-    async def refuse(_: Request, error: IdentityError) -> JSONResponse:
-        log.warning("refused: %s", error)
+    async def refuse(request: Request, error: IdentityError) -> JSONResponse:
+        request.scope[_REFUSAL] = str(error)
         return problem(403, str(error))
 
     @app.exception_handler(TooOftenError)

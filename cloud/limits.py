@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 from starlette.requests import Request
 
 from cloud.dependencies import address_of
-from cloud.problems import ProblemError, problem
+from cloud.problems import ProblemError, log_refusal, problem
 from eskin.limiting import counted
 
 if TYPE_CHECKING:
@@ -66,6 +66,7 @@ class LimitsMiddleware:
             address=address_of(request),
             statuses={HTTPStatus.UNAUTHORIZED},
             flooded=lambda: _flood(request, what, rate)(request.scope, receive, send),
+            admitted=lambda: log_refusal(request),
         )
 
 

@@ -32,6 +32,8 @@ log = logging.getLogger(__name__)
 
 MEDIA_TYPE: Final = "application/problem+json"
 RETRY_SECONDS: Final = 5
+_REFUSAL: Final = "eskin.refusal"
+"""Where a request's scope keeps why it is refused, until its limits are known."""
 _LONGEST_NAME: Final = 200
 """Of a parameter as refusals show it: who asks may call it anything."""
 
@@ -100,6 +102,13 @@ def problem(
     return Response(orjson.dumps(body), status, extra, MEDIA_TYPE)
 
 
+def log_refusal(request: Request) -> None:
+    """Log that a gateway is refused; after its address was counted, so that a flood is silent."""
+    reason = request.scope.get(_REFUSAL)
+    if reason is not None:
+        log.warning("gateway refused: path=%r reason=%s", _path(request), reason)
+
+
 def answer_problems(app: FastAPI) -> None:
     """Have an application answer every refusal with problem details."""
     app.add_exception_handler(ProblemError, _on_problem)
@@ -126,6 +135,8 @@ def _on_eskin(request: Request, error: Exception) -> Response:
     status = next((status for kind, status in _STATUSES if isinstance(error, kind)), 500)
     if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
         log.error("request failed: path=%s reason=%s", _path(request), error)
+    elif isinstance(error, UnauthenticatedError):
+        request.scope[_REFUSAL] = str(error)
     elif isinstance(error, IngestError):
         log.warning("batch refused: status=%d reason=%s", status, error)
     if status == HTTPStatus.INTERNAL_SERVER_ERROR:

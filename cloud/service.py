@@ -15,7 +15,6 @@ from cloud.application import gateway_application, people_application
 from cloud.certificate import Certificate
 from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
-from cloud.ingest.refusals import Refusals
 from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
 from cloud.ingest.warrant import Verifier
@@ -112,7 +111,6 @@ def make_cloud(
         board=board,
         verifier=verifier,
         uploads=Uploads(own.uploads_bytes),
-        refusals=Refusals(),
         metrics=metrics,
         rate_limits=rate_limits,
         keyholder=Keyholder(vault),

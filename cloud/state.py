@@ -10,7 +10,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cloud.commands import Board
-    from cloud.ingest.refusals import Refusals
     from cloud.ingest.uploads import Uploads
     from cloud.ingest.warrant import Verifier
     from cloud.live import Feed, Onlookers
@@ -33,7 +32,6 @@ class Cloud:
         board: Wakes gateways that wait for commands.
         verifier: Checks gateways' tokens.
         uploads: Room for what gateways bring.
-        refusals: Tells of what was refused of it.
         metrics: Counts.
         rate_limits: Counts what each address asks.
         keyholder: Opens what tells of a person, for those who may.
@@ -48,7 +46,6 @@ class Cloud:
     board: Board
     verifier: Verifier
     uploads: Uploads
-    refusals: Refusals
     metrics: Metrics
     rate_limits: RateLimits
     keyholder: Keyholder

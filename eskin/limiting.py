@@ -61,6 +61,7 @@ def counted(
     address: str,
     statuses: Container[int],
     flooded: Callable[[], Awaitable[None]],
+    admitted: Callable[[], None],
 ) -> Send:
     """Send an answer on, but count it if it is a refusal.
 
@@ -72,6 +73,7 @@ def counted(
         address: Who asks.
         statuses: Which answers are refusals.
         flooded: Answers in their place where there are too many.
+        admitted: Called before a refusal that is not one too many, such as to log it.
     """
     replaced = False
 
@@ -81,6 +83,8 @@ def counted(
             replaced = not await rate.take(address)
             if replaced:
                 await flooded()
+            else:
+                admitted()
         if not replaced:
             await send(message)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections import Counter
 from dataclasses import dataclass, field
@@ -39,11 +40,13 @@ if TYPE_CHECKING:
 
     from eskin.envelope import Opener
     from gateway.arrival import Arrival
-    from gateway.complaints import Complaints
     from gateway.records import Records
     from gateway.senders import Senders
     from gateway.veiling import Veiling
 
+log = logging.getLogger(__name__)
+
+_LONGEST_TOPIC: Final = 200
 _FITS: Final = {
     Stream.BLOCKS: (BlockSummary,),
     Stream.EVENTS: (Peak, Gap, Result),
@@ -86,7 +89,6 @@ class Intake:
         opener: Opens envelopes.
         senders: Certificates of nodes.
         records: What was accepted before.
-        complaints: Takes one line for each refusal.
         veiling: Seals what tells of a person.
         now: UTC ns.
     """
@@ -97,14 +99,12 @@ class Intake:
         opener: Opener,
         senders: Senders,
         records: Records,
-        complaints: Complaints,
         veiling: Veiling,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._opener = opener
         self._senders = senders
         self._records = records
-        self._complaints = complaints
         self._veiling = veiling
         self._now = now
 
@@ -142,10 +142,6 @@ class Intake:
     def forget(self) -> None:
         """A batch failed: memory may know positions that never became durable."""
         self._records.forget()
-
-    def idle(self) -> None:
-        """Nothing waits: time to tell of refusals that were only counted."""
-        self._complaints.settle()
 
     def _open(self, arrival: Arrival, node: str, stream: Stream) -> Opened:
         if stream is Stream.STATUS:
@@ -211,7 +207,13 @@ class Intake:
         self, outcome: Outcome, arrival: Arrival, reason: Reason, error: EskinError
     ) -> None:
         outcome.rejected[reason] += 1
-        self._complaints.say(reason, topic=arrival.topic, error=error)
+        log.warning(
+            "message rejected: reason=%s topic=%r error=%s",
+            reason,
+            arrival.topic[:_LONGEST_TOPIC],
+            error,
+            extra={"source": reason},
+        )
 
 
 def _address(arrival: Arrival) -> tuple[str, Stream]:

@@ -21,7 +21,6 @@ from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
 from gateway.commands import Commands
-from gateway.complaints import Complaints
 from gateway.condition import Condition
 from gateway.counters import Counters
 from gateway.courier import Courier
@@ -171,7 +170,6 @@ class Gateway:
             opener=self.keyring.make_opener(senders.find),
             senders=senders,
             records=Records(self.spool),
-            complaints=Complaints(),
             veiling=self.veiling,
         )
         sealers = Sealers(self.keyring.answering)

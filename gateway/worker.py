@@ -121,7 +121,6 @@ class Worker:
         """Do what has no message for a reason, also where there is never a moment's rest."""
         if idle or self._clock() >= self._looked + _RESTLESS_S:
             self._looked = self._clock()
-            self._intake.idle()
             self._answers.idle()
 
     def _linger(self) -> float:

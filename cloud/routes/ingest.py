@@ -1,6 +1,7 @@
 """Ingest: gateways bring what nodes said."""
 
 import asyncio
+import logging
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -23,6 +24,8 @@ from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
 from cloud.store.salvage import take_in_apart
 from eskin.messages import Result
+
+log = logging.getLogger(__name__)
 
 router = APIRouter(tags=["ingest"])
 
@@ -47,7 +50,14 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
     for kind, count in Counter(receipt.result for receipt in outcome.results).items():
         cloud.metrics.items.labels(kind).inc(count)
     reasons = [result.reason for result in outcome.results if result.reason is not None]
-    cloud.refusals.tell(warrant.gateway, reasons)
+    if reasons:
+        log.warning(
+            "messages rejected: gateway=%s count=%d last=%s",
+            warrant.gateway,
+            len(reasons),
+            reasons[-1],
+            extra={"source": warrant.gateway},
+        )
     cloud.metrics.buried.inc(outcome.buried)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
     watched = cloud.onlookers.watched(dict.fromkeys(item.node for item in items))

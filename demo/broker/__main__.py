@@ -13,6 +13,7 @@ import uvloop
 from demo.broker.broker import LoopbackBroker
 from demo.broker.doorkeeper import Doorkeeper
 from eskin.identity import Identity
+from eskin.logs import start_logs
 
 
 async def serve(directory: Path, authority: Path, port: int) -> None:
@@ -40,7 +41,7 @@ def _in_one_line(record: logging.LogRecord) -> bool:
 
 
 if __name__ == "__main__":
-    logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s %(message)s")
+    start_logs("WARNING")
     for handler in logging.getLogger().handlers:
         handler.addFilter(_in_one_line)
     logging.getLogger("demo").setLevel(logging.INFO)

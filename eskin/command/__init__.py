@@ -20,6 +20,7 @@ from eskin.command.node import node
 from eskin.command.pki import pki
 from eskin.command.subjects import subjects
 from eskin.errors import EskinError
+from eskin.printable import printable_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -63,7 +64,7 @@ def main() -> NoReturn:
     except typer.Abort:
         status = 130
     except (typer.TyperException, EskinError) as error:
-        sys.stderr.write(f"eskin: {_said(error)}\n")
+        sys.stderr.write(f"eskin: {printable_lines(_said(error))}\n")
         status = 2
     logging.shutdown()
     sys.exit(status if isinstance(status, int) else 0)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from eskin.command.logs import start_logs
-from eskin.command.tables import show
+from eskin.command.tables import add_row, show
 from eskin.errors import SettingsError
 from eskin.identity import IdentityKind
+from eskin.logs import start_logs
 from eskin.moment import format_moment
+from eskin.printable import printable
 
 if TYPE_CHECKING:
     from cloud.settings import CloudSettings, PeopleSection
@@ -113,7 +114,7 @@ def tokens(context: typer.Context, config: Config = None) -> None:
         table.add_column(heading, overflow="fold")
     for row in rows:
         expires = (row["expires"] or "never").partition(".")[0]
-        table.add_row(row["id"], row["name"], " ".join(row["scopes"]), row["state"], expires)
+        add_row(table, row["id"], row["name"], " ".join(row["scopes"]), row["state"], expires)
     show(table)
 
 
@@ -175,7 +176,8 @@ def audit_log(context: typer.Context, config: Config = None) -> None:
     with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
         for row in read_deeds(connection):
             words = (format_moment(row["time"]), row["actor"] or "-", row["address"] or "-")
-            typer.echo(" ".join((*words, row["action"], row["target"], row["detail"])).rstrip())
+            deed = " ".join((*words, row["action"], row["target"], row["detail"]))
+            typer.echo(printable(deed.rstrip()))
         broken = check_deeds(connection)
     if broken is not None:
         typer.echo(f"BROKEN: deed {broken} is missing or was changed afterwards", err=True)

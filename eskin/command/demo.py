@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from eskin.command.logs import start_logs
-from eskin.command.tables import show
+from eskin.command.tables import add_row, show
+from eskin.logs import start_logs
+from eskin.printable import printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -81,7 +82,7 @@ def audit(data: Data = _DATA) -> None:
         )
     show(_table(found.channels))
     for line in _remarks(found):
-        typer.echo(line)
+        typer.echo(printable(line))
     samples = sum(entry.samples for entry in found.channels)
     violations = sum(entry.violations for entry in found.channels)
     typer.echo(
@@ -90,14 +91,15 @@ def audit(data: Data = _DATA) -> None:
     )
     for entry in found.channels:
         if not entry.passes:
-            typer.echo(f"  broken promise: {entry.node}/{entry.channel}")
+            typer.echo(printable(f"  broken promise: {entry.node}/{entry.channel}"))
     for delivery in found.deliveries:
         if not delivery.passes:
             first = delivery.missing[0]
-            typer.echo(
+            vanished = (
                 f"  vanished: {len(delivery.missing)} blocks of {delivery.node}, the first at "
                 f"boot {first.boot}, sequence {first.sequence}"
             )
+            typer.echo(printable(vanished))
     if not found.passes:
         raise typer.Exit(1)
 
@@ -140,7 +142,8 @@ def _table(found: Sequence[ChannelAudit]) -> Table:
     for heading in ("samples", "violations", "allowed", "mean width"):
         table.add_column(heading, justify="right", no_wrap=True)
     for entry in found:
-        table.add_row(
+        add_row(
+            table,
             f"{entry.node}/{entry.channel}",
             str(entry.samples),
             str(entry.violations),

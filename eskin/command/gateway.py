@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from eskin.command.logs import start_logs
 from eskin.identity import IdentityKind
+from eskin.logs import start_logs
 
 
 def gateway(

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from eskin.command.logs import start_logs
+from eskin.logs import start_logs
 
 
 def node(

@@ -8,11 +8,11 @@ from typing import Annotated
 
 import typer
 
-from eskin.command.logs import start_logs
 from eskin.command.rotation import Directory, retire, rotate, switch
-from eskin.command.tables import show
+from eskin.command.tables import add_row, show
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Authority, Identity, IdentityKind, new_key, numbered
+from eskin.logs import start_logs
 
 pki = typer.Typer()
 
@@ -95,7 +95,8 @@ def list_(directory: Directory) -> None:
     for heading in ("name", "kind", "site", "expires", "revoked", "serial"):
         table.add_column(heading, overflow="fold")
     for entry in Authority(directory).issued():
-        table.add_row(
+        add_row(
+            table,
             entry.name,
             entry.kind,
             entry.site or "-",
@@ -118,8 +119,14 @@ def tokens(directory: Directory) -> None:
     for heading in ("name", "kind", "site", "used", "of", "expires"):
         table.add_column(heading, overflow="fold")
     for each, used in Tokens(directory / TOKENS_FILE).listed():
-        table.add_row(
-            each.name, each.kind, each.site or "-", str(used), str(each.count or 1), each.expires
+        add_row(
+            table,
+            each.name,
+            each.kind,
+            each.site or "-",
+            str(used),
+            str(each.count or 1),
+            each.expires,
         )
     show(table)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 
-from eskin.command.tables import show
+from eskin.command.tables import add_row, show
 from eskin.errors import SettingsError
 from eskin.moment import format_moment
 
@@ -57,9 +57,9 @@ def list_subjects(config: Config) -> None:
         table.add_column(heading, overflow="fold")
     for subject in vault.subjects():
         wears = " ".join(worn.get(subject.pseudonym, []))
-        table.add_row(subject.name or "(nobody)", subject.pseudonym, wears, "sealed")
+        add_row(table, subject.name or "(nobody)", subject.pseudonym, wears, "sealed")
     for grave in vault.graves():
-        table.add_row("", grave.pseudonym, "", _state(grave.confirmed))
+        add_row(table, "", grave.pseudonym, "", _state(grave.confirmed))
     show(table)
 
 

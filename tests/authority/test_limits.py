@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-from datetime import timedelta
+import base64
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import httpx
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.x509.oid import NameOID
 
 from authority.application import create_application
 from authority.asking import NotReadyError
@@ -16,13 +22,14 @@ from authority.limits import LimitsMiddleware
 from authority.service import Server
 from authority.settings import AuthoritySection
 from authority.tokens import TOKENS_FILE, Tokens
-from eskin.identity import Authority, client_context
+from eskin.envelope import sign
+from eskin.identity import Authority, Identity, IdentityKind, client_context
+from eskin.topics import RENEWAL
 from tests.identities import Identities
+from tests.logs import log_lines
 from tests.processes import free_port, wait_until
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from starlette.types import ASGIApp
 
 DAY = timedelta(days=1)
@@ -32,6 +39,15 @@ def limited(folder: Path, *, requests_per_s: int, refusals_per_min: int) -> ASGI
     own = Identities(folder)
     app = create_application(own.authority, Tokens(folder / TOKENS_FILE), lifetime=DAY, grace=DAY)
     return LimitsMiddleware(app, requests_per_s=requests_per_s, refusals_per_min=refusals_per_min)
+
+
+def self_signed(name: str, issuer: str) -> Identity:
+    """An identity that another made for itself, expired."""
+    key, year = ec.generate_private_key(ec.SECP256R1()), datetime(2020, 1, 1, tzinfo=UTC)
+    subject, by = (x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, n)]) for n in (name, issuer))
+    made = x509.CertificateBuilder(by, subject, key.public_key(), 1, year, year + DAY)
+    certificate = made.sign(key, SHA256())
+    return Identity(Path(), key, (certificate, certificate), (certificate,))
 
 
 def client(app: ASGIApp, address: str) -> httpx.AsyncClient:
@@ -64,6 +80,33 @@ async def test_guesses_are_limited_and_good_requests_are_not(tmp_path: Path) -> 
         assert answer.status_code == 429
         assert answer.headers["retry-after"] == "60"
         assert (await guesser.get("/revocations/node")).status_code == 200
+
+
+@pytest.mark.usefixtures("standing_windows")
+@pytest.mark.anyio
+async def test_guesses_are_logged_within_their_limit_only(tmp_path: Path) -> None:
+    app = limited(tmp_path, requests_per_s=100, refusals_per_min=2)
+    guess = {"token": "guess", "request": "no request"}
+    with log_lines() as lines:
+        async with client(app, "192.0.2.1") as guesser:
+            for _ in range(20):
+                await guesser.post("/enrol", json=guess)
+    assert len(lines()) == 2
+
+
+@pytest.mark.anyio
+async def test_name_in_a_request_forges_no_log_line(tmp_path: Path) -> None:
+    app = limited(tmp_path, requests_per_s=100, refusals_per_min=100)
+    forged = "g\n2026-11-24T00:00:00.000Z INFO forged"
+    identity = self_signed(forged, IdentityKind.NODE.issuer)
+    signed = base64.b64encode(sign(b"no request", own=identity, topic=RENEWAL)).decode()
+    with log_lines() as lines:
+        async with client(app, "192.0.2.1") as guesser:
+            answer = await guesser.post("/renew", json={"signed": signed})
+    assert answer.status_code == 403
+    assert forged in answer.json()["detail"]
+    assert len(lines()) == 1
+    assert all(line.isprintable() for line in lines())
 
 
 @pytest.mark.usefixtures("standing_windows")

@@ -28,7 +28,7 @@ PROGRAM = """
 import sys, pathlib
 from cloud.service import run
 from cloud.settings import CloudSettings
-from eskin.command.logs import start_logs
+from eskin.logs import start_logs
 from eskin.errors import EskinError
 try:
     settings = CloudSettings.load(pathlib.Path(sys.argv[1]))

@@ -1,4 +1,4 @@
-"""Refused messages are told of, and fill no log."""
+"""Refused messages and gateways are logged, and fill no log."""
 
 from __future__ import annotations
 
@@ -7,42 +7,46 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from cloud.ingest.refusals import Refusals
-from tests.cloud.clouds import batch
+from cloud.settings import LimitsSection
+from tests.cloud.clouds import batch, standing
 from tests.cloud.messages import block
+from tests.logs import log_lines
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
 
 
-def test_each_gateway_is_told_of_once_a_second_with_all_that_came(
-    caplog: pytest.LogCaptureFixture,
-) -> None:
-    now = [0.0]
-    refusals = Refusals(lambda: now[0])
-    with caplog.at_level(logging.WARNING):
-        for _ in range(100):
-            refusals.tell("gateway.a", ["other unit", "no message"])
-            refusals.tell("gateway.b", [])
-            now[0] += 0.015
-        refusals.tell("gateway.b", ["bad"])
-    assert [record.getMessage() for record in caplog.records] == [
-        "messages rejected: gateway=gateway.a count=2 last=no message",
-        "messages rejected: gateway=gateway.a count=134 last=no message",
-        "messages rejected: gateway=gateway.b count=1 last=bad",
-    ]
-
-
-@pytest.mark.anyio
-async def test_node_whose_every_message_is_refused_fills_no_log(
-    stand: Stand, caplog: pytest.LogCaptureFixture
-) -> None:
+async def test_node_whose_every_message_is_refused_fills_no_log(stand: Stand) -> None:
     await stand.ingest(batch(block(0)))
-    stand.cloud.refusals._clock = lambda: 0.0  # all of it within a second, on any machine
-    with caplog.at_level(logging.WARNING):
-        for number in range(1, 200, 20):
+    with log_lines() as lines:
+        for number in range(1, 1000, 20):
             bad = [block(number + k, unit="V") for k in range(20)]
             answer = await stand.ingest(batch(*bad))
             assert {item["result"] for item in answer.json()["items"]} == {"rejected"}
-    (told,) = (record for record in caplog.records if "rejected" in record.getMessage())
-    assert "a channel keeps its unit" in told.getMessage()
+    told = [line for line in lines() if "gateway=" in line]
+    assert 1 <= len(told) <= 10
+    assert all("a channel keeps its unit" in line for line in told)
+
+
+@pytest.mark.usefixtures("standing_windows")
+async def test_flood_without_credentials_is_logged_within_its_limit_only(
+    tmp_path: Path, identities: Identities, caplog: pytest.LogCaptureFixture
+) -> None:
+    few = LimitsSection(failures_per_min=3)
+    with (
+        standing(tmp_path, identities, limits=few) as stand,
+        caplog.at_level(logging.INFO),
+    ):
+        async with stand.ingest_client() as client:
+            headers = {"content-type": "application/cbor"}
+            statuses = {
+                (await client.post("/api/v1/ingest", content=b"", headers=headers)).status_code
+                for _ in range(50)
+            }
+    assert 429 in statuses
+    assert sum(record.name.startswith("cloud") for record in caplog.records) <= 3

@@ -18,7 +18,6 @@ from gateway.arrival import Arrival
 from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.commands import Commands
-from gateway.complaints import Complaints
 from gateway.counters import Counters
 from gateway.discovery import Discovery
 from gateway.dispatcher import Dispatcher
@@ -120,7 +119,6 @@ class Inside:
             opener=Opener([identities.site], sender=self.senders.find),
             senders=self.senders,
             records=self.records,
-            complaints=Complaints(),
             veiling=self.veiling,
         )
         sealers = Sealers(lambda _: identities.site)
