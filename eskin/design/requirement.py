@@ -15,7 +15,7 @@ import numpy as np
 from eskin.design.bounded import require_bounded, require_pieces
 from eskin.design.spread import enclose_spread
 from eskin.errors import DesignError
-from eskin.interval import Interval
+from eskin.interval import Interval, watch_domains
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -28,7 +28,8 @@ Truths: TypeAlias = "NDArray[np.bool_]"
 Output: TypeAlias = "Callable[..., Interval]"
 """A model: takes parameters by keyword, gives an `Interval` of their broadcast shape.
 
-It is judged where it is defined: a box on which it has no value at all meets nothing.
+A point at which it has no value meets no requirement. A box is certain only if it is defined
+everywhere in it: IEEE 1788's decoration ``def``.
 """
 
 MOST_TOLERANCES: Final = 6
@@ -80,11 +81,11 @@ class Within:
     def judge(self, boxes: Boxes) -> Judgement:
         """Judge n boxes."""
         _require_other_names(boxes, self.for_every)
-        whole = _call(self.output, boxes, _pieces(self.for_every, self.pieces))
-        thin = _call(self.output, boxes, _samples(self.for_every, self.pieces))
-        certain = (whole.inf >= self.lo) & (whole.sup <= self.hi) & ~whole.is_empty
+        whole, defined = _call(self.output, boxes, _pieces(self.for_every, self.pieces))
+        thin, _ = _call(self.output, boxes, _samples(self.for_every, self.pieces))
+        certain = (whole.inf >= self.lo) & (whole.sup <= self.hi)
         impossible = (thin.sup < self.lo) | (thin.inf > self.hi) | thin.is_empty
-        return Judgement(np.all(certain, axis=1), np.any(impossible, axis=1))
+        return Judgement(defined & np.all(certain, axis=1), np.any(impossible, axis=1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,11 +138,13 @@ class Narrower:
 
     def _by_values(self, boxes: Boxes) -> Judgement:
         spread = {n: v * _factor(self.tolerance.get(n, 0.0)) for n, v in boxes.items()}
-        whole = _call(self.output, spread, _pieces(self.for_every, self.pieces))
-        certain: Truths = np.all(whole.wid <= self.width, axis=1)
+        whole, defined = _call(self.output, spread, _pieces(self.for_every, self.pieces))
+        certain: Truths = defined & np.all(whole.wid <= self.width, axis=1)
         samples = _samples(self.for_every, self.pieces)
-        ends = [_call(self.output, moved, samples) for moved in self._ends(boxes)]
+        ends = [_call(self.output, moved, samples)[0] for moved in self._ends(boxes)]
         impossible = np.zeros(certain.shape, dtype=bool)
+        for end in ends:
+            impossible |= np.any(end.is_empty, axis=1)
         for one, other in combinations(ends, 2):
             impossible |= np.any((one - other).mig > self.width, axis=1)
         return Judgement(certain, impossible)
@@ -151,7 +154,7 @@ class Narrower:
         moved = []
         for signs in product((-1.0, 1.0), repeat=len(names)):
             shares = {n: s * self.tolerance[n] for n, s in zip(names, signs, strict=True)}
-            moved.append({n: v * Interval(1.0 + shares.get(n, 0.0)) for n, v in boxes.items()})
+            moved.append({n: v * (Interval(1.0) + shares.get(n, 0.0)) for n, v in boxes.items()})
         return moved
 
 
@@ -182,18 +185,23 @@ def _factor(share: float) -> Interval:
     return Interval.around(1.0, share)
 
 
-def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> Interval:
-    """Evaluate on n boxes times m values of the others: shape ``(n, m)``."""
-    result = output(**_columns(boxes), **others)
+def _call(output: Output, boxes: Boxes, others: Mapping[str, Interval]) -> tuple[Interval, Truths]:
+    """Evaluate on n boxes times m values of the others: shape ``(n, m)``.
+
+    Returns:
+        The enclosure, and for each box whether the output is certainly defined all over it.
+    """
+    n = next(iter(boxes.values())).inf.shape[0]
+    with watch_domains(n) as watch:
+        result = output(**_columns(boxes), **others)
     if not isinstance(result, Interval):
         raise DesignError(f"the output gave {type(result).__name__}; it must give an Interval")
-    n = next(iter(boxes.values())).inf.shape[0]
     if result.inf.ndim != 2 or result.inf.shape[0] != n:
         raise DesignError(
             f"the output has shape {result.inf.shape} for parameters of shape ({n}, 1) and (1, m); "
             "it must follow numpy's broadcasting"
         )
-    return result
+    return result, ~(watch.undefined | result.is_empty.any(axis=1))
 
 
 def _require_divisible(for_every: Mapping[str, Interval], pieces: int) -> None:

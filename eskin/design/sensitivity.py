@@ -10,7 +10,7 @@ import numpy as np
 from eskin.design.bounded import require_bounded, require_pieces
 from eskin.design.dual import Dual
 from eskin.errors import DesignError
-from eskin.interval import Interval
+from eskin.interval import Interval, watch_domains
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -50,7 +50,7 @@ def sensitivity(
 
     Raises:
         DesignError: A parameter is no bounded interval, there are too many pieces in all, or the
-            formula cannot be differentiated or has no value.
+            formula cannot be differentiated, or has no value or no slope somewhere in the box.
     """
     for name, value in parameters.items():
         require_bounded(name, value)
@@ -65,13 +65,16 @@ def sensitivity(
         shape[axis] = -1
         boxed = Interval(value.inf.reshape(shape), value.sup.reshape(shape))
         duals[name] = Dual(boxed, {name: Interval(1.0)})
-    result = formula(**duals)
+    with watch_domains(1) as watch:
+        result = formula(**duals)
     if not isinstance(result, Dual):
         raise DesignError(
             f"the formula gave {type(result).__name__}, so it uses none of {list(duals)}"
         )
-    if np.any(result.value.is_empty):
-        raise DesignError("the formula has no value on a part of the box; make the box smaller")
+    if watch.undefined[0] or np.any(result.value.is_empty):
+        raise DesignError(
+            "the formula has no value on a part of the box, or no slope; make the box smaller"
+        )
     zero = Interval(0.0)
     found = {}
     for name, dual in duals.items():

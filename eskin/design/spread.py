@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin.design.dual import Dual
 from eskin.errors import DesignError
-from eskin.interval import Interval
+from eskin.interval import Interval, watch_domains
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -41,13 +41,16 @@ def enclose_spread(
         tolerance: Relative tolerance of some of the boxes' parameters.
 
     Returns:
-        What the width is at least and at most, shape ``(n, m)``; infinite where the output is not
-        defined.
+        What the width is at least and at most, shape ``(n, m)``; infinite at a point with a part
+        that may leave the output undefined. So the least is infinite for a box without any other
+        point, and the most for a box with one such.
 
     Raises:
         DesignError: The formula cannot be differentiated.
     """
-    whole = _anywhere(formula, boxes, others, tolerance)
+    rows = next(iter(boxes.values())).inf.shape[0]
+    with watch_domains(rows) as watch:
+        whole = _anywhere(formula, boxes, others, tolerance)
     ways: Ways = {}
     gain = Interval(0.0)
     for name, share in tolerance.items():
@@ -58,8 +61,9 @@ def enclose_spread(
         gain = gain + Interval(0.0, against) * (4.0 * share)
     between = _between_ends(formula, boxes, others, ways)
     least, most = np.maximum(between.inf, 0.0), np.minimum((between + gain).sup, whole.value.wid)
-    defined = ~(whole.value.is_empty | between.is_empty)
-    return np.where(defined, least, np.inf), np.where(defined, most, np.inf)
+    nowhere = whole.value.is_empty | between.is_empty
+    undefined = nowhere | watch.undefined[:, None]
+    return np.where(nowhere, np.inf, least), np.where(undefined, np.inf, most)
 
 
 def _anywhere(
@@ -73,9 +77,13 @@ def _anywhere(
 
 
 def _between_ends(formula: Formula, boxes: Boxes, others: Boxes, ways: Ways) -> Interval:
-    """Enclose ``f(upper ends) - f(lower ends)`` at every point of each box."""
+    """Enclose ``f(upper ends) - f(lower ends)`` at every point of each box that has both."""
     upper, lower = _ends(ways, 1.0), _ends(ways, -1.0)
-    high, low = (_moved(formula, boxes, others, ends) for ends in (upper, lower))
+    rows = next(iter(boxes.values())).inf.shape[0]
+    with watch_domains(rows) as watch:
+        high, low = (_moved(formula, boxes, others, ends) for ends in (upper, lower))
+    # The mean-value form needs slopes from the centre to each point, all the way.
+    broken = watch.undefined[:, None]
     inputs = {**boxes, **others}
     zero = Interval(0.0)
     slopes = {n: high.partials.get(n, zero) - low.partials.get(n, zero) for n in inputs}
@@ -86,7 +94,8 @@ def _between_ends(formula: Formula, boxes: Boxes, others: Boxes, ways: Ways) -> 
         mean = _moved(formula, parts, rest, upper).value - _moved(formula, parts, rest, lower).value
         for name, value in inputs.items():
             mean = mean + slopes[name] * (value - centre[name])
-        form = form.intersection(mean)
+        inf, sup = np.where(broken, -np.inf, mean.inf), np.where(broken, np.inf, mean.sup)
+        form = form.intersection(Interval._trusted(inf, sup))  # noqa: SLF001 - empty ones, too
     return form
 
 

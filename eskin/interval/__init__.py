@@ -4,6 +4,16 @@ from __future__ import annotations
 
 from eskin.interval.answer import Answer
 from eskin.interval.conversion import Floats, round_down, round_up
+from eskin.interval.decoration import DomainWatch, watch_domains
 from eskin.interval.interval import Interval, as_interval
 
-__all__ = ["Answer", "Floats", "Interval", "as_interval", "round_down", "round_up"]
+__all__ = [
+    "Answer",
+    "DomainWatch",
+    "Floats",
+    "Interval",
+    "as_interval",
+    "round_down",
+    "round_up",
+    "watch_domains",
+]

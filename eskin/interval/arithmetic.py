@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from eskin.interval.bounds import Bounds
+from eskin.interval.decoration import holds_zero, undefined_where
 from eskin.interval.evaluation import of_one, of_three, of_two
 from eskin.kernels import arithmetic, hypotenuse
 
@@ -82,7 +83,9 @@ class Arithmetic(Bounds):
         """All quotients that exist: ``[1, 2] / [0, 1]`` is ``[1, inf]``; by ``[0, 0]``, empty."""
         if defers(other):
             return NotImplemented
-        return self._trusted(*of_two(arithmetic.div, self, self.of(other)))
+        divisor = self.of(other)
+        undefined_where(lambda: holds_zero(divisor))
+        return self._trusted(*of_two(arithmetic.div, self, divisor))
 
     def __rtruediv__(self, other: Bounds | ArrayLike) -> Self:
         return self.of(other) / self
@@ -103,6 +106,7 @@ class Arithmetic(Bounds):
 
     def sqrt(self) -> Self:
         """Square root of what is not negative."""
+        undefined_where(lambda: self.inf < 0.0)
         return self._trusted(*of_one(arithmetic.sqrt, self))
 
     def fma(self, factor: Bounds | ArrayLike, term: Bounds | ArrayLike) -> Self:

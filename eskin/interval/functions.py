@@ -9,6 +9,7 @@ import numpy as np
 from eskin.errors import IntervalError
 from eskin.interval.arithmetic import Arithmetic
 from eskin.interval.bounds import Bounds
+from eskin.interval.decoration import holds_zero, undefined_where
 from eskin.interval.evaluation import of_one, of_two
 from eskin.kernels import angles, elementary, hyperbolic, powers, trigonometry
 
@@ -36,16 +37,24 @@ class Functions(Arithmetic):
 
     def pown(self, exponent: int) -> Self:
         """``x^n`` for a whole number n."""
+        if exponent < 0:
+            undefined_where(lambda: holds_zero(self))
         return self._trusted(*of_one(powers.pown, self, _whole(exponent, "pown")))
 
     def pow(self, exponent: Bounds | ArrayLike) -> Self:
         """``x^y`` of what is not negative, for real powers."""
-        return self._trusted(*of_two(powers.pow_real, self, self.of(exponent)))
+        power = self.of(exponent)
+        undefined_where(lambda: (self.inf < 0.0) | ((self.inf <= 0.0) & (power.inf <= 0.0)))
+        return self._trusted(*of_two(powers.pow_real, self, power))
 
     def rootn(self, degree: int) -> Self:
         """The n-th root for a whole n: of negative numbers, too, where n is odd."""
         if degree == 0:
             raise IntervalError("rootn: there is no root of degree 0")
+        if degree % 2 == 0:
+            undefined_where(lambda: self.inf < 0.0)
+        if degree < 0:
+            undefined_where(lambda: holds_zero(self))
         return self._trusted(*of_one(powers.rootn, self, _whole(degree, "rootn")))
 
     def cbrt(self) -> Self:
@@ -70,18 +79,22 @@ class Functions(Arithmetic):
 
     def log(self) -> Self:
         """Natural logarithm of what is positive."""
+        undefined_where(lambda: self.inf <= 0.0)
         return self._trusted(*of_one(elementary.log, self))
 
     def log2(self) -> Self:
         """Binary logarithm of what is positive."""
+        undefined_where(lambda: self.inf <= 0.0)
         return self._trusted(*of_one(elementary.log2, self))
 
     def log10(self) -> Self:
         """Decimal logarithm of what is positive."""
+        undefined_where(lambda: self.inf <= 0.0)
         return self._trusted(*of_one(elementary.log10, self))
 
     def log1p(self) -> Self:
         """``ln(1 + x)`` of what is greater than -1, tight beside zero."""
+        undefined_where(lambda: self.inf <= -1.0)
         return self._trusted(*of_one(elementary.log1p, self))
 
     def sin(self) -> Self:
@@ -94,14 +107,18 @@ class Functions(Arithmetic):
 
     def tan(self) -> Self:
         """Tangent of an angle in rad; everything where a pole lies inside."""
-        return self._trusted(*of_one(trigonometry.tan, self))
+        made = self._trusted(*of_one(trigonometry.tan, self))
+        undefined_where(lambda: np.isinf(made.inf))
+        return made
 
     def asin(self) -> Self:
         """Arc sine in rad, of what lies between -1 and 1."""
+        undefined_where(lambda: (self.inf < -1.0) | (self.sup > 1.0))
         return self._trusted(*of_one(angles.asin, self))
 
     def acos(self) -> Self:
         """Arc cosine in rad, of what lies between -1 and 1."""
+        undefined_where(lambda: (self.inf < -1.0) | (self.sup > 1.0))
         return self._trusted(*of_one(angles.acos, self))
 
     def atan(self) -> Self:
@@ -110,7 +127,9 @@ class Functions(Arithmetic):
 
     def atan2(self, x: Bounds | ArrayLike) -> Self:
         """Angle of the points ``(x, y)`` in rad, y being this interval; in ``(-π, π]``."""
-        return self._trusted(*of_two(angles.atan2, self, self.of(x)))
+        across = self.of(x)
+        undefined_where(lambda: holds_zero(self) & holds_zero(across))
+        return self._trusted(*of_two(angles.atan2, self, across))
 
     def sinh(self) -> Self:
         """Hyperbolic sine."""
@@ -130,10 +149,12 @@ class Functions(Arithmetic):
 
     def acosh(self) -> Self:
         """Inverse hyperbolic cosine of what is at least 1."""
+        undefined_where(lambda: self.inf < 1.0)
         return self._trusted(*of_one(hyperbolic.acosh, self))
 
     def atanh(self) -> Self:
         """Inverse hyperbolic tangent of what lies between -1 and 1."""
+        undefined_where(lambda: (self.inf <= -1.0) | (self.sup >= 1.0))
         return self._trusted(*of_one(hyperbolic.atanh, self))
 
 

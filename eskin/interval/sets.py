@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from eskin.interval.conversion import enclose, round_up
+from eskin.interval.decoration import undefined_where
 from eskin.interval.functions import Functions
 
 if TYPE_CHECKING:
@@ -104,8 +105,12 @@ class Sets(Functions):
     hull = convex_hull
 
     def intersection(self, other: Bounds | ArrayLike) -> Self:
-        """The common members; empty where there are none."""
+        """The common members; empty where there are none.
+
+        As IEEE 1788-2015, 11.7.1 has it, no function is known to be defined where this cuts.
+        """
         that = self.of(other)
+        undefined_where(lambda: ~self.equal(that))
         lo, hi = np.maximum(self.inf, that.inf), np.minimum(self.sup, that.sup)
         return self._trusted(np.where(lo <= hi, lo, np.inf), np.where(lo <= hi, hi, -np.inf))
 
