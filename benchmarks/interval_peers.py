@@ -110,7 +110,7 @@ PEERS = [
 
 def capacitance(p: Values, _: Library) -> Any:
     """Eq. 2."""
-    return p["relative_permittivity"] * p["area"] / p["distance"] * 8.854e-12
+    return p["relative_permittivity"] * p["area"] / p["distance"] * 8.8541878188e-12
 
 
 def chain_current(p: Values, library: Library) -> Any:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import eskin
 from eskin.errors import QueryError
+from eskin.interval import as_interval
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -71,7 +72,7 @@ class Model:
                 name,
                 UNITS[name],
                 required=default is Parameter.empty,
-                usual=usual.get(name) if default is Parameter.empty else (default, default),
+                usual=usual.get(name) if default is Parameter.empty else _ends(default),
             )
             for name, default in self._keywords().items()
         ]
@@ -98,6 +99,11 @@ class Model:
             for name, each in taken.items()
             if each.kind is Parameter.KEYWORD_ONLY
         }
+
+
+def _ends(value: Interval | float) -> tuple[float, float]:
+    both = as_interval(value)
+    return float(both.inf), float(both.sup)
 
 
 MODELS: Final = {

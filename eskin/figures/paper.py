@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
+from eskin.constants import PAPER_VACUUM_PERMITTIVITY
 from eskin.models import (
     alternating_capacitance_paper,
     alternating_current_paper,
@@ -26,7 +27,8 @@ if TYPE_CHECKING:
 
     from eskin.interval import Interval
 
-_PLATE: Final = {"relative_permittivity": 1.0, "area": 1e-4}
+_VACUUM: Final = {"vacuum_permittivity": PAPER_VACUUM_PERMITTIVITY}
+_PLATE: Final = {"relative_permittivity": 1.0, "area": 1e-4, **_VACUUM}
 _COIL: Final = {
     "base_inductance": 10e-3,
     "inductance_change": 5e-3,
@@ -69,7 +71,7 @@ def _plate_F(distance: float) -> float:  # noqa: N802 - the SI unit
 
 
 def _touch_F(area: float) -> float:  # noqa: N802 - the SI unit
-    return _mid(touch_of_area(area, distance=1e-3, voltage=0.0).capacitance)
+    return _mid(touch_of_area(area, distance=1e-3, voltage=0.0, **_VACUUM).capacitance)
 
 
 def _inductance_H(distance: float) -> float:  # noqa: N802 - the SI unit

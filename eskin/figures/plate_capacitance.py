@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from eskin.constants import PAPER_VACUUM_PERMITTIVITY
 from eskin.figures.figure import Figure, Panel, band, middle
 from eskin.interval import Interval
 from eskin.models import capacitance, moving_plate
 
+VACUUM = {"vacuum_permittivity": PAPER_VACUUM_PERMITTIVITY}
 AREA_M2 = 1e-4
 NEAREST_M = 1e-3
 FARTHEST_M = 5e-3
@@ -19,9 +21,12 @@ def draw_fig4b() -> Figure:
     """Fig. 4b (eq. 2): εr 1 to 5, A 1 to 2 cm², over d 1 to 5 mm."""
     distance = np.linspace(NEAREST_M, FARTHEST_M, 401)
     uncertain = capacitance(
-        relative_permittivity=Interval(1.0, 5.0), area=Interval(1e-4, 2e-4), distance=distance
+        relative_permittivity=Interval(1.0, 5.0),
+        area=Interval(1e-4, 2e-4),
+        distance=distance,
+        **VACUUM,
     )
-    nominal = capacitance(relative_permittivity=3.0, area=1.5e-4, distance=distance)
+    nominal = capacitance(relative_permittivity=3.0, area=1.5e-4, distance=distance, **VACUUM)
     columns = {
         "distance_m": distance,
         "capacitance_F": middle(nominal),
@@ -49,7 +54,7 @@ def draw_fig7a() -> Figure:
     """Fig. 7a (eq. 9): the distance swings at 0.5 Hz, and the capacitance with it."""
     time = np.linspace(0.0, 4.0, 4001)
     plate = moving_plate(
-        time, area=AREA_M2, minimum_distance=NEAREST_M, maximum_distance=FARTHEST_M
+        time, area=AREA_M2, minimum_distance=NEAREST_M, maximum_distance=FARTHEST_M, **VACUUM
     )
     columns = {
         "time_s": time,
@@ -76,8 +81,9 @@ def draw_fig7b() -> Figure:
         relative_permittivity=1.0,
         area=AREA_M2,
         distance=Interval.relative(distance, DEVIATION),
+        **VACUUM,
     )
-    exact = capacitance(relative_permittivity=1.0, area=AREA_M2, distance=distance)
+    exact = capacitance(relative_permittivity=1.0, area=AREA_M2, distance=distance, **VACUUM)
     columns = {
         "distance_m": distance,
         "capacitance_F": middle(exact),

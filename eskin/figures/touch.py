@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from eskin.constants import PAPER_VACUUM_PERMITTIVITY
 from eskin.figures.figure import Figure, Panel, band, middle
 from eskin.models import touch
 from eskin.noise import GaussianNoise, touch_with_noise, touch_within
@@ -22,7 +23,11 @@ SEED = 8
 def draw_fig8() -> Figure:
     """Fig. 8 (eq. 10): area, capacitance and energy, without and with noise."""
     time = np.linspace(0.0, 2.5, 2501)
-    plate = {"distance": DISTANCE_M, "voltage": VOLTAGE_V}
+    plate = {
+        "distance": DISTANCE_M,
+        "voltage": VOLTAGE_V,
+        "vacuum_permittivity": PAPER_VACUUM_PERMITTIVITY,
+    }
     ideal = touch(time, minimum_area=LEAST_M2, maximum_area=MOST_M2, **plate)
     noise = GaussianNoise(area=NOISE_M2)
     area = middle(ideal.area)

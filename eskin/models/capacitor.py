@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.kernels.compiled import kernel, part
 from eskin.models.bounds import above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, row_of
-from eskin.models.parameters import GREATEST, LEAST, VACUUM_PERMITTIVITY, positive
+from eskin.models.parameters import GREATEST, LEAST, positive
 
 if TYPE_CHECKING:
     from eskin.interval import Interval
@@ -54,7 +55,7 @@ def capacitance(
     distance: Bounds,
     vacuum_permittivity: Bounds = VACUUM_PERMITTIVITY,
 ) -> Interval:
-    """Capacitance ``C = ε₀ εᵣ A / d`` of two plates (eq. 2), as the paper has it.
+    """Capacitance ``C = ε₀ εᵣ A / d`` of two plates (eq. 2), with nature's ε₀.
 
     Monotone in every parameter: the bounds are exact but for rounding.
 
@@ -62,7 +63,7 @@ def capacitance(
         relative_permittivity: εᵣ, > 0.
         area: A in m², > 0.
         distance: d in m, > 0.
-        vacuum_permittivity: ε₀ in F/m, > 0.
+        vacuum_permittivity: ε₀ in F/m, > 0; the paper rounds it to 8.854e-12.
 
     Returns:
         C in F, of the broadcast shape.

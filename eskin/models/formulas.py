@@ -7,18 +7,14 @@ written like this. All arguments are in SI units, named as in the models.
 
 from __future__ import annotations
 
-import math
-from typing import Any, Final, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
-from eskin.interval import Interval
-from eskin.models.parameters import VACUUM_PERMITTIVITY
+from eskin.constants import TWO_PI, VACUUM_PERMITTIVITY
 
 Quantity: TypeAlias = Any
 """Whatever calculates: a `eskin.design.Dual`, an `eskin.Interval`."""
-TURN: Final = Interval(math.nextafter(math.tau, 0.0), math.nextafter(math.tau, 7.0))
-"""An enclosure of 2π."""
 
 
 def capacitance(*, relative_permittivity: Quantity, area: Quantity, distance: Quantity) -> Quantity:
@@ -28,12 +24,12 @@ def capacitance(*, relative_permittivity: Quantity, area: Quantity, distance: Qu
 
 def rc_frequency(*, resistance: Quantity, capacitance: Quantity) -> Quantity:
     """``1 / (2π R C)`` (eq. 6), in Hz."""
-    return 1.0 / (TURN * resistance * capacitance)
+    return 1.0 / (TWO_PI * resistance * capacitance)
 
 
 def lc_frequency(*, inductance: Quantity, capacitance: Quantity) -> Quantity:
     """``1 / (2π √(L C))`` (eq. 3, 12), in Hz."""
-    return 1.0 / (TURN * np.sqrt(inductance * capacitance))
+    return 1.0 / (TWO_PI * np.sqrt(inductance * capacitance))
 
 
 def proximity_inductance(
@@ -65,7 +61,7 @@ def coil_current(
     *, voltage: Quantity, resistance: Quantity, inductance: Quantity, frequency: Quantity
 ) -> Quantity:
     """``V / |R + jωL|`` (eq. 1), in A."""
-    reactance = TURN * frequency * inductance
+    reactance = TWO_PI * frequency * inductance
     return voltage / np.sqrt(resistance * resistance + reactance * reactance)
 
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.kernels.compiled import kernel
 from eskin.models.bounds import above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import (
     FINITE,
-    VACUUM_PERMITTIVITY,
     not_negative,
     parameter,
     positive,
@@ -72,7 +72,7 @@ def moving_plate(
 ) -> MovingPlate:
     """Distance ``d_t = dmin + (dmax - dmin)·(0.5 + 0.5 sin(2π f t))`` (eq. 9) and capacitance.
 
-    As the paper has it. The bounds are exact but for rounding.
+    As the paper has it, but for nature's ε₀. The bounds are exact but for rounding.
 
     Args:
         time: t in s.
@@ -81,7 +81,7 @@ def moving_plate(
         maximum_distance: dmax in m, > 0; 5 mm in the paper.
         frequency: f in Hz, >= 0; 0.5 Hz in the paper.
         relative_permittivity: εᵣ, > 0; the paper leaves it out.
-        vacuum_permittivity: ε₀ in F/m, > 0.
+        vacuum_permittivity: ε₀ in F/m, > 0; the paper rounds it to 8.854e-12.
 
     Returns:
         d_t and C_t, of the broadcast shape.

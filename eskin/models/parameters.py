@@ -15,9 +15,6 @@ Floats: TypeAlias = NDArray[np.float64]
 Bounds: TypeAlias = Interval | ArrayLike
 """What a model takes for a parameter: an interval, or a number or array for a thin one."""
 
-VACUUM_PERMITTIVITY: Final = 8.854e-12
-"""ε₀ in F/m, rounded as the paper has it."""
-
 
 @dataclass(frozen=True, slots=True)
 class Allowed:

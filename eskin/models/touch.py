@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.kernels.compiled import kernel, part
 from eskin.models.bounds import above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import (
     FINITE,
-    VACUUM_PERMITTIVITY,
     not_negative,
     parameter,
     positive,
@@ -113,7 +113,7 @@ def touch(
 ) -> Touch:
     """Touched area ``A_t = Amin + (Amax - Amin)·(0.5 + 0.5 sin(2π f t))`` (eq. 10), C and ½CV².
 
-    As the paper has it. The bounds are exact but for rounding.
+    As the paper has it, but for nature's ε₀. The bounds are exact but for rounding.
 
     Args:
         time: t in s.
@@ -123,7 +123,7 @@ def touch(
         voltage: V in V, >= 0; the paper reckons with 0.5 V.
         frequency: f in Hz, >= 0; 0.8 Hz in the paper.
         relative_permittivity: εᵣ, > 0; the paper leaves it out.
-        vacuum_permittivity: ε₀ in F/m, > 0.
+        vacuum_permittivity: ε₀ in F/m, > 0; the paper rounds it to 8.854e-12.
 
     Returns:
         Area, capacitance and energy, of the broadcast shape.
@@ -156,7 +156,7 @@ def touch_of_area(
         distance: d in m, > 0.
         voltage: V in V, >= 0.
         relative_permittivity: εᵣ, > 0.
-        vacuum_permittivity: ε₀ in F/m, > 0.
+        vacuum_permittivity: ε₀ in F/m, > 0; the paper rounds it to 8.854e-12.
 
     Returns:
         Area, capacitance and energy, of the broadcast shape.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.coverage import union_coverage
 from eskin.errors import IntervalError
 from eskin.interval import Interval, as_interval
@@ -15,7 +16,6 @@ from eskin.models.broadcasting import broadcast_shape
 from eskin.models.parameters import (
     NOT_NEGATIVE,
     POSITIVE,
-    VACUUM_PERMITTIVITY,
     not_negative,
     thin,
 )
@@ -81,7 +81,7 @@ def touch_with_noise(
     voltage: ArrayLike,
     noise: GaussianNoise,
     generator: Generator,
-    vacuum_permittivity: float = VACUUM_PERMITTIVITY,
+    vacuum_permittivity: float = float(VACUUM_PERMITTIVITY.mid),
 ) -> TouchReadings:
     """Draw noisy readings of a touch, as in Fig. 8.
 

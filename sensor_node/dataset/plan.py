@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Final, Self, TypeVar
 import numpy as np
 from pydantic import ValidationError
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.coverage import union_coverage
 from eskin.errors import ScenarioError
 from sensor_node.dataset.columns import COIL, PAD, SURROUNDINGS
-from sensor_node.firmware.calibration import EPSILON_0
 from sensor_node.scenario import read_scenario
 from sensor_node.scenario.file import refusal
 from sensor_node.scenario.fit import Staged
@@ -137,7 +137,8 @@ def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:
     sheet = _sheet(PadSection, "pad", given | script.pad, scenario=scenario, rate=rate)
     if "resistance_ohm" not in script.pad:
         plates = sheet.relative_permittivity * sheet.plate_area_m2 / sheet.plate_distance_m
-        resistance = _rounded(1.0 / (2.0 * math.pi * _REST_HERTZ * EPSILON_0 * plates))
+        rest = float(VACUUM_PERMITTIVITY.mid) * plates
+        resistance = _rounded(1.0 / (2.0 * math.pi * _REST_HERTZ * rest))
         sheet = sheet.model_copy(update={"resistance_ohm": resistance})
     return tuple(sheet.model_copy(update={"id": name, "place": name}) for name in skin.names)
 

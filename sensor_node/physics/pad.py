@@ -18,10 +18,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sensor_node.firmware.calibration import EPSILON_0
 from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE
 from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
-from sensor_node.physics.parameters import draw_actuator, draw_part
+from sensor_node.physics.parameters import (
+    TRUE_VACUUM_PERMITTIVITY,
+    draw_actuator,
+    draw_part,
+)
 from sensor_node.physics.signals import Signals
 from sensor_node.scenario import Stage, read_scenario
 from sensor_node.skin import break_off
@@ -58,7 +61,7 @@ class Pads:
     ) -> None:
         parts = [_draw(taxel, random) for taxel, random in zip(taxels, randoms, strict=True)]
         self._area, permittivity, self._near, self._elasticity = np.array(parts).T[:, :, None]
-        self._charge = EPSILON_0 * permittivity * self._area
+        self._charge = TRUE_VACUUM_PERMITTIVITY * permittivity * self._area
         self._apart = [draw_actuator(*each) for each in zip(taxels, randoms, strict=True)]
         self.move(0)
         self._per_kelvin = np.array([[taxel.permittivity_per_K] for taxel in taxels])

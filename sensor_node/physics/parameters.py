@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
+
+from eskin.constants import VACUUM_PERMITTIVITY
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.noise import GaussianNoise, UniformNoise
     from sensor_node.taxels.capacitive import Actuated
+
+_NATURE: Final = 2022
+"""Seed of what is one and the same for all that is emulated."""
+TRUE_VACUUM_PERMITTIVITY: Final = float(
+    np.random.default_rng(_NATURE).uniform(VACUUM_PERMITTIVITY.inf, VACUUM_PERMITTIVITY.sup)
+)
+"""ε₀ in F/m: nature has one, somewhere inside what is known of it."""
 
 
 def draw_part(random: np.random.Generator, value: float, tolerance: float) -> float:

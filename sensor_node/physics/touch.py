@@ -6,8 +6,12 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from sensor_node.firmware.calibration import EPSILON_0
-from sensor_node.physics.parameters import draw_actuator, draw_noise, draw_part
+from sensor_node.physics.parameters import (
+    TRUE_VACUUM_PERMITTIVITY,
+    draw_actuator,
+    draw_noise,
+    draw_part,
+)
 from sensor_node.physics.signals import Signals, raised_sine
 
 if TYPE_CHECKING:
@@ -26,7 +30,9 @@ class TouchWorld:
         self._most = draw_part(random, taxel.area_max_m2, taxel.area_tolerance)
         self._distance = draw_part(random, taxel.plate_distance_m, taxel.plate_distance_tolerance)
         self._supply = draw_part(random, taxel.supply, taxel.supply_tolerance)
-        self._permittivity = EPSILON_0 * taxel.relative_permittivity
+        self._permittivity = TRUE_VACUUM_PERMITTIVITY * draw_part(
+            random, taxel.relative_permittivity, taxel.relative_permittivity_tolerance
+        )
         self._stimulus = taxel.stimulus
         self._noise = taxel.noise
         self._apart = draw_actuator(taxel, random)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.interval import Interval
-from sensor_node.firmware.calibration import EPSILON_0
 from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE
 from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
 
@@ -37,7 +37,7 @@ class PadInversion:
         permittivity = Interval.relative(
             taxel.relative_permittivity, taxel.relative_permittivity_tolerance
         )
-        self._plates = permittivity * EPSILON_0 * self._area
+        self._plates = permittivity * VACUUM_PERMITTIVITY * self._area
         self._elasticity = Interval.relative(taxel.elasticity_Pa, taxel.elasticity_tolerance)
         self._per_kelvin = taxel.permittivity_per_K
         self._per_percent = taxel.permittivity_per_percent

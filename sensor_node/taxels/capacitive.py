@@ -161,6 +161,9 @@ class TouchSection(Actuated, RcSection):
     plate_distance_m: Positive = 1e-3
     plate_distance_tolerance: Tolerance = 2e-3
     relative_permittivity: float = Field(default=1.0, ge=1)
+    relative_permittivity_tolerance: Tolerance = Field(
+        default=1e-3, description="the default holds air, 1.0006"
+    )
     supply: Positive = unit("supply_V", 5.0)
     supply_tolerance: Tolerance = 1e-3
     stimulus: Positive = unit("stimulus_Hz", 0.8)

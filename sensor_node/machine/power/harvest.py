@@ -14,13 +14,13 @@ as an effective power source", Energy Environ. Sci. 6 (2013) 3576–3583.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
+from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.interval import Interval
-from sensor_node.firmware.calibration import EPSILON_0
-from sensor_node.physics.parameters import draw_part
+from sensor_node.physics.parameters import TRUE_VACUUM_PERMITTIVITY, draw_part
 from sensor_node.scenario import Stage, read_scenario
 from sensor_node.taxels import PadSection
 
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from eskin.interval import Floats
     from sensor_node.machine.power.section import EnergySection
     from sensor_node.taxels import AnyTaxel
+
+Value = TypeVar("Value", float, Interval)
 
 _GRID_S: Final = 0.01
 """Between two looks at the touches: a tap lasts a tenth of a second."""
@@ -109,7 +111,8 @@ class Layers:
 
     def __init__(self, sheet: EnergySection, random: np.random.Generator) -> None:
         drawn = {name: draw_part(random, *part) for name, part in _parts(sheet).items()}
-        self._piezo = drawn["efficiency"] * _per_swing(sheet, drawn)
+        drawn["permittivity"], drawn["gain"] = TRUE_VACUUM_PERMITTIVITY, sheet.piezo_gain
+        self._piezo = drawn["efficiency"] * _per_swing(drawn)
         self._tribo = drawn["efficiency"] * _per_area(drawn)
 
     def energy(self, touches: Touches) -> float:
@@ -119,19 +122,24 @@ class Layers:
 
 def harvest_bounds(sheet: EnergySection, touches: Touches) -> dict[str, Interval]:
     """Energies in J that touches give, as the data sheet bounds them."""
-    lowest = {name: value * (1.0 - part) for name, (value, part) in _parts(sheet).items()}
-    highest = {name: value * (1.0 + part) for name, (value, part) in _parts(sheet).items()}
+    parts = {name: Interval.relative(*part) for name, part in _parts(sheet).items()}
+    parts |= {"permittivity": VACUUM_PERMITTIVITY, "gain": Interval(sheet.piezo_gain)}
+    lowest = {name: Interval(part.inf) for name, part in parts.items()}
+    highest = {name: Interval(part.sup) for name, part in parts.items()}
     # Both rise with the charges and the gap, and fall with what they are divided by.
-    for name in ("capacitance", "thickness"):
+    for name in ("capacitance", "thickness", "permittivity"):
         lowest[name], highest[name] = highest[name], lowest[name]
-    piezo, tribo = (
-        Interval(one * lowest["efficiency"], other * highest["efficiency"])
-        for one, other in (
-            (_per_swing(sheet, lowest), _per_swing(sheet, highest)),
-            (_per_area(lowest), _per_area(highest)),
+    found = {
+        "piezoelectric": (_per_swing, touches.swings),
+        "triboelectric": (_per_area, touches.released),
+    }
+    return {
+        name: Interval(
+            (each(lowest) * lowest["efficiency"] * Interval(amount)).inf,
+            (each(highest) * highest["efficiency"] * Interval(amount)).sup,
         )
-    )
-    return {"piezoelectric": piezo * touches.swings, "triboelectric": tribo * touches.released}
+        for name, (each, amount) in found.items()
+    }
 
 
 def _parts(sheet: EnergySection) -> dict[str, tuple[float, float]]:
@@ -145,13 +153,14 @@ def _parts(sheet: EnergySection) -> dict[str, tuple[float, float]]:
     }
 
 
-def _per_swing(sheet: EnergySection, parts: dict[str, float]) -> float:
+def _per_swing(parts: dict[str, Value]) -> Value:
     """J for each N²."""
-    charge = parts["coefficient"] * sheet.piezo_gain
-    return 0.5 * charge**2 / parts["capacitance"]
+    charge = parts["coefficient"] * parts["gain"]
+    return charge * charge / parts["capacitance"] * 0.5
 
 
-def _per_area(parts: dict[str, float]) -> float:
+def _per_area(parts: dict[str, Value]) -> Value:
     """J for each m²: ``½·σ²·x²/(ε0·(d0 + x))``."""
-    gap = parts["gap"]
-    return 0.5 * (parts["charge"] * gap) ** 2 / (EPSILON_0 * (parts["thickness"] + gap))
+    charge, gap = parts["charge"], parts["gap"]
+    below = parts["permittivity"] * (parts["thickness"] + gap)
+    return charge * gap * (charge * gap) / below * 0.5

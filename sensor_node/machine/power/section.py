@@ -82,7 +82,9 @@ class EnergySection(Section):
     sensor_resistance: float = _positive(1e3, "before EcFES, Ω")
     sensor_tolerance: float = _part(0.1)
     piezo_coefficient: float = _positive(4e-10, "d33 of the piezoelectric layer, C/N")
-    piezo_gain: float = _positive(10.0, "by which its mount strengthens a force")
+    piezo_gain: float = _positive(
+        10.0, "by which its mount strengthens a force; piezo_tolerance is of d33 with it"
+    )
     piezo_capacitance: float = _positive(2e-8, "of a taxel's piezoelectric layer, F")
     piezo_tolerance: float = _part(0.2)
     tribo_charge: float = _positive(3e-5, "surface charge of the triboelectric layer, C/m²")

@@ -95,16 +95,19 @@ COIL = {
     "damping": (0.1, 1e3),
     "capacitance": (1e-9, 1e-5),
 }
+VACUUM = {"vacuum_permittivity": (8e-12, 9e-12)}
 CASES = {
     "capacitance": Case(
         models.capacitance,
         truth.capacitance,
-        {"relative_permittivity": (1.0, 80.0), "area": (1e-8, 1e-2), "distance": (1e-6, 1e-1)},
+        VACUUM
+        | {"relative_permittivity": (1.0, 80.0), "area": (1e-8, 1e-2), "distance": (1e-6, 1e-1)},
     ),
     "moving_plate": Case(
         models.moving_plate,
         truth.moving_plate,
-        {
+        VACUUM
+        | {
             "area": (1e-8, 1e-2),
             "minimum_distance": (1e-4, 1e-2),
             "maximum_distance": (1e-3, 1e-1),
@@ -116,7 +119,8 @@ CASES = {
     "touch": Case(
         models.touch,
         truth.touch,
-        {
+        VACUUM
+        | {
             "minimum_area": (1e-6, 1e-4),
             "maximum_area": (1e-5, 1e-3),
             "distance": (1e-4, 1e-2),
@@ -129,7 +133,7 @@ CASES = {
     "touch_of_area": Case(
         models.touch_of_area,
         truth.touch_of_area,
-        {"area": (1e-12, 1.0), "distance": (1e-4, 1e-2), "voltage": (1e-3, 1e3)},
+        VACUUM | {"area": (1e-12, 1.0), "distance": (1e-4, 1e-2), "voltage": (1e-3, 1e3)},
     ),
     "coil_current": Case(
         models.coil_current,

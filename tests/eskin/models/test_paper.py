@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from eskin import models
+from eskin.constants import PAPER_VACUUM_PERMITTIVITY
 from eskin.interval import Interval
 
 SENSOR: dict[str, Any] = {"minimum_capacitance": 10e-12, "maximum_capacitance": 100e-12}
@@ -24,6 +25,7 @@ def test_capacitance_ranges_from_0_177_to_8_854_picofarad() -> None:
         relative_permittivity=Interval(1.0, 5.0),
         area=Interval(1e-4, 2e-4),
         distance=Interval(1e-3, 5e-3),
+        vacuum_permittivity=PAPER_VACUUM_PERMITTIVITY,
     )
     assert found.inf == pytest.approx(0.17708e-12, rel=1e-6, abs=0.0)
     assert found.sup == pytest.approx(8.854e-12, rel=1e-6, abs=0.0)
@@ -44,7 +46,7 @@ def test_capacitance_of_an_area_is_that_of_fig_8(area: float, picofarad: float) 
 
 
 def test_energy_of_a_microfarad_at_half_a_volt_is_an_eighth_of_a_microjoule() -> None:
-    plate = models.touch_of_area(1e-6 / 8.854e-12 * 1e-3, distance=1e-3, voltage=0.5)
+    plate = models.touch_of_area(1e-6 / 8.8541878188e-12 * 1e-3, distance=1e-3, voltage=0.5)
     assert plate.energy.mid == pytest.approx(0.125e-6)
     assert plate.energy.mid * 8400 == pytest.approx(1050e-6)
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     Found = dict[str, Any]
 
 ctx.prec = 200
-VACUUM = arb(8.854e-12)
 
 
 def sine(p: Numbers, frequency: str = "frequency") -> Any:
@@ -30,12 +29,14 @@ def raised(p: Numbers, low: str, high: str) -> Any:
 
 
 def capacitance(p: Numbers) -> Found:
-    return {"value": VACUUM * p["relative_permittivity"] * p["area"] / p["distance"]}
+    return {
+        "value": p["vacuum_permittivity"] * p["relative_permittivity"] * p["area"] / p["distance"]
+    }
 
 
 def moving_plate(p: Numbers) -> Found:
     d = raised(p, "minimum_distance", "maximum_distance")
-    return {"distance": d, "capacitance": VACUUM * p["area"] / d}
+    return {"distance": d, "capacitance": p["vacuum_permittivity"] * p["area"] / d}
 
 
 def touch(p: Numbers) -> Found:
@@ -44,7 +45,7 @@ def touch(p: Numbers) -> Found:
 
 
 def touch_of_area(p: Numbers) -> Found:
-    c = VACUUM * p["area"] / p["distance"]
+    c = p["vacuum_permittivity"] * p["area"] / p["distance"]
     return {"area": p["area"], "capacitance": c, "energy": c * p["voltage"] ** 2 / 2}
 
 

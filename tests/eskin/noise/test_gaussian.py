@@ -27,7 +27,7 @@ def _area() -> Interval:
 def test_readings_scatter_about_the_truth_as_they_should() -> None:
     true = models.touch_of_area(_area(), **PLATE)
     got = touch_with_noise(true.area.mid, noise=NOISE, generator=np.random.default_rng(1), **PLATE)
-    per_area = 8.854e-12 / 1e-3
+    per_area = 8.8541878188e-12 / 1e-3
     of_capacitance = math.hypot(5e-15, 2e-6 * per_area)
     of_energy = math.hypot(1e-15, 0.125 * of_capacitance)
     for reading, truth, sigma in (
@@ -53,8 +53,8 @@ def test_no_noise_leaves_the_formula() -> None:
     got = touch_with_noise(
         np.array([1e-4]), noise=GaussianNoise(), generator=np.random.default_rng(1), **PLATE
     )
-    assert got.capacitance == pytest.approx(8.854e-13, rel=1e-9, abs=0.0)
-    assert got.energy == pytest.approx(0.125 * 8.854e-13, rel=1e-9, abs=0.0)
+    assert got.capacitance == pytest.approx(8.8541878188e-13, rel=1e-8, abs=0.0)
+    assert got.energy == pytest.approx(0.125 * 8.8541878188e-13, rel=1e-8, abs=0.0)
 
 
 def test_area_never_turns_negative() -> None:
