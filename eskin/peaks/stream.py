@@ -115,6 +115,9 @@ def find_peaks(
 ) -> Peaks:
     """All peaks of a whole tube, certain and possible, in order of their end.
 
+    What counts as a peak where heights are equal stands in `eskin.peaks`; there scipy's function of
+    this name counts others.
+
     Args:
         samples: A tube, an interval of shape ``(n,)``, or n lower bounds: ``-inf`` where unbounded,
             NaN where a sample is missing (a gap).

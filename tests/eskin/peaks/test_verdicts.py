@@ -22,7 +22,7 @@ RADII = st.lists(st.floats(0, 3, width=16), min_size=60, max_size=60)
 
 
 def without_ties(signal: NDArray[np.float64]) -> bool:
-    """scipy counts each of several equally high peaks as if the others were lower."""
+    """scipy counts each of several equally high peaks as if the others were lower: `test_ties`."""
     return len(set(signal.tolist())) == len(signal)
 
 
