@@ -1,8 +1,8 @@
 """Peaks of a tube: *certain* where every signal inside has one, *possible* where some signal has.
 
-A signal x has n peaks of prominence p if n is the greatest number of samples b that can be divided by
-samples a and c: ``a < b < c``, ``x_b - x_a >= p`` and ``x_b - x_c >= p``, where the c of one peak may
-be the a of the next. So
+A signal x has n peaks of prominence p if n is the greatest number of samples b that have an a
+before and a c after them with ``x_b - x_a >= p`` and ``x_b - x_c >= p``, where the c of one peak
+may be the a of the next. So
 
 - a plateau is one summit;
 - equal summits count one by one only if the signal falls by p or more between them: ``0 3 2 3 0``
