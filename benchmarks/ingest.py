@@ -13,7 +13,6 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import cbor2
-import httpx
 
 from benchmarks.report import Row
 from benchmarks.row_stores import (
@@ -29,7 +28,6 @@ from benchmarks.said import SAMPLES, say
 from cloud.store import Store
 from cloud.store.intake import take_in
 from cloud.store.item import Item
-from eskin.identity import client_context
 from eskin.memory import settle
 from eskin.messages import Encoding
 from tests.cloud.messages import START
@@ -40,6 +38,8 @@ from tests.postgresql import Cluster
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
+
+    import httpx
 
     from benchmarks.said import Said
     from cloud.store.place import Place
@@ -103,7 +103,7 @@ class Stored:
 
 
 class Posted:
-    """Over TLS, with a gateway's tokens, to a cloud of its own process."""
+    """Over TLS, with a gateway's certificate, to a cloud of its own process."""
 
     target = _POSTED
 
@@ -116,8 +116,7 @@ class Posted:
         self._service = stack.enter_context(
             Service(folder, Identities(folder / "pki"), place=place)
         )
-        context = client_context(self._service.server.directory / "root.pem")
-        self._client = stack.enter_context(httpx.Client(verify=context, timeout=60))
+        self._client = stack.enter_context(self._service.gateway_client())
         self._pool = stack.enter_context(ThreadPoolExecutor(2))
 
     def run(self, number: int) -> float:
@@ -134,12 +133,7 @@ class Posted:
         return _rate(work, len(said) * SAMPLES)
 
     def _post(self, body: bytes) -> httpx.Response:
-        headers = {
-            "Authorization": f"Bearer {self._service.authorize(body)}",
-            "Content-Type": "application/cbor",
-        }
-        url = f"https://localhost:{self._service.ingest_port}/api/v1/ingest"
-        return self._client.post(url, content=body, headers=headers)
+        return self._client.post("/api/v1/ingest", content=body)
 
 
 def measure_ingest(folder: Path, *, blocks: int) -> list[Row]:

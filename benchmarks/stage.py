@@ -9,13 +9,11 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, Final, Self
 
 import cbor2
-import httpx
 import numpy as np
 
 from benchmarks.pyramid import fill, patterns
 from cloud.pyramid.building import build
 from cloud.store import Store
-from eskin.identity import client_context
 from eskin.messages import Encoding
 from tests.cloud.clouds import put
 from tests.cloud.messages import block
@@ -95,20 +93,14 @@ class Stage:
 
     def _feed(self) -> None:
         span = self._block * _DT
-        context = client_context(self.service.server.directory / "root.pem")
-        url = f"https://localhost:{self.service.ingest_port}/api/v1/ingest"
         first = time.time_ns()
-        with httpx.Client(verify=context, timeout=60) as client:
+        with self.service.gateway_client() as client:
             for number in count():
                 start = first + number * span
                 if self._done.wait(max(0.0, (start + span - time.time_ns()) / 1e9)):
                     return
                 body = self._batch(number, start)
-                headers = {
-                    "Authorization": f"Bearer {self.service.authorize(body)}",
-                    "Content-Type": "application/cbor",
-                }
-                client.post(url, content=body, headers=headers).raise_for_status()
+                client.post("/api/v1/ingest", content=body).raise_for_status()
 
     def _batch(self, number: int, start: int) -> bytes:
         at = start + _DT * np.arange(self._block)

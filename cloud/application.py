@@ -1,5 +1,6 @@
 """The applications: one for people, one for gateways, over the same state."""
 
+from http import HTTPStatus
 from typing import Any, Final
 
 from fastapi import FastAPI
@@ -59,13 +60,16 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 
 def gateway_application(cloud: Cloud) -> FastAPI:
-    """Ingest and deliveries; gateways prove who they are with each request."""
+    """Ingest and deliveries; gateways show a certificate when they connect."""
     # Batches may be longer than other bodies.
-    limits = {"rate_limits": RateLimits(cloud.settings.limits), "body": None}
+    limits = {
+        "rate_limits": RateLimits(cloud.settings.limits),
+        "body": None,
+        "refusal": HTTPStatus.FORBIDDEN,
+    }
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
     for resource in (ingest, deliveries, notices):
         app.include_router(resource.router, prefix=API)
-    app.include_router(health.router)
     return app
 
 

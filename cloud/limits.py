@@ -32,9 +32,18 @@ class LimitsMiddleware:
         app: The application inside.
         rate_limits: Counts.
         body: Bytes that a body may have; ``None`` where routes look after that themselves.
+        refusal: Status of answers to those without good credentials.
     """
 
-    def __init__(self, app: ASGIApp, *, rate_limits: RateLimits, body: int | None) -> None:
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        rate_limits: RateLimits,
+        body: int | None,
+        refusal: HTTPStatus = HTTPStatus.UNAUTHORIZED,
+    ) -> None:
+        self._refusal = refusal
         self._app = app
         self._rate_limits = rate_limits
         self._body = body
@@ -64,7 +73,7 @@ class LimitsMiddleware:
             send,
             rate=rate,
             address=address_of(request),
-            statuses={HTTPStatus.UNAUTHORIZED},
+            statuses={self._refusal},
             flooded=lambda: _flood(request, what, rate)(request.scope, receive, send),
             admitted=lambda: log_refusal(request),
         )

@@ -18,7 +18,7 @@ from cloud.ingest.errors import (
     BatchTypeError,
     IngestError,
     MalformedBatchError,
-    UnauthenticatedError,
+    UntrustedGatewayError,
 )
 from cloud.privacy.errors import ErasedError
 from cloud.query.errors import UnknownPlaceError
@@ -43,7 +43,7 @@ _STATUSES: Final[tuple[tuple[type[EskinError], int], ...]] = (
     (CommandError, 422),
     (BacklogError, 409),
     (StoreError, 503),
-    (UnauthenticatedError, 401),
+    (UntrustedGatewayError, 403),
     (BatchTooLargeError, 413),
     (BatchTypeError, 415),
     (MalformedBatchError, 422),
@@ -135,13 +135,15 @@ def _on_eskin(request: Request, error: Exception) -> Response:
     status = next((status for kind, status in _STATUSES if isinstance(error, kind)), 500)
     if status >= HTTPStatus.INTERNAL_SERVER_ERROR:
         log.error("request failed: path=%s reason=%s", _path(request), error)
-    elif isinstance(error, UnauthenticatedError):
+    elif isinstance(error, UntrustedGatewayError):
         request.scope[_REFUSAL] = str(error)
     elif isinstance(error, IngestError):
         log.warning("batch refused: status=%d reason=%s", status, error)
     if status == HTTPStatus.INTERNAL_SERVER_ERROR:
         return problem(request, status, "this is our fault; the cloud's log tells more")
-    return problem(request, status, str(error))
+    # A renewed certificate is shown by another connection.
+    headers = {"Connection": "close"} if isinstance(error, UntrustedGatewayError) else None
+    return problem(request, status, str(error), headers=headers)
 
 
 def _on_validation(request: Request, error: Exception) -> Response:

@@ -15,9 +15,7 @@ from cloud.application import gateway_application, people_application
 from cloud.certificate import Certificate
 from cloud.commands import Board
 from cloud.ingest.gatekeeper import Gatekeeper
-from cloud.ingest.replay import Replay, SharedReplay
 from cloud.ingest.uploads import Uploads
-from cloud.ingest.warrant import Verifier
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
@@ -33,8 +31,8 @@ from cloud.store import Store
 from cloud.warmup import warm_up
 from cloud.watch import watch
 from eskin.doorway import bind
-from eskin.errors import LockedError, StoreError
-from eskin.identity import Trust
+from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
+from eskin.identity import Identity, Trust, server_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.listener import Listener
 from eskin.listening import Bounds
@@ -44,6 +42,7 @@ from eskin.moment import SECOND
 from eskin.privacy import open_vault
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import Callable, Iterator
 
     from cloud.settings import CloudSettings
@@ -91,13 +90,6 @@ def make_cloud(
     own = settings.gateways
     feed, board = _make_feed(settings, store), Board()
     trust = Trust.following(own.identity / ROOT_FILE)
-    verifier = Verifier(
-        Gatekeeper(trust, revocations=own.revocations).verify,
-        skew=own.skew_s,
-        clock=clock,
-        # One process needs no commit to know what it has seen.
-        replay=Replay() if isinstance(store.place, Path) else SharedReplay(store),
-    )
     clock_error = round(settings.nodes.clock_error_s * SECOND)
     metrics = Metrics(store, feed, board, clock_error=clock_error)
     rate_limits = RateLimits(settings.limits)
@@ -109,7 +101,7 @@ def make_cloud(
         feed=feed,
         onlookers=_make_onlookers(settings),
         board=board,
-        verifier=verifier,
+        gatekeeper=Gatekeeper(trust, revocations=own.revocations),
         uploads=Uploads(own.uploads_bytes),
         metrics=metrics,
         rate_limits=rate_limits,
@@ -129,9 +121,7 @@ def _make_onlookers(settings: CloudSettings) -> Onlookers:
     return Onlookers(most=live.watched_nodes, lasting=live.watched_s)
 
 
-def _listeners(
-    cloud: Cloud, inner: Certificate, outer: Certificate | None
-) -> tuple[Listener, Listener]:
+def _listeners(cloud: Cloud, outer: Certificate | None) -> tuple[Listener, Listener]:
     """For people and for gateways."""
     people, gateways = cloud.settings.people, cloud.settings.gateways
     limits = cloud.settings.limits
@@ -146,22 +136,33 @@ def _listeners(
         Listener(
             gateway_application(cloud),
             bind("gateways", gateways.host, gateways.port),
-            context=inner.context,
+            context=_gateways_context(gateways.identity),
             bounds=bounds,
         ),
     )
 
 
+def _gateways_context(folder: Path) -> ssl.SSLContext:
+    """For TLS with gateways, which show a certificate; follows renewals of its own, and roots.
+
+    Raises:
+        SettingsError: The identity cannot be used.
+    """
+    try:
+        return server_context(Identity.load(folder), client_certificates=True)
+    except IdentityError as error:
+        raise SettingsError("gateways.identity", str(error)) from error
+
+
 async def _serve(cloud: Cloud) -> None:
-    people, gateways = cloud.settings.people, cloud.settings.gateways
-    inner = Certificate("gateways.identity", gateways.identity)
+    people = cloud.settings.people
     outer = None if people.identity is None else Certificate("people.identity", people.identity)
-    listeners = _listeners(cloud, inner, outer)
+    listeners = _listeners(cloud, outer)
     stopping = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, stopping.set)
-    certificates = [certificate for certificate in (inner, outer) if certificate is not None]
+    certificates = [] if outer is None else [outer]
     async with asyncio.TaskGroup() as group:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
             group.create_task(listener.run_until_told(), name=name)

@@ -124,7 +124,7 @@ class PeopleSection(Section):
 
 
 class GatewaysSection(Section):
-    """The listener for gateways: ingest, HTTPS only."""
+    """The listener for gateways: ingest, by HTTPS with a gateway's certificate only."""
 
     host: Host = Field(default="127.0.0.1", description="address to listen on")
     port: int = Field(default=8443, ge=0, le=65535, description="port; 0 takes a free one")
@@ -141,9 +141,6 @@ class GatewaysSection(Section):
         default=134_217_728,
         ge=134_217_728,
         description="bytes of all batches that are not stored yet; more are answered with 503",
-    )
-    skew_s: float = Field(
-        default=30.0, ge=0, le=300, description="seconds by which a gateway's clock may differ"
     )
 
 

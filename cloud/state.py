@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from cloud.commands import Board
+    from cloud.ingest.gatekeeper import Gatekeeper
     from cloud.ingest.uploads import Uploads
-    from cloud.ingest.warrant import Verifier
     from cloud.live import Feed, Onlookers
     from cloud.metrics import Metrics
     from cloud.privacy.keyholder import Keyholder
@@ -30,7 +30,7 @@ class Cloud:
         feed: Tells what is stored as it comes.
         onlookers: Knows which nodes somebody looks at.
         board: Wakes gateways that wait for commands.
-        verifier: Checks gateways' tokens.
+        gatekeeper: Verifies gateways' certificates.
         uploads: Room for what gateways bring.
         metrics: Counts.
         rate_limits: Counts what each address asks.
@@ -44,7 +44,7 @@ class Cloud:
     feed: Feed
     onlookers: Onlookers
     board: Board
-    verifier: Verifier
+    gatekeeper: Gatekeeper
     uploads: Uploads
     metrics: Metrics
     rate_limits: RateLimits

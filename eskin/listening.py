@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 import json
 import socket
+import ssl
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Any, Final
@@ -106,12 +107,16 @@ class GuardedProtocol(HttpToolsProtocol):
         self._in_head = True
         self._head_bytes = self._body_bytes = self._window_bytes = 0
         self._refusal = HTTPStatus.BAD_REQUEST
+        self._tls: dict[str, dict[object, object]] = {}
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
         self._greet(transport.get_extra_info("socket").fileno())
         self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
+        encrypted = transport.get_extra_info("ssl_object")
+        if encrypted is not None:
+            self._tls = {"tls": {"client_cert_chain": client_chain(encrypted)}}
         self.source = source_of(self.client[0]) if self.client else None
         others = [getattr(other, "source", None) for other in self.connections]
         same = 0 if self.source is None else others.count(self.source)
@@ -145,7 +150,7 @@ class GuardedProtocol(HttpToolsProtocol):
         """A request begins."""
         super().on_message_begin()
         begin = functools.partial(self._limit_unsent, 0, _PROMPT_BYTES)
-        self.scope["extensions"] = {PROMPT: {"begin": begin}}
+        self.scope["extensions"] = {PROMPT: {"begin": begin}, **self._tls}
         self._in_head, self._body_bytes = True, 0
         self._expect(self._bounds.head_s, self._too_slow)
 
@@ -252,3 +257,23 @@ class GuardedProtocol(HttpToolsProtocol):
             self._timer = None
         if seconds is not None and otherwise is not None:
             self._timer = self.loop.call_later(seconds, otherwise)
+
+
+def client_chain(encrypted: Any) -> tuple[str, ...]:
+    """The certificates by which a client was verified, its own first.
+
+    As ASGI's TLS extension gives them in ``client_cert_chain``; uvicorn does not.
+
+    Args:
+        encrypted: The connection's `ssl.SSLObject`, after its handshake.
+
+    Returns:
+        PEM of each; none where the client was asked for no certificate, or where the session was
+        resumed, in which TLS carries no chain.
+    """
+    # Public from Python 3.13 on, where it gives DER.
+    get = getattr(encrypted, "get_verified_chain", None)
+    if get is None:
+        found = encrypted._sslobj.get_verified_chain() or ()  # noqa: SLF001 - see above
+        return tuple(part.public_bytes() for part in found)
+    return tuple(ssl.DER_cert_to_PEM_cert(part) for part in get())

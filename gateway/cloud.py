@@ -15,10 +15,9 @@ from gateway.refusal import require_ok
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Sequence
+    from collections.abc import Callable, Sequence
 
     from gateway.onlookers import Onlookers
-    from gateway.warrants import Warrants
 
 _MOST_ANSWER: Final = 4_194_304
 
@@ -58,9 +57,9 @@ class HttpsCloud:
 
     Args:
         url: The ingest.
-        warrants: Prove who sends.
+        headers: Gives those of a request.
         onlookers: Hear which nodes somebody looks at.
-        context: Leads to our root.
+        context: Leads to our root, and shows the gateway's certificate.
         timeout_s: Seconds to wait.
     """
 
@@ -68,13 +67,13 @@ class HttpsCloud:
         self,
         url: str,
         *,
-        warrants: Warrants,
+        headers: Callable[[], dict[str, str]],
         onlookers: Onlookers,
         context: ssl.SSLContext,
         timeout_s: float,
     ) -> None:
         self._url = url
-        self._warrants = warrants
+        self._headers = headers
         self._onlookers = onlookers
         # The environment's proxies are no part of the way from a gateway to its cloud.
         self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
@@ -86,7 +85,7 @@ class HttpsCloud:
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
         """See `Cloud.send`."""
         body = as_batch(messages)
-        headers = self._warrants.headers(body)
+        headers = self._headers()
         try:
             with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
                 require_ok(answer)

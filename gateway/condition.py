@@ -1,9 +1,13 @@
-"""What a gateway tells the cloud of itself, in the token of each request."""
+"""The gateway's report of its own status: headers of each request to the cloud."""
 
 from __future__ import annotations
 
 from time import monotonic, time_ns
 from typing import TYPE_CHECKING, Final
+
+import orjson
+
+from eskin.errors import SpoolError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -11,6 +15,7 @@ if TYPE_CHECKING:
     from gateway.presence import Presence
     from gateway.spool import Spool
 
+HEADER: Final = "Eskin-Gateway-Status"
 _FRESH_S: Final = 0.5
 """What was looked up is told for so long: a look waits for the spool's commit."""
 
@@ -39,16 +44,16 @@ class Condition:
         self._now = now
         self._seen: tuple[float, dict[str, int | None]] | None = None
 
-    def __call__(self) -> dict[str, int | None]:
-        """Messages and bytes that wait, since when in ns, and how many nodes are heard.
-
-        Raises:
-            SpoolError: The spool cannot be read.
-        """
+    def headers(self) -> dict[str, str]:
+        """Headers of a request whose body is CBOR, with the status where it can be had."""
+        kind = {"Content-Type": "application/cbor"}
         at = self._clock()
         if self._seen is None or at - self._seen[0] > _FRESH_S:
-            self._seen = at, self._look()
-        return self._seen[1]
+            try:
+                self._seen = at, self._look()
+            except SpoolError:  # told by those who need the spool; the request goes out
+                return kind
+        return {**kind, HEADER: orjson.dumps(self._seen[1]).decode()}
 
     def _look(self) -> dict[str, int | None]:
         spool, oldest = self._spool.statistics, self._spool.oldest()

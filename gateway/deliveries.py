@@ -15,11 +15,10 @@ from gateway.refusal import require_ok
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     import httpcore
 
-    from gateway.warrants import Warrants
 
 _MOST_HELD: Final = 10_000
 _MOST_ANSWER: Final = 8_388_608
@@ -76,16 +75,21 @@ class HttpsDeliveries:
 
     Args:
         url: The cloud's ingest; deliveries are beside it.
-        warrants: Prove who asks.
-        context: Leads to our root.
+        headers: Gives those of a request.
+        context: Leads to our root, and shows the gateway's certificate.
         timeout_s: Seconds to wait for an answer that is due.
     """
 
     def __init__(
-        self, url: str, *, warrants: Warrants, context: ssl.SSLContext, timeout_s: float
+        self,
+        url: str,
+        *,
+        headers: Callable[[], dict[str, str]],
+        context: ssl.SSLContext,
+        timeout_s: float,
     ) -> None:
         self._url = httpx.URL(url).join("deliveries")
-        self._warrants = warrants
+        self._headers = headers
         self._timeout = timeout_s
         # The environment's proxies are no part of the way from a gateway to its cloud. Between two
         # questions no connection is kept: it would hold up a cloud that ends.
@@ -103,7 +107,7 @@ class HttpsDeliveries:
                 "POST",
                 self._url,
                 content=body,
-                headers=self._warrants.headers(body),
+                headers=self._headers(),
                 timeout=timeout,
                 extensions={"trace": self._note},
             ) as answer:

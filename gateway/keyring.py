@@ -11,7 +11,6 @@ from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, IdentityKind, client_context, past_identities
 from eskin.identity.identity import CHAIN_FILE, ROOT_FILE
 from eskin.identity.version import version
-from gateway.warrants import Warrants
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -36,7 +35,6 @@ class Keyring:
     Attributes:
         gateway: The gateway's identity.
         context: Shows it to the broker.
-        warrants: Prove it to the cloud.
 
     Raises:
         EskinError: An identity cannot be used.
@@ -48,7 +46,6 @@ class Keyring:
         self._seen: tuple[Version, ...] = ()
         self.gateway = _identity("identity.directory", settings.directory, IdentityKind.GATEWAY)
         self.context = client_context(self.gateway.directory / ROOT_FILE, self.gateway)
-        self.warrants = Warrants(self.gateway)
         self._site = _identity("identity.site", settings.site, IdentityKind.SITE)
         if self._site.name != self.gateway.site:
             raise SettingsError(
@@ -90,7 +87,6 @@ class Keyring:
         if state == self._seen:
             return
         self.gateway = Identity.load(self._settings.directory)
-        self.warrants.take(self.gateway)
         self._site = Identity.load(self._settings.site)
         self._sites = self._load_sites()
         if self._opener is not None:

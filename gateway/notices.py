@@ -13,9 +13,7 @@ from gateway.refusal import require_ok
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Sequence
-
-    from gateway.warrants import Warrants
+    from collections.abc import Callable, Sequence
 
 
 class Notices(Protocol):
@@ -40,16 +38,21 @@ class HttpsNotices:
 
     Args:
         url: The cloud's ingest; subjects are beside it.
-        warrants: Prove who tells.
-        context: Leads to our root.
+        headers: Gives those of a request.
+        context: Leads to our root, and shows the gateway's certificate.
         timeout_s: Seconds to wait.
     """
 
     def __init__(
-        self, url: str, *, warrants: Warrants, context: ssl.SSLContext, timeout_s: float
+        self,
+        url: str,
+        *,
+        headers: Callable[[], dict[str, str]],
+        context: ssl.SSLContext,
+        timeout_s: float,
     ) -> None:
         self._url = httpx.URL(url).join("subjects")
-        self._warrants = warrants
+        self._headers = headers
         self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
 
     def close(self) -> None:
@@ -62,7 +65,7 @@ class HttpsNotices:
         """See `Notices.send`."""
         body = cbor2.dumps({"worn": [list(one) for one in worn], "erased": list(erased)})
         try:
-            headers = self._warrants.headers(body)
+            headers = self._headers()
             answer = self._client.post(self._url, content=body, headers=headers)
             require_ok(answer)
             return {item["id"]: item["result"] for item in orjson.loads(answer.content)["items"]}

@@ -48,10 +48,10 @@ from gateway.worker import Worker
 
 if TYPE_CHECKING:
     import ssl
+    from collections.abc import Callable
     from types import FrameType
 
     from gateway.settings import GatewaySettings
-    from gateway.warrants import Warrants
 
 log = logging.getLogger(__name__)
 
@@ -92,7 +92,7 @@ def run(settings: GatewaySettings) -> None:
 class _Reach(TypedDict):
     """How the cloud is reached, for what is sent and for what is fetched."""
 
-    warrants: Warrants
+    headers: Callable[[], dict[str, str]]
     context: ssl.SSLContext
     timeout_s: float
 
@@ -124,14 +124,13 @@ class Gateway:
         self._revocations = Revocations(Trust.following(root), settings.identity.revocations)
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
-        self.keyring.warrants.tell(Condition(self.spool, self._presence))
         self.commands = Commands(settings.commands.resend_s)
         self.broker = self._make_broker()
         self._onlookers = Onlookers()
         self.worker = self._make_worker()
         reach: _Reach = {
-            "warrants": self.keyring.warrants,
-            "context": client_context(root),
+            "headers": Condition(self.spool, self._presence).headers,
+            "context": client_context(root, identity),
             "timeout_s": settings.cloud.timeout_s,
         }
         self.cloud = HttpsCloud(settings.cloud.url, onlookers=self._onlookers, **reach)

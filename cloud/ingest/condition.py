@@ -1,10 +1,15 @@
-"""What a gateway tells of itself in its token."""
+"""A gateway's report of its own status, in a header of each request."""
 
 from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from cloud.ingest.errors import UnauthenticatedError
+import orjson
+
+from cloud.ingest.errors import MalformedBatchError
+
+HEADER: Final = "Eskin-Gateway-Status"
+_LONGEST: Final = 1024
 
 _MOST: Final = 2**62
 """Some counts are added up in 64 bit."""
@@ -30,19 +35,23 @@ class Condition(NamedTuple):
     nodes: int
 
     @classmethod
-    def read(cls, claim: object) -> Condition | None:
-        """Read the claim ``state``; an absent one says nothing.
+    def read(cls, header: str | None) -> Condition | None:
+        """Read the header, a JSON object; an absent one says nothing.
 
         Raises:
-            UnauthenticatedError: It is not as agreed.
+            MalformedBatchError: It is not as agreed.
         """
-        if claim is None:
+        if header is None:
             return None
         names = ("messages", "bytes", "capacity_bytes", "oldest_ns", "dead_letters", "nodes")
-        if not isinstance(claim, dict) or set(claim) != set(names):
-            raise UnauthenticatedError(f"state is no map of {', '.join(names)}")
-        for name, value in claim.items():
+        try:
+            said = orjson.loads(header) if len(header) <= _LONGEST else None
+        except orjson.JSONDecodeError:
+            said = None
+        if not isinstance(said, dict) or set(said) != set(names):
+            raise MalformedBatchError(f"{HEADER} is no JSON object of {', '.join(names)}")
+        for name, value in said.items():
             nothing = name == "oldest_ns" and value is None
             if not nothing and (type(value) is not int or not 0 <= value <= _MOST):
-                raise UnauthenticatedError(f"state: {name} is {value!r}, no count up to {_MOST}")
-        return cls(*(claim[name] for name in names))
+                raise MalformedBatchError(f"{HEADER}: {name} is {value!r}, no count up to {_MOST}")
+        return cls(*(said[name] for name in names))

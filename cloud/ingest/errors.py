@@ -2,10 +2,10 @@
 
 EskinError
 └── IngestError
-    ├── UnauthenticatedError   the gateway does not prove who it is
-    ├── BatchTooLargeError     the body is longer than allowed
-    ├── BatchTypeError         the body is not said to be CBOR
-    └── MalformedBatchError             the body is no batch
+    ├── UntrustedGatewayError   its certificate is none of a gateway of ours, or no more
+    ├── BatchTooLargeError      the body is longer than allowed
+    ├── BatchTypeError          the body is not said to be CBOR
+    └── MalformedBatchError     the body is no batch, or a header is not as agreed
 """
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ class IngestError(EskinError):
     """A batch that is refused as a whole."""
 
 
-class UnauthenticatedError(IngestError):
-    """The gateway does not prove who it is."""
+class UntrustedGatewayError(IngestError):
+    """The client's certificate is none of a gateway of ours, or no more."""
 
 
 class BatchTooLargeError(IngestError):
@@ -30,4 +30,4 @@ class BatchTypeError(IngestError):
 
 
 class MalformedBatchError(IngestError):
-    """The body is no batch."""
+    """The body is no batch, or a header is not as agreed."""

@@ -3,47 +3,78 @@
 from __future__ import annotations
 
 import asyncio
-import hashlib
+import ssl
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, Final, TypeVar
 
-from cloud.ingest.errors import BatchTooLargeError, BatchTypeError
+from cloud.ingest.condition import HEADER, Condition
+from cloud.ingest.errors import BatchTooLargeError, BatchTypeError, UntrustedGatewayError
+from eskin.errors import UntrustedCertificateError
+from eskin.identity import common_name
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
 
+    from cryptography import x509
     from fastapi import Request
 
-    from cloud.ingest.warrant import Warrant
     from cloud.state import Cloud
 
 MEDIA_TYPE: Final = "application/cbor"
 T = TypeVar("T")
 _SMALL: Final = 65_536
-"""Bytes that are read and hashed in half a millisecond."""
+"""Bytes that are read in half a millisecond."""
+_LINKS: Final = 2
+"""Of a chain: the gateway's certificate and its issuing CA's. The root is ours."""
+
+
+@dataclass(frozen=True, slots=True)
+class GatewayIdentity:
+    """A gateway that proved who it is, in its connection's TLS handshake.
+
+    Attributes:
+        name: Common name.
+        certificate: Verified.
+    """
+
+    name: str
+    certificate: x509.Certificate
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """What a gateway posted.
+
+    Attributes:
+        gateway: Which one.
+        condition: What it tells of itself, if it does.
+        body: All of it.
+    """
+
+    gateway: GatewayIdentity
+    condition: Condition | None
+    body: bytes
 
 
 @asynccontextmanager
-async def received(
-    cloud: Cloud, request: Request, *, within: bool = False
-) -> AsyncIterator[tuple[Warrant, bytes]]:
-    """The gateway's warrant, and the body that it was made for, which has room while this runs.
+async def received(cloud: Cloud, request: Request) -> AsyncIterator[Received]:
+    """What a gateway posts; its body has room while this runs.
 
     Args:
         cloud: The cloud.
-        request: What a gateway posts.
-        within: The caller asks `Warrant.is_first` in its own transaction.
+        request: Its request.
 
     Raises:
-        IngestError: It is not CBOR, from no gateway of ours, too long, or of another hash.
+        IngestError: It is not CBOR, from no gateway of ours, or too long.
         StoreError: Too many bytes wait to be stored.
     """
     kind = request.headers.get("content-type")
     if (kind or "").partition(";")[0].strip().lower() != MEDIA_TYPE:
         raise BatchTypeError(f"Content-Type is {kind!r}; send {MEDIA_TYPE}")
-    # A stranger shall not fill our memory.
-    authorization = request.headers.get("authorization")
-    warrant = await asyncio.to_thread(cloud.verifier.verify, authorization, within=within)
+    identify(cloud, request)  # before its body takes memory
+    condition = Condition.read(request.headers.get(HEADER))
     most = cloud.settings.gateways.body_bytes
     announced = request.headers.get("content-length", "")
     size = int(announced) if announced.isdecimal() else most
@@ -51,9 +82,27 @@ async def received(
         raise _too_large(most)
     with cloud.uploads.hold(size):
         body = await _read(request, most)
-        digest = await apart(len(body), lambda: hashlib.sha256(body).hexdigest())
-        warrant.require_body(digest)
-        yield warrant, body
+        # It may have been revoked while its body came.
+        yield Received(identify(cloud, request), condition, body)
+
+
+def identify(cloud: Cloud, request: Request) -> GatewayIdentity:
+    """Which gateway asks; judged by the certificates and lists of now.
+
+    Raises:
+        UntrustedGatewayError: None of ours, or no more.
+    """
+    tls = request.scope.get("extensions", {}).get("tls", {})
+    try:
+        certificate = cloud.gatekeeper.verify(_der(tls.get("client_cert_chain", ())))
+    except UntrustedCertificateError as error:
+        raise UntrustedGatewayError(f"the gateway's certificate is refused: {error}") from error
+    return GatewayIdentity(common_name(certificate), certificate)
+
+
+@lru_cache(64)
+def _der(chain: tuple[str, ...]) -> tuple[bytes, ...]:
+    return tuple(ssl.PEM_cert_to_DER_cert(part) for part in chain[:_LINKS])
 
 
 async def apart(size: int, work: Callable[[], T]) -> T:

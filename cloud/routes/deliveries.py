@@ -16,8 +16,7 @@ from cloud.commands.deliveries import (
     mark_delivered,
 )
 from cloud.dependencies import CloudState
-from cloud.ingest.reception import MEDIA_TYPE, received
-from cloud.ingest.warrant import Warrant
+from cloud.ingest.reception import MEDIA_TYPE, Received, identify, received
 from cloud.problems import documented
 from cloud.routes.documents import CBOR_BODY
 from cloud.state import Cloud
@@ -39,19 +38,20 @@ class CborResponse(Response):
 @router.post(
     "/deliveries",
     response_class=CborResponse,
-    responses=documented(401, 413, 415, 422, 503),
+    responses=documented(403, 413, 415, 422, 503),
     openapi_extra=CBOR_BODY,
 )
 async def post_deliveries(cloud: CloudState, request: Request) -> Response:
     """Commands that a gateway does not hold yet, and those that it should deliver no more."""
-    async with received(cloud, request) as (warrant, body):
-        holding = Holding.read(body)
-    await _mark(cloud, warrant, holding)
+    async with received(cloud, request) as posted:
+        holding = Holding.read(posted.body)
+    await _mark(cloud, posted, holding)
     deadline = time.monotonic() + holding.wait_s
     while True:
         version = cloud.board.version
         changes = await asyncio.to_thread(_find, cloud, holding)
         left = deadline - time.monotonic()
+        identify(cloud, request)  # it may have been revoked while it waited
         if changes.give or changes.drop or left <= 0 or cloud.board.closed:
             return CborResponse(changes.encode())
         await cloud.board.wait(version, min(left, _LOOK_S))
@@ -62,7 +62,7 @@ def _find(cloud: Cloud, holding: Holding) -> Changes:
         return find_changes(connection, holding, now=cloud.clock())
 
 
-async def _mark(cloud: Cloud, warrant: Warrant, holding: Holding) -> None:
+async def _mark(cloud: Cloud, posted: Received, holding: Holding) -> None:
     def unmarked() -> list[tuple[str, int]]:
         with cloud.store.read() as connection:
             return find_unmarked(connection, holding)
@@ -72,6 +72,6 @@ async def _mark(cloud: Cloud, warrant: Warrant, holding: Holding) -> None:
     def work(connection: Connection) -> None:
         now, wait = cloud.clock(), round(holding.wait_s * SECOND)
         mark_delivered(connection, sent, now=now)
-        hear(connection, warrant.gateway, warrant.condition, now=now, wait=wait)
+        hear(connection, posted.gateway.name, posted.condition, now=now, wait=wait)
 
     await asyncio.wrap_future(cloud.store.write(work))

@@ -5,7 +5,6 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Final
 
 from fastapi import APIRouter, Request
 from sqlalchemy import Connection
@@ -13,8 +12,7 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState
 from cloud.ingest.batch import read_batch
-from cloud.ingest.reception import apart, received
-from cloud.ingest.warrant import Warrant, used_before
+from cloud.ingest.reception import Received, apart, received
 from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
@@ -29,34 +27,30 @@ log = logging.getLogger(__name__)
 
 router = APIRouter(tags=["ingest"])
 
-_NOTHING: Final = Outcome([], [], 0)
-"""Of a batch whose token was used before."""
-
 
 @router.post(
     "/ingest",
     response_model=IngestDocument,
-    responses=documented(401, 413, 415, 422, 503),
+    responses=documented(403, 413, 415, 422, 503),
     openapi_extra=CBOR_BODY,
 )
 async def post_ingest(cloud: CloudState, request: Request) -> Response:
     """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
-    async with received(cloud, request, within=True) as (warrant, body):
+    async with received(cloud, request) as posted:
+        body = posted.body
         with cloud.metrics.ingest_seconds.time():
             items = await apart(len(body), lambda: read_batch(body))
-            outcome = await _store(cloud, warrant, items)
-    if outcome is _NOTHING:
-        raise used_before()
+            outcome = await _store(cloud, posted, items)
     for kind, count in Counter(receipt.result for receipt in outcome.results).items():
         cloud.metrics.items.labels(kind).inc(count)
     reasons = [result.reason for result in outcome.results if result.reason is not None]
     if reasons:
         log.warning(
             "messages rejected: gateway=%s count=%d last=%s",
-            warrant.gateway,
+            posted.gateway.name,
             len(reasons),
             reasons[-1],
-            extra={"source": warrant.gateway},
+            extra={"source": posted.gateway.name},
         )
     cloud.metrics.buried.inc(outcome.buried)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
@@ -64,15 +58,13 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
     return as_json({"items": results, "watched": dict.fromkeys(watched, cloud.onlookers.lasting)})
 
 
-async def _store(cloud: Cloud, warrant: Warrant, items: Sequence[Item]) -> Outcome:
+async def _store(cloud: Cloud, posted: Received, items: Sequence[Item]) -> Outcome:
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(take: Callable[..., Outcome], connection: Connection) -> Outcome:
-        if not warrant.is_first(connection):
-            return _NOTHING  # an error would undo the batches beside it
-        now, gateway = cloud.clock(), warrant.gateway
+        now, gateway = cloud.clock(), posted.gateway.name
         outcome = take(connection, store.cache, items, gateway=gateway, now=now, dead_letters=most)
-        hear(connection, gateway, warrant.condition, now=now, outcome=outcome)
+        hear(connection, gateway, posted.condition, now=now, outcome=outcome)
         return outcome
 
     written = store.write(

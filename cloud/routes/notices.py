@@ -20,16 +20,18 @@ router = APIRouter(tags=["ingest"])
 @router.post(
     "/subjects",
     response_model=NoticeDocument,
-    responses=documented(401, 413, 415, 422, 503),
+    responses=documented(403, 413, 415, 422, 503),
     openapi_extra=CBOR_BODY,
 )
 async def post_subjects(cloud: CloudState, request: Request) -> Response:
     """Take a notice; what it says is done, and what is erased is destroyed, before the answer."""
-    async with received(cloud, request) as (warrant, body):
-        notice = await asyncio.to_thread(Notice.read, body)
+    async with received(cloud, request) as posted:
+        notice = await asyncio.to_thread(Notice.read, posted.body)
         items = await asyncio.to_thread(_keep, cloud, notice)
         written = cloud.store.write(
-            lambda connection: note(connection, notice, gateway=warrant.gateway, now=cloud.clock())
+            lambda connection: note(
+                connection, notice, gateway=posted.gateway.name, now=cloud.clock()
+            )
         )
         await asyncio.wrap_future(written)
     return as_json({"items": items})

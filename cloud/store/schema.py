@@ -278,15 +278,6 @@ sessions = Table(
 )
 """Sessions of browsers by SHA-256; ``token`` is the one that opened it, and closes it."""
 
-warrants = Table(
-    "warrants",
-    metadata,
-    Column("digest", Words(64), primary_key=True),
-    Column("until", BigInteger, nullable=False),
-    Index("warrants_by_until", "until"),
-)
-"""Gateways' tokens that were used, by SHA-256, for as long as they are good."""
-
 audit_log = Table(
     "audit_log",
     metadata,

@@ -50,6 +50,7 @@ class FollowingContext(ssl.SSLContext):
     _newest: ssl.SSLContext | None = None
     _seen: tuple[Version, ...] | None
     _protocols: Sequence[str] = ()
+    _fault = ""
 
     @classmethod
     def over(
@@ -95,9 +96,11 @@ class FollowingContext(ssl.SSLContext):
             if seen is None or seen != self._seen:
                 fresh = ssl.SSLContext(self.protocol)
                 self._set_up(fresh)
-                self._newest, self._seen = fresh, seen
+                self._newest, self._seen, self._fault = fresh, seen, ""
         except IdentityError as error:
-            log.warning("a TLS identity cannot be read, the one before goes on: %s", error)
+            if str(error) != self._fault:  # clients decide how often it is looked at
+                log.warning("a TLS identity cannot be read, the one before goes on: %s", error)
+            self._fault = str(error)
         newest = self._newest
         if newest is not None:
             newest.sslsocket_class = self.sslsocket_class
@@ -144,11 +147,24 @@ def server_context(identity: Identity, *, client_certificates: bool) -> ssl.SSLC
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         show(context, folder)
         if client_certificates:
-            _trust(context, folder / ROOT_FILE)
-            context.verify_mode = ssl.CERT_REQUIRED
+            require_client_certificates(context, folder / ROOT_FILE)
 
     files = [*_files(folder), folder / ROOT_FILE]
     return FollowingContext.over(ssl.PROTOCOL_TLS_SERVER, files, set_up)
+
+
+def require_client_certificates(context: ssl.SSLContext, root_file: Path) -> None:
+    """Have a server's context refuse clients without a certificate that leads to a root.
+
+    No tickets are given out: a resumed session carries no chain that could be judged again.
+
+    Raises:
+        IdentityError: The roots cannot be read.
+    """
+    _trust(context, root_file)
+    context.verify_mode = ssl.CERT_REQUIRED
+    context.options |= ssl.OP_NO_TICKET
+    context.num_tickets = 0
 
 
 def _versions(files: Sequence[Path]) -> tuple[Version, ...] | None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import json
-import secrets
 from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import timedelta
@@ -14,18 +11,19 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import cbor2
 import httpx
-import jwt
+from cryptography.hazmat.primitives.serialization import Encoding
 from sqlalchemy import delete, func, select, update
 
 from cloud.access import Scope, create_token
 from cloud.application import gateway_application, people_application
+from cloud.ingest.condition import HEADER
 from cloud.service import make_cloud
 from cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from cloud.store import Store
 from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
 from cloud.store.schema import audit_log, blocks, feed, metadata, versions
-from eskin.identity import IdentityKind, der
+from eskin.identity import IdentityKind
 from eskin.moment import SECOND
 from tests.cloud.messages import NODE, START
 
@@ -35,6 +33,7 @@ if TYPE_CHECKING:
 
     from fastapi import FastAPI
     from sqlalchemy import Connection
+    from starlette import types as asgi
 
     from cloud.state import Cloud
     from cloud.store.place import Place
@@ -99,21 +98,15 @@ def emptied(store: Store) -> Store:
     return store
 
 
-def warrant(identity: Identity, body: bytes, now: int, **claims: Any) -> str:
-    """A gateway's token for a body; claims as given instead."""
-    seconds = now // SECOND
-    chosen: dict[str, Any] = {
-        "iss": identity.name,
-        "aud": "eskin-cloud",
-        "iat": seconds,
-        "exp": seconds + 60,
-        "jti": secrets.token_hex(8),
-        "sha256": hashlib.sha256(body).hexdigest(),
-    }
-    chosen |= claims
-    chosen = {name: value for name, value in chosen.items() if value is not None}
-    chain = [base64.b64encode(der(certificate)).decode() for certificate in identity.chain]
-    return jwt.encode(chosen, identity.key, algorithm="ES256", headers={"x5c": chain})
+def shown_certificate(app: asgi.ASGIApp, identity: Identity | None) -> asgi.ASGIApp:
+    """An application whose clients show a certificate, as the listener passes it on."""
+    pem = [part.public_bytes(Encoding.PEM).decode() for part in identity.chain] if identity else []
+
+    async def shown(scope: asgi.Scope, receive: asgi.Receive, send: asgi.Send) -> None:
+        more = {"extensions": {"tls": {"client_cert_chain": tuple(pem)}}}
+        await app({**scope, **more}, receive, send)
+
+    return shown
 
 
 def batch(*messages: Said, node: str = NODE) -> bytes:
@@ -127,7 +120,7 @@ class Stand:
 
     cloud: Cloud
     clock: Clock
-    gateway: Identity
+    gateway: Identity | None
     token: str
 
     @cached_property
@@ -143,15 +136,14 @@ class Stand:
 
     def ingest_client(self) -> httpx.AsyncClient:
         """A gateway's client."""
-        transport = httpx.ASGITransport(gateway_application(self.cloud), raise_app_exceptions=False)
-        return httpx.AsyncClient(transport=transport, base_url="https://ingest")
+        app = shown_certificate(gateway_application(self.cloud), self.gateway)
+        transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+        headers = {"Content-Type": "application/cbor"}
+        return httpx.AsyncClient(transport=transport, base_url="https://ingest", headers=headers)
 
-    async def ingest(self, body: bytes, **claims: Any) -> httpx.Response:
-        """Bring a batch as the gateway does."""
-        headers = {
-            "Authorization": f"Bearer {warrant(self.gateway, body, self.clock(), **claims)}",
-            "Content-Type": "application/cbor",
-        }
+    async def ingest(self, body: bytes, *, status: Any = None) -> httpx.Response:
+        """Bring a batch as the gateway does, with its status where there is one."""
+        headers = {} if status is None else {HEADER: json.dumps(status)}
         async with self.ingest_client() as client:
             return await client.post("/api/v1/ingest", content=body, headers=headers)
 
@@ -195,12 +187,3 @@ def count_blocks(stand: Stand) -> int:
     """How many blocks are stored."""
     with stand.cloud.store.read() as connection:
         return connection.execute(select(func.count()).select_from(blocks)).scalar_one()
-
-
-async def post(
-    stand: Stand, body: bytes, authorization: str, *, kind: str = "application/cbor"
-) -> httpx.Response:
-    """Bring a batch with any header."""
-    async with stand.ingest_client() as client:
-        headers = {"Authorization": authorization, "Content-Type": kind}
-        return await client.post("/api/v1/ingest", content=body, headers=headers)

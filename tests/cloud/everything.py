@@ -7,7 +7,6 @@ from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from cloud.access import create_login_code
-from cloud.ingest.replay import SharedReplay
 from cloud.pyramid.building import build
 from cloud.store.packing import pack_some
 from eskin.messages import Encoding
@@ -41,8 +40,6 @@ async def fill(stand: Stand, site: Site) -> None:
     create_login_code(store, lifetime=timedelta(days=1))
     async with stand.client(token="") as browser:
         await browser.post("/login", data={"token": stand.token})
-    # A cloud on a file remembers them by itself.
-    SharedReplay(store).first("a gateway's token", until=START / SECOND + 60, now=START / SECOND)
     remove_before(store, START + SECOND)
     _pack(store)
     _build(store)

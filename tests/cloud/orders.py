@@ -13,7 +13,6 @@ from eskin.envelope import Verifier
 from eskin.identity import IdentityKind, Trust
 from eskin.messages import Command, Outcome, Position, Result
 from eskin.topics import Stream, node_topic
-from tests.cloud.clouds import warrant
 from tests.cloud.messages import NODE, START
 from tests.processes import wait_until
 
@@ -63,12 +62,8 @@ async def fetch(
     """Ask for commands as a gateway does."""
     if body is None:
         body = cbor2.dumps({"held": list(held), "wait_s": wait})
-    headers = {
-        "Authorization": f"Bearer {warrant(stand.gateway, body, stand.clock())}",
-        "Content-Type": "application/cbor",
-    }
     async with stand.ingest_client() as client:
-        return await client.post("/api/v1/deliveries", content=body, headers=headers)
+        return await client.post("/api/v1/deliveries", content=body)
 
 
 async def waiting_gateway(stand: Stand, *held: Any) -> asyncio.Task[httpx.Response]:

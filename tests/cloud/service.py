@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-import time
 from datetime import timedelta
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import httpx
 
 from cloud.access import Scope, create_token
 from cloud.store import Store
 from eskin.identity import IdentityKind, client_context
-from tests.cloud.clouds import warrant
 from tests.processes import PLAIN, Running, free_port
 from tests.stores import write_place
 
@@ -83,16 +81,15 @@ class Service(Running):
         url = f"http://127.0.0.1:{self.port}"
         return httpx.Client(base_url=url, headers=headers, timeout=PATIENCE_S, verify=PLAIN)
 
-    def authorize(self, body: bytes) -> str:
-        """A gateway's token for a body."""
-        return warrant(self.gateway, body, time.time_ns())
+    def gateway_client(self, **options: Any) -> httpx.Client:
+        """A gateway's client, which shows its certificate."""
+        context = client_context(self.server.directory / "root.pem", self.gateway)
+        url = f"https://localhost:{self.ingest_port}"
+        headers = {"Content-Type": "application/cbor"}
+        kept = {"base_url": url, "headers": headers, "timeout": PATIENCE_S, "verify": context}
+        return httpx.Client(**{**kept, **options})
 
-    def ingest(self, body: bytes, token: str | None = None) -> httpx.Response:
+    def ingest(self, body: bytes) -> httpx.Response:
         """Bring a batch."""
-        context = client_context(self.server.directory / "root.pem")
-        headers = {
-            "Authorization": f"Bearer {token or self.authorize(body)}",
-            "Content-Type": "application/cbor",
-        }
-        url = f"https://localhost:{self.ingest_port}/api/v1/ingest"
-        return httpx.post(url, content=body, headers=headers, verify=context, timeout=PATIENCE_S)
+        with self.gateway_client() as client:
+            return client.post("/api/v1/ingest", content=body)

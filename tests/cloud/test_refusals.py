@@ -42,6 +42,7 @@ async def test_flood_without_credentials_is_logged_within_its_limit_only(
         standing(tmp_path, identities, limits=few) as stand,
         caplog.at_level(logging.INFO),
     ):
+        stand.gateway = None
         async with stand.ingest_client() as client:
             headers = {"content-type": "application/cbor"}
             statuses = {

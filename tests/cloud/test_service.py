@@ -110,13 +110,56 @@ def test_gateways_listener_speaks_tls_only(standing: Service) -> None:
         )
 
 
+def test_gateways_listener_is_closed_to_clients_without_a_certificate(standing: Service) -> None:
+    anonymous = client_context(standing.server.directory / "root.pem")
+    with pytest.raises(httpx.TransportError), standing.gateway_client(verify=anonymous) as client:
+        client.post("/api/v1/ingest", content=batch(block(0)))
+
+
+def test_certificate_of_another_kind_is_told_why_and_hung_up_on(
+    standing: Service, identities: Identities
+) -> None:
+    root = standing.server.directory / "root.pem"
+    for kind, name in ((IdentityKind.NODE, "n7"), (IdentityKind.CLIENT, "client.demo")):
+        other = client_context(root, identities.make(kind, name))
+        with standing.gateway_client(verify=other) as client:
+            answer = client.post("/api/v1/ingest", content=batch(block(0)))
+        assert answer.status_code == 403
+        assert answer.headers["connection"] == "close"
+
+
+@pytest.mark.parametrize("version", [ssl.TLSVersion.TLSv1_2, ssl.TLSVersion.TLSv1_3])
+def test_resumed_session_is_none_that_passes_without_its_chain(
+    standing: Service, version: ssl.TLSVersion
+) -> None:
+    context = ssl.create_default_context(cafile=standing.server.directory / "root.pem")
+    folder = standing.gateway.directory
+    context.load_cert_chain(folder / "chain.pem", folder / "key.pem")
+    context.minimum_version = context.maximum_version = version
+    body = batch(block(3))
+    head = (
+        "POST /api/v1/ingest HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/cbor\r\n"
+        f"Content-Length: {len(body)}\r\n\r\n"
+    )
+    session = None
+    for _ in range(2):
+        with (
+            socket.create_connection(("localhost", standing.ingest_port)) as plain,
+            context.wrap_socket(plain, server_hostname="localhost", session=session) as client,
+        ):
+            client.sendall(head.encode() + body)
+            status = b"403" if client.session_reused else b"200"
+            assert client.recv(4096).split()[1] == status
+            session = client.session
+
+
 def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> None:
     body = batch(block(0))
     head = (
         "POST /api/v1/ingest HTTP/1.1\r\nHost: localhost\r\nContent-Type: application/cbor\r\n"
-        f"Authorization: Bearer {standing.authorize(body)}\r\nContent-Length: {len(body)}\r\n\r\n"
+        f"Content-Length: {len(body)}\r\n\r\n"
     )
-    context = client_context(standing.server.directory / "root.pem")
+    context = client_context(standing.server.directory / "root.pem", standing.gateway)
     address = "localhost", standing.ingest_port
     before = len(standing.output().splitlines())
     with (
@@ -148,11 +191,10 @@ def test_rubbish_leaves_no_line_in_the_log(standing: Service) -> None:
 
 
 def test_people_cannot_ingest_and_gateways_cannot_ask(standing: Service) -> None:
-    context = client_context(standing.server.directory / "root.pem")
-    base = f"https://localhost:{standing.ingest_port}"
     headers = {"Authorization": f"Bearer {standing.token()}"}
-    answer = httpx.get(f"{base}/api/v1/nodes", verify=context, headers=headers, timeout=PATIENCE_S)
-    assert answer.status_code == 404
+    with standing.gateway_client(headers=headers) as gateway:
+        for path in ("/api/v1/nodes", "/healthz", "/metrics"):
+            assert gateway.get(path).status_code == 404
     with standing.people(standing.token()) as client:
         assert client.post("/api/v1/ingest").status_code == 405
 

@@ -19,7 +19,7 @@ NAMES: Final = (
     "encodings",
     "envelope",
     "signature",
-    "warrant",
+    "gateway_status",
     "ingest",
     "deliveries",
     "intake",

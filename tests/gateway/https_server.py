@@ -9,7 +9,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import Lock, Thread
 from typing import TYPE_CHECKING, Protocol
 
-from eskin.identity.identity import CHAIN_FILE, KEY_FILE
+from eskin.identity import server_context
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -34,12 +34,11 @@ class HttpsServer(ThreadingHTTPServer):
     daemon_threads = False
     request_queue_size = 64
 
-    def __init__(self, identity: Identity, port: int, respond: Respond) -> None:
+    def __init__(
+        self, identity: Identity, port: int, respond: Respond, *, clients: bool = False
+    ) -> None:
         self.respond = respond
-        self._context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        self._context.load_cert_chain(
-            identity.directory / CHAIN_FILE, identity.directory / KEY_FILE
-        )
+        self._context = server_context(identity, client_certificates=clients)
         self._open: set[socket.socket] = set()
         self._lock = Lock()
         super().__init__(("127.0.0.1", port), _Handler)

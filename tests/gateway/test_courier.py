@@ -16,7 +16,7 @@ def test_courier_stopped_in_the_middle_of_a_handshake_closes_its_socket() -> Non
     with socket.create_server(("127.0.0.1", 0)) as silent:
         deliveries = HttpsDeliveries(
             f"https://127.0.0.1:{silent.getsockname()[1]}/api/v1/ingest",
-            warrants=Mock(**{"headers.return_value": {}}),
+            headers=dict,
             context=ssl.create_default_context(),
             timeout_s=20.0,
         )

@@ -15,7 +15,6 @@ from eskin.identity.identity import ROOT_FILE
 from gateway.batch import Batch, Entry
 from gateway.cloud import HttpsCloud, as_batch
 from gateway.onlookers import Onlookers
-from gateway.warrants import Warrants
 from tests.gateway.forwarding import MESSAGES, MemoryCloud, Setup
 from tests.gateway.stub_cloud import StubCloud
 from tests.processes import wait_until
@@ -37,9 +36,9 @@ def https(
 ) -> HttpsCloud:
     return HttpsCloud(
         stub.url,
-        warrants=Warrants(identities.gateway),
+        headers=lambda: {"Content-Type": "application/cbor"},
         onlookers=onlookers or Onlookers(),
-        context=client_context(identities.gateway.directory / ROOT_FILE),
+        context=client_context(identities.gateway.directory / ROOT_FILE, identities.gateway),
         timeout_s=timeout_s,
     )
 

@@ -24,7 +24,6 @@ from gateway.notices import HttpsNotices
 from gateway.onlookers import Onlookers
 from gateway.steward import Steward
 from gateway.veiling import Veiling
-from gateway.warrants import Warrants
 from tests.gateway.https_server import HttpsServer
 from tests.processes import free_port, wait_until
 
@@ -64,7 +63,7 @@ def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[
     port = free_port()
     server = HttpsServer(identities.make(IdentityKind.SERVER, "server.cloud"), port, refuser)
     context = client_context(identities.gateway.directory / ROOT_FILE)
-    common = {"warrants": Warrants(identities.gateway), "context": context, "timeout_s": 60.0}
+    common = {"headers": dict, "context": context, "timeout_s": 60.0}
     yield f"https://127.0.0.1:{port}/api/v1/ingest", common
     server.close()
 

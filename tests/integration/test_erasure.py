@@ -21,7 +21,6 @@ from eskin.messages import Block, Peak
 from eskin.privacy import Unveiler, Veiled
 from eskin.topics import Stream
 from gateway.steward import Steward
-from tests.cloud.clouds import warrant
 from tests.cloud.messages import block, peak
 from tests.cloud.sealing import ask, physician, remains, sealing
 from tests.gateway.test_intake import introduce
@@ -67,14 +66,9 @@ class House:
         introduce(self.inside, self.seal)
 
     def post(self, path: str, body: bytes) -> Any:
-        headers = {
-            "Authorization": f"Bearer {warrant(self.stand.gateway, body, self.stand.clock())}",
-            "Content-Type": "application/cbor",
-        }
-
         async def posted() -> httpx.Response:
             async with self.stand.ingest_client() as client:
-                return await client.post(f"/api/v1/{path}", content=body, headers=headers)
+                return await client.post(f"/api/v1/{path}", content=body)
 
         answer = asyncio.run(posted())
         assert answer.status_code == 200, answer.text

@@ -165,7 +165,7 @@ class Visitor(Thread):
             assert party.connected
 
     def _get(self, folder: Path, port: int) -> None:
-        context = client_context(folder / ROOT_FILE)
+        context = client_context(folder / ROOT_FILE, Identity.load(folder))
         httpx.get(f"https://127.0.0.1:{port}/healthz", verify=context, timeout=60)
 
 

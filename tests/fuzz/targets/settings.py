@@ -60,7 +60,7 @@ host = "127.0.0.1"
 port = 8080
 [gateways]
 identity = "keys"
-skew_s = 30.0
+uploads_bytes = 134217728
 [limits]
 body_bytes = 65536
 """
