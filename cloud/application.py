@@ -8,6 +8,7 @@ from starlette.responses import Response
 
 from cloud.broken_off import BrokenOffMiddleware
 from cloud.dependencies import Reader
+from cloud.erasure_guard import ErasureGuardMiddleware
 from cloud.headers import HeadersMiddleware
 from cloud.limits import LimitsMiddleware
 from cloud.problems import answer_problems
@@ -78,6 +79,7 @@ def _application(cloud: Cloud, title: str, *, secure: bool, limits: dict[str, An
     app = FastAPI(title=title, version=_VERSION, redirect_slashes=False, **options)
     app.state.cloud = cloud
     # The last one added is outermost: refusals carry the headers, too, and are counted.
+    app.add_middleware(ErasureGuardMiddleware, cloud=cloud)
     app.add_middleware(BrokenOffMiddleware)
     app.add_middleware(LimitsMiddleware, **limits)
     app.add_middleware(HeadersMiddleware, secure=secure, requests=cloud.metrics.requests)

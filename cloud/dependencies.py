@@ -4,7 +4,7 @@ What does not wait for the store is asynchronous, so that no thread is woken for
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Final
 from urllib.parse import urlsplit
 
@@ -12,6 +12,7 @@ from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
 
 from cloud.access import Doer, Holder, Scope, find_session, find_token
+from cloud.erasure_guard import OPENED
 from cloud.problems import ProblemError
 from cloud.state import Cloud
 
@@ -32,11 +33,13 @@ class Access:
         holder: Who, and what they may do.
         address: From where.
         lasts: Whether they still may; asked again by what goes on for long.
+        opened: Subjects whose sealed messages were opened for this request.
     """
 
     holder: Holder
     address: str
     lasts: Callable[[], bool]
+    opened: set[str] = field(default_factory=set)
 
     @property
     def doer(self) -> Doer:
@@ -76,7 +79,7 @@ def find_access(
     found = holder()
     if found is None:
         return None
-    return Access(found, address_of(request), lambda: holder() is not None)
+    return Access(found, address_of(request), lambda: holder() is not None, request.scope[OPENED])
 
 
 Visitor = Annotated[Access | None, Depends(find_access)]

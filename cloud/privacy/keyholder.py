@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 from cloud.access import Scope
 from cloud.privacy.erasures import unheard
+from cloud.privacy.errors import ErasedError
 from cloud.problems import ProblemError
 from cloud.store.events import peak_row
 from eskin.errors import NoKeyError, PrivacyError, StoreError
@@ -21,12 +22,32 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
     from cloud.store.entry import Entry
+    from eskin.messages import Peak
     from eskin.privacy import Vault
 
 log = logging.getLogger(__name__)
 
 _DEAF_S: Final = 10.0
 """After so long without a look at the store's erasures, the live feed is told nothing sealed."""
+
+
+class Reader:
+    """Opens sealed messages for one request, and notes whose.
+
+    Args:
+        unveiler: Opens them.
+        opened: Takes the subjects; the request's answer ends when one of them is erased.
+    """
+
+    def __init__(self, unveiler: Unveiler, opened: set[str]) -> None:
+        self._unveiler = unveiler
+        self._opened = opened
+
+    def read(self, node: str, veiled: Veiled) -> tuple[Block | Peak, bytes]:
+        """As `Unveiler.read`."""
+        found = self._unveiler.read(node, veiled)
+        self._opened.add(veiled.subject)
+        return found
 
 
 class Keyholder:
@@ -53,11 +74,12 @@ class Keyholder:
         """Whether somebody is shown what tells of a person."""
         return self._unveiler is not None and Scope.BIOMETRIC in scopes
 
-    def reader(self, scopes: Iterable[Scope], connection: Connection) -> Unveiler:
+    def reader(self, scopes: Iterable[Scope], connection: Connection, opened: set[str]) -> Reader:
         """What opens sealed messages of whoever is not erased.
 
         Args:
             scopes: Of the one who asks.
+            opened: Takes the subjects whose messages are opened.
             connection: Reads the store that the question is asked of.
 
         Raises:
@@ -66,7 +88,7 @@ class Keyholder:
         """
         unveiler = self.require(scopes)
         self.heed(connection)
-        return unveiler
+        return Reader(unveiler, opened)
 
     def require(self, scopes: Iterable[Scope]) -> Unveiler:
         """Refuse whoever may not be shown what tells of a person.
@@ -132,6 +154,21 @@ class Keyholder:
                     log.info("erased, as another cloud was told: subject=%s", subject)
                 self._heard.add(subject)
             self._looked = begun
+
+    def require_unerased(self, connection: Connection, subjects: Iterable[str]) -> None:
+        """Check that none of the subjects was erased, here or at another cloud on this store.
+
+        Raises:
+            ErasedError: One was.
+            PrivacyError: The key of an erased subject cannot be destroyed.
+        """
+        self.heed(connection)
+        if self.vault is not None:
+            for subject in subjects:
+                try:
+                    self.vault.require(subject)
+                except NoKeyError as error:
+                    raise ErasedError(error) from error
 
     def reveal(self, scopes: Iterable[Scope]) -> Callable[[Entry], Entry | None]:
         """What the live feed's entries look like to somebody; ``None`` for what is not shown.

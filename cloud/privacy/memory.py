@@ -21,13 +21,14 @@ from cloud.store.tiles import stale, tiles
 from cloud.store.write_cache import WriteCache
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Block, BlockSummary
-from eskin.privacy import Unveiler, Veiled
+from eskin.privacy import Veiled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sqlalchemy import Connection, Engine, RowMapping
 
+    from cloud.privacy.keyholder import Reader
     from cloud.query.window import Window
 
 MOST: Final = 20_000
@@ -37,7 +38,7 @@ _TABLES: Final = [nodes, channels, blocks, events, sequences, feed, tiles, stale
 
 @contextmanager
 def unveiled(
-    connection: Connection, reader: Unveiler, channel: RowMapping, window: Window
+    connection: Connection, reader: Reader, channel: RowMapping, window: Window
 ) -> Iterator[tuple[Connection, RowMapping]]:
     """A store in memory with a channel's blocks around a window, and the channel's row there.
 
@@ -77,7 +78,7 @@ def _sealed(connection: Connection, channel: RowMapping, window: Window) -> Sequ
     return found
 
 
-def _open(reader: Unveiler, node: str, sealed: Sequence[bytes]) -> list[Item]:
+def _open(reader: Reader, node: str, sealed: Sequence[bytes]) -> list[Item]:
     """What can be opened; the rest is missing, as a gap is."""
     items: list[Item] = []
     lost: NoKeyError | None = None

@@ -16,12 +16,12 @@ from eskin.privacy import Veiled
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping, Select
 
+    from cloud.privacy.keyholder import Reader
     from cloud.query.events import EventQuestion
-    from eskin.privacy import Unveiler
 
 
 def find_peaks(
-    connection: Connection, reader: Unveiler, question: EventQuestion
+    connection: Connection, reader: Reader, question: EventQuestion
 ) -> list[dict[str, Any]]:
     """The first sealed peaks that answer a question, in its order; one more than its limit.
 
@@ -74,7 +74,7 @@ def _sure(found: list[dict[str, Any]], limit: int, row: RowMapping, *, rising: b
     return bool(row["t_lo"] > last if rising else row["t_hi"] < last)
 
 
-def _open(reader: Unveiler, row: RowMapping) -> dict[str, Any] | None:
+def _open(reader: Reader, row: RowMapping) -> dict[str, Any] | None:
     try:
         message, data = reader.read(row["node"], Veiled.decode(row["data"]))
     except NoKeyError:

@@ -60,7 +60,7 @@ def get_events(
     )
     with cloud.store.read() as connection:
         may = cloud.keyholder.may(scopes)
-        reader = cloud.keyholder.reader(scopes, connection) if may else None
+        reader = cloud.keyholder.reader(scopes, connection, access.opened) if may else None
         if query.node is not None:
             find_node(connection, query.node)
         peaks = [] if reader is None else find_peaks(connection, reader, question)

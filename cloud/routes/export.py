@@ -122,7 +122,7 @@ def _source(
     """Where a channel is read: what tells of a person is opened in memory, for the whole export."""
     if not is_biometric(row["channel"]):
         return Source(row, cloud.store.read)
-    reader = cloud.keyholder.reader(access.holder.scopes, connection)
+    reader = cloud.keyholder.reader(access.holder.scopes, connection, access.opened)
     memory, known = stack.enter_context(unveiled(connection, reader, row, window))
     return Source(known, lambda: nullcontext(memory))
 

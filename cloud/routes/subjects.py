@@ -10,6 +10,7 @@ from starlette.responses import Response, StreamingResponse
 
 from cloud.dependencies import Access, Administrator, BiometricReader, CloudState
 from cloud.privacy.erasures import look
+from cloud.privacy.keyholder import Reader
 from cloud.problems import ProblemError
 from cloud.query.errors import UnknownPlaceError
 from cloud.routes.answers import as_json
@@ -28,7 +29,7 @@ from cloud.store.sealed import erased_subjects, veiled, wearers
 from eskin.errors import NoKeyError
 from eskin.messages import Peak
 from eskin.moment import format_moment
-from eskin.privacy import Unveiler, Veiled
+from eskin.privacy import Veiled
 
 router = APIRouter(tags=["subjects"])
 
@@ -70,7 +71,7 @@ async def get_export(
 ) -> Response:
     """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
     del query
-    reader = cloud.keyholder.require(access.holder.scopes)
+    reader = Reader(cloud.keyholder.require(access.holder.scopes), access.opened)
     await asyncio.to_thread(_require_key, cloud, subject)
     deed = Deed(access.doer.name, access.doer.address, Action.SUBJECT_EXPORTED, subject)
     written = cloud.store.write(lambda c: record(c, deed, now=cloud.clock()))
@@ -87,7 +88,7 @@ def _require_key(cloud: Cloud, subject: str) -> None:
             raise UnknownPlaceError("subject", str(error)[:200]) from error
 
 
-def stream_lines(cloud: Cloud, access: Access, reader: Unveiler, subject: str) -> Iterator[bytes]:
+def stream_lines(cloud: Cloud, access: Access, reader: Reader, subject: str) -> Iterator[bytes]:
     """A subject's lines, for as long as the reader may read."""
     last = -1
     while True:
@@ -104,7 +105,7 @@ def stream_lines(cloud: Cloud, access: Access, reader: Unveiler, subject: str) -
         last = rows[-1]["cursor"]
 
 
-def _line(reader: Unveiler, row: dict[str, Any]) -> dict[str, Any]:
+def _line(reader: Reader, row: dict[str, Any]) -> dict[str, Any]:
     message, data = reader.read(row["node"], Veiled.decode(row["data"]))
     if isinstance(message, Peak):
         return event_shape(peak_row(row["node"], message, data) | {"cursor": row["cursor"]})

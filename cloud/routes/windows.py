@@ -41,7 +41,7 @@ def opened(
     if not is_biometric(row["channel"]):
         yield connection, row
         return
-    reader = cloud.keyholder.reader(access.holder.scopes, connection)
+    reader = cloud.keyholder.reader(access.holder.scopes, connection, access.opened)
     with unveiled(connection, reader, row, window) as source:
         yield source
 

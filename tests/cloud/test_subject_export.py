@@ -9,6 +9,7 @@ import pytest
 
 from cloud.access import Holder, digest, find_token, revoke_token, token_id
 from cloud.dependencies import Access
+from cloud.privacy.keyholder import Reader
 from cloud.problems import ProblemError
 from cloud.routes.subjects import stream_lines
 from tests.cloud.sealing import (
@@ -45,7 +46,7 @@ async def test_export_of_a_subject_ends_when_its_token_is_revoked(stand: Stand, 
     first = holder()
     assert first is not None
     access = Access(first, "192.0.2.1", lambda: holder() is not None)
-    reader = stand.cloud.keyholder.require(first.scopes)
+    reader = Reader(stand.cloud.keyholder.require(first.scopes), access.opened)
     lines = stream_lines(stand.cloud, access, reader, site.ada.pseudonym)
     assert json.loads(next(lines))["sequence"] == 1
     assert revoke_token(store, token_id(digest(token)))
