@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval import Interval
+from eskin.interval import Interval, require_plain
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,6 +50,7 @@ class Tube:
             raise IntervalError(f"time enclosure is reversed: {self.time}")
         if self.dt <= 0:
             raise IntervalError(f"dt must be positive, in ns, not {self.dt}")
+        require_plain(self.coverage, "coverage")
         if not 0.0 <= self.coverage <= 1.0:
             raise IntervalError(f"coverage must lie in [0, 1], not {self.coverage}")
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from eskin.client.moments import written_moments
 from eskin.client.pages import API
 from eskin.interval import Interval
+from eskin.interval.conversion import enclose
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -139,7 +140,7 @@ def _path(node: str, channel: str, question: str) -> str:
 
 def _model(model: str, parameters: Mapping[str, Interval | float]) -> dict[str, Any]:
     bounds = {
-        name: value if isinstance(value, Interval) else Interval(value)
+        name: value if isinstance(value, Interval) else Interval(*enclose(value, name))
         for name, value in parameters.items()
     }
     written = [f"{name}:{float(b.inf)!r}:{float(b.sup)!r}" for name, b in bounds.items()]

@@ -9,7 +9,7 @@ import numpy as np
 from eskin.design.bounded import require_bounded
 from eskin.design.paving import Paving, Region
 from eskin.errors import DesignError
-from eskin.interval import Interval
+from eskin.interval import Interval, require_plain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -48,6 +48,7 @@ def invert(
         DesignError: The space or the resolution cannot be used.
     """
     names, lo, hi = _corners(space)
+    require_plain(resolution, "resolution", DesignError)
     if not 0.0 < resolution <= 1.0:
         raise DesignError(f"resolution: {resolution} is outside of (0, 1]")
     open_boxes = [(lo[None, :], hi[None, :])]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from eskin.errors import DesignError
+from eskin.interval import require_plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -59,10 +60,12 @@ class Paving:
         """What a point of the space is; on the face of two boxes, the surer word counts.
 
         Raises:
-            DesignError: A parameter is missing, unknown, or outside of the space.
+            DesignError: A parameter is missing, unknown, outside of the space, or carries a unit.
         """
         if point.keys() != self.space.keys():
             raise DesignError(f"give {', '.join(self.space)}; not {', '.join(point) or 'nothing'}")
+        for name, value in point.items():
+            require_plain(value, name, DesignError)
         values = np.array([point[name] for name in self.space])
         inside = np.all((self.lo <= values) & (values <= self.hi), axis=1)
         if not inside.any():

@@ -8,6 +8,7 @@ import numpy as np
 
 from eskin.design.paving import Region
 from eskin.errors import DesignError
+from eskin.interval import require_plain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -48,6 +49,7 @@ def draw_paving(
         raise DesignError(f"the space has {names}: give x and y, and a value in at for the others")
     cut = np.ones(len(paving.lo), dtype=bool)
     for name, value in others.items():
+        require_plain(value, name, DesignError)
         k = names.index(name)
         cut &= (paving.lo[:, k] <= value) & (value <= paving.hi[:, k])
     i, j = names.index(x), names.index(y)

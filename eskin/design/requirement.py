@@ -15,7 +15,7 @@ import numpy as np
 from eskin.design.bounded import require_bounded, require_pieces
 from eskin.design.spread import enclose_spread
 from eskin.errors import DesignError
-from eskin.interval import Interval, watch_domains
+from eskin.interval import Interval, require_plain, watch_domains
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -74,6 +74,7 @@ class Within:
     pieces: int = 8
 
     def __post_init__(self) -> None:
+        require_plain([self.lo, self.hi], "the band", DesignError)
         if not self.lo <= self.hi:
             raise DesignError(f"the band [{self.lo}, {self.hi}] is empty; give lo <= hi")
         _require_divisible(self.for_every, self.pieces)
@@ -112,11 +113,13 @@ class Narrower:
 
     def __post_init__(self) -> None:
         _require_divisible(self.for_every, self.pieces)
+        require_plain(self.width, "width", DesignError)
         if not self.width >= 0.0:
             raise DesignError(f"width: {self.width} is no greatest width; give a number >= 0")
         if not 1 <= len(self.tolerance) <= MOST_TOLERANCES:
             raise DesignError(f"tolerances: give 1 to {MOST_TOLERANCES}, not {len(self.tolerance)}")
         for name, share in self.tolerance.items():
+            require_plain(share, f"tolerance of {name}", DesignError)
             if not 0.0 <= share < 1.0:
                 raise DesignError(f"tolerance of {name}: {share} is outside of [0, 1)")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from eskin.interval.answer import Answer
-from eskin.interval.conversion import Floats, round_down, round_up
+from eskin.interval.conversion import Floats, require_plain, round_down, round_up
 from eskin.interval.decoration import DomainWatch, watch_domains
 from eskin.interval.interval import Interval, as_interval
 
@@ -13,6 +13,7 @@ __all__ = [
     "Floats",
     "Interval",
     "as_interval",
+    "require_plain",
     "round_down",
     "round_up",
     "watch_domains",

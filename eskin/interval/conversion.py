@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from eskin.errors import IntervalError
+from eskin.errors import EskinError, IntervalError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -15,6 +15,48 @@ Floats: TypeAlias = "NDArray[np.float64]"
 """Sides of intervals: an array of binary64, of any shape."""
 
 _EXACT_INTEGER = 2**53
+_PLAIN = frozenset({bool, int, float, np.ndarray, np.float64})
+"""Types that carry no unit, looked up before any other question."""
+
+
+def unit_of(value: object) -> str | None:
+    """The unit that a value carries: of pint, unyt and quantities ``units``, of astropy ``unit``.
+
+    Of lists and tuples the first that one of their items carries; ``None`` of plain numbers.
+    """
+    kind = type(value)
+    if kind in _PLAIN:
+        return None
+    if isinstance(value, list | tuple):
+        if _PLAIN.issuperset(map(type, value)):  # 10 ns an item
+            return None
+        units = (unit_of(item) for item in value if type(item) not in _PLAIN)
+        return next((unit for unit in units if unit is not None), None)
+    for attribute in ("units", "unit"):
+        unit = getattr(value, attribute, None)
+        if unit is not None:
+            return str(unit) or "1"
+    return None
+
+
+def require_plain(value: object, name: str, error: type[EskinError] = IntervalError) -> None:
+    """Reject a value that carries a unit, which numpy would drop without a word.
+
+    Args:
+        value: What a caller gave for numbers.
+        name: What the caller calls it, for the error.
+        error: What to raise.
+
+    Raises:
+        error: It carries a unit, even that of a pure number: 5 % is not 5.
+    """
+    unit = unit_of(value)
+    if unit is not None:
+        raise error(
+            f"{name} carries the unit {unit!r}; eskin takes plain numbers in SI units: give "
+            "value.to('m').magnitude (pint) or value.to_value('m') (astropy, unyt), with the SI "
+            "unit of this parameter for 'm'"
+        )
 
 
 def round_down(value: Floats, ulp: int = 1) -> Floats:
@@ -41,8 +83,9 @@ def enclose(value: ArrayLike, name: str) -> tuple[Floats, Floats]:
         name: What the caller calls it, for the error.
 
     Raises:
-        IntervalError: It holds anything else, or rows of different lengths.
+        IntervalError: It holds anything else, or rows of different lengths, or carries a unit.
     """
+    require_plain(value, name)
     if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
         where = first_index(np.ma.getmaskarray(value))
         raise IntervalError(

@@ -9,6 +9,7 @@ import numpy as np
 from eskin.errors import IntervalError
 from eskin.interval.arithmetic import Arithmetic
 from eskin.interval.bounds import Bounds
+from eskin.interval.conversion import require_plain
 from eskin.interval.decoration import holds_zero, undefined_where
 from eskin.interval.evaluation import of_one, of_two
 from eskin.kernels import angles, elementary, hyperbolic, powers, trigonometry
@@ -26,6 +27,7 @@ class Functions(Arithmetic):
 
     def __pow__(self, exponent: Bounds | ArrayLike | int) -> Self:
         """`pown` for a single whole number, else `pow`, which takes no negative base."""
+        require_plain(exponent, "exponent")
         if not isinstance(exponent, Bounds) and np.ndim(exponent) == 0:
             single = float(np.asarray(exponent, dtype=np.float64))
             if single.is_integer() and abs(single) <= _GREATEST_POWER:
@@ -159,6 +161,7 @@ class Functions(Arithmetic):
 
 
 def _whole(number: int, name: str) -> int:
+    require_plain(number, name)
     if int(number) != number or abs(number) > _GREATEST_POWER:
         raise IntervalError(f"{name}: {number!r} is no integer within ±2³¹; pow takes others")
     return int(number)

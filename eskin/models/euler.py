@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval import require_plain
 from eskin.models.broadcasting import broadcast_shape
 from eskin.models.parameters import not_negative, positive
 
@@ -89,6 +90,7 @@ def coil_energy_euler_paper(
     inductor = positive("inductance", inductance)
     for each in (v, z, inductor):
         each.require_allowed()
+    require_plain(step, "step")
     if not (step > 0.0 and np.isfinite(step) and steps >= 0):
         raise IntervalError(f"step must be > 0 and steps >= 0, are {step!r} and {steps!r}")
     lower, upper = _begin(v, z, inductor, steps)

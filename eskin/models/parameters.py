@@ -96,9 +96,10 @@ def parameter(name: str, value: Bounds, allowed: Allowed) -> Parameter:
     """Name a parameter; its values are checked when a kernel reads them.
 
     Raises:
-        IntervalError: It is no array of real numbers.
+        IntervalError: It is no array of real numbers, or carries a unit.
     """
-    if isinstance(value, np.ndarray) and value.dtype == np.float64:
+    # Not of its subclasses: arrays with units, masked ones.
+    if type(value) is np.ndarray and value.dtype == np.float64:
         return Parameter(name, value, value, allowed)
     try:
         bounds = value if isinstance(value, Interval) else Interval(value)

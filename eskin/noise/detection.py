@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval import as_interval
+from eskin.interval import as_interval, require_plain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -38,9 +38,11 @@ def detect(readings: Interval | ArrayLike, threshold: ArrayLike) -> NDArray[np.i
         Values of `Detection`, of the broadcast shape.
 
     Raises:
-        IntervalError: A threshold is no number, a reading is empty, or shapes do not fit.
+        IntervalError: A threshold is no number, a reading is empty, one carries a unit, or shapes
+            do not fit.
     """
     enclosed = as_interval(readings)
+    require_plain(threshold, "threshold")
     try:
         limit = np.asarray(threshold, dtype=np.float64)
     except ValueError as error:

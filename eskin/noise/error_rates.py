@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval import Interval, as_interval
+from eskin.interval import Interval, as_interval, require_plain
 from eskin.noise.normal import upper_tail
 
 if TYPE_CHECKING:
@@ -82,6 +82,7 @@ def _tail(distance: Interval, sigma: Floats, *, at_zero: bool) -> Interval:
 
 
 def _axis(name: str, value: ArrayLike) -> Floats:
+    require_plain(value, name)
     try:
         made = np.atleast_1d(np.asarray(value, dtype=np.float64))
     except (TypeError, ValueError) as error:

@@ -11,7 +11,7 @@ import numpy as np
 from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.coverage import union_coverage
 from eskin.errors import IntervalError
-from eskin.interval import Interval, as_interval
+from eskin.interval import Interval, as_interval, require_plain
 from eskin.models.broadcasting import broadcast_shape
 from eskin.models.parameters import (
     NOT_NEGATIVE,
@@ -103,13 +103,14 @@ def touch_with_noise(
         thin("area", area, NOT_NEGATIVE),
         thin("distance", distance, POSITIVE),
         thin("voltage", voltage, NOT_NEGATIVE),
+        thin("vacuum_permittivity", vacuum_permittivity, POSITIVE),
     ]
     for each in given:
         each.require_allowed()
     shape = broadcast_shape(given)
-    true, apart, volts = (each.inf for each in given)
+    true, apart, volts, permittivity = (each.inf for each in given)
     noisy = np.maximum(true + noise.area * generator.standard_normal(shape), 0.0)
-    exact = vacuum_permittivity * noisy / apart
+    exact = permittivity * noisy / apart
     measured = exact + noise.capacitance * generator.standard_normal(shape)
     energy = 0.5 * measured * np.square(volts)
     return TouchReadings(noisy, measured, energy + noise.energy * generator.standard_normal(shape))
@@ -141,6 +142,7 @@ def touch_within(
     Raises:
         IntervalError: A parameter is not allowed, or shapes do not fit each other.
     """
+    require_plain(deviations, "deviations")
     if not math.isfinite(deviations):
         raise IntervalError(f"deviations must be finite and >= 0, is {deviations!r}")
     each = coverage_within(deviations)

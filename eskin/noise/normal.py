@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval import Interval
+from eskin.interval import Interval, as_interval, require_plain
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _ERFC_ERROR: Final = 1e-12
 """Relative error of the C library's ``erfc``, at most: known ones err by 1e-15 (glibc's manual)."""
@@ -16,7 +19,7 @@ _LEAST: Final = 1e-320
 """More than its error where the result is subnormal."""
 
 
-def upper_tail(deviations: Interval) -> Interval:
+def upper_tail(deviations: Interval | ArrayLike) -> Interval:
     """Enclose the probability that a normal variable is this much above its mean, or more.
 
     Args:
@@ -24,8 +27,11 @@ def upper_tail(deviations: Interval) -> Interval:
 
     Returns:
         ``erfc(x/√2)/2`` of each interval, within [0, 1]; the same shape.
+
+    Raises:
+        IntervalError: It is no array of real numbers, or carries a unit.
     """
-    scaled = deviations / Interval(2.0).sqrt()
+    scaled = as_interval(deviations) / Interval(2.0).sqrt()
     least, most = (np.asarray(_erfc(side)) for side in (scaled.sup, scaled.inf))
     inf = least * (1.0 - _ERFC_ERROR) - _LEAST
     sup = most * (1.0 + _ERFC_ERROR) + _LEAST
@@ -39,8 +45,9 @@ def coverage_within(deviations: float) -> float:
     bound gives certainty.
 
     Raises:
-        IntervalError: The number is negative or NaN.
+        IntervalError: The number is negative or NaN, or carries a unit.
     """
+    require_plain(deviations, "deviations")
     if not deviations >= 0.0:
         raise IntervalError(f"deviations must be >= 0, is {deviations!r}")
     if math.isinf(deviations):

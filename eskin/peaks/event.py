@@ -7,6 +7,7 @@ from enum import IntEnum
 from math import inf
 
 from eskin.errors import IntervalError
+from eskin.interval import require_plain
 
 
 class Verdict(IntEnum):
@@ -43,7 +44,9 @@ def require_prominence(prominence: float) -> None:
 
     Raises:
         ValueError: It is not positive and finite.
+        IntervalError: It carries a unit.
     """
+    require_plain(prominence, "prominence")
     if not 0.0 < prominence < inf:
         raise ValueError(f"prominence must be positive and finite, not {prominence}")
 

@@ -41,6 +41,7 @@ class PeakStream:
 
     Raises:
         ValueError: The prominence is not positive and finite.
+        IntervalError: The prominence carries a unit.
     """
 
     def __init__(self, prominence: float, *, longest_region: int | None = None) -> None:
@@ -129,7 +130,7 @@ def find_peaks(
 
     Raises:
         ValueError: The prominence is not positive and finite.
-        IntervalError: Bounds are no interval, or differ in number.
+        IntervalError: Bounds are no interval, or differ in number, or a value carries a unit.
     """
     stream = PeakStream(prominence)
     found = stream.feed(*samples_of(samples, highs))

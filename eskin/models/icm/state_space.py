@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval import require_plain
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -37,6 +38,8 @@ class StateSpace:
 
     def slope(self, state: ArrayLike, voltage: float) -> Floats:
         """``x' = A x + B u`` (eq. 17) for a state (i1 in A, u_c in V) and a source in V."""
+        require_plain(state, "state")
+        require_plain(voltage, "voltage")
         return self.a @ np.asarray(state, dtype=np.float64) + self.b[:, 0] * voltage
 
     def resolvent(self, s: complex) -> NDArray[np.complex128]:
@@ -68,9 +71,15 @@ class StateSpace:
             frequency: f in Hz.
             phase: ψ in rad.
 
+        Raises:
+            IntervalError: A value carries a unit.
+
         Returns:
             i1 in A and u_c in V along a first axis of 2.
         """
+        given = {"time": time, "amplitude": amplitude, "frequency": frequency, "phase": phase}
+        for name, value in given.items():
+            require_plain(value, name)
         t = np.maximum(np.asarray(time, dtype=np.float64), 0.0)
         omega = 2.0 * np.pi * frequency
         poles = np.diag(self.a)
@@ -105,6 +114,7 @@ def state_space(
         "capacitance": capacitance,
     }
     for name, value in given.items():
+        require_plain(value, name)
         if not 0.0 < value < np.inf:
             raise IntervalError(f"{name} must be a finite number > 0, is {value!r}")
     charging = 1.0 / (capacitor_resistance * capacitance)
