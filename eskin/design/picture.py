@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from eskin.design.paving import Paving
 
 LOOKS: Final = {
-    Region.CERTAIN: ("#1b7f5c", ""),
-    Region.POSSIBLE: ("#f2c14e", "///"),
-    Region.NEVER: ("#d9d9d9", ""),
+    Region.CERTAIN: "#1b7f5c",
+    Region.POSSIBLE: "#f2c14e",
+    Region.NEVER: "#f4f4f4",
 }
-"""Colour and hatch of each region: told apart without colour, too."""
+"""Colour of each region, from dark to light: told apart without colour, too."""
 
 
 def draw_paving(
@@ -53,7 +53,7 @@ def draw_paving(
         k = names.index(name)
         cut &= (paving.lo[:, k] <= value) & (value <= paving.hi[:, k])
     i, j = names.index(x), names.index(y)
-    for region, (colour, _) in LOOKS.items():
+    for region, colour in LOOKS.items():
         chosen = cut & (paving.regions == region)
         lo, hi = paving.lo[chosen], paving.hi[chosen]
         corners = np.stack(
@@ -70,5 +70,5 @@ def draw_paving(
     axes.set_ylim(float(paving.space[y].inf), float(paving.space[y].sup))
     axes.set_xlabel(x)
     axes.set_ylabel(y)
-    handles = [Patch(facecolor=c, hatch=h, label=str(r)) for r, (c, h) in LOOKS.items()]
-    axes.legend(handles=handles, loc="upper right", framealpha=0.9)
+    handles = [Patch(facecolor=c, edgecolor="#888888", label=str(r)) for r, c in LOOKS.items()]
+    axes.legend(handles=handles, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)

@@ -24,16 +24,17 @@ def draw_fig6() -> Figure:
     """Fig. 6 (eq. 7 and 8) over the first eighth of a second, where eq. 7 is positive."""
     time = np.linspace(0.0, 0.125, 2501)
     source: dict[str, Any] = {"voltage": VOLTAGE_V, "voltage_frequency": FREQUENCY_HZ}
+    paper = alternating_current_paper(time, **SWING, **source)
+    whole = alternating_current(time, **SWING, **source, swing=Swing.PAPER)
     columns = {
         "time_s": time,
         "voltage_V": middle(
             source_voltage(time, amplitude=VOLTAGE_V, frequency=FREQUENCY_HZ, phase=0.0)
         ),
         "capacitance_F": middle(alternating_capacitance_paper(time, **SWING)),
-        "current_A": middle(alternating_current_paper(time, **SWING, **source)),
-        "current_corrected_A": middle(
-            alternating_current(time, **SWING, **source, swing=Swing.PAPER)
-        ),
+        "current_A": middle(paper),
+        "current_corrected_A": middle(whole),
+        "difference_A": middle(whole - paper),
     }
     return Figure(
         "fig6",
@@ -53,5 +54,6 @@ def draw_fig6() -> Figure:
                     "d(CV)/dt (corrected)": "current_corrected_A",
                 },
             ),
+            Panel("difference", "A", lines={"V·dC/dt, left out by eq. 8": "difference_A"}),
         ),
     )

@@ -20,6 +20,8 @@ RESIDUE_M2 = 1e-6
 """What may seem to be touched when nothing is; the touched area is as uncertain."""
 NOISES_M2 = (1e-6, 2e-6, 4e-6)
 THRESHOLDS_M2 = (3e-6, 5e-6, 7e-6)
+SHOWN_PERCENT: Final = (1e-4, 100.0)
+"""From one error in a million upwards."""
 KINDS: Final = ("false_positive", "false_negative")
 CAPTION: Final = (
     "Probability of an error under Gaussian noise. Line: an area of 0 without and of 0.1 cm² with "
@@ -102,4 +104,5 @@ def _panel(kind: str, labels: list[str]) -> Panel:
             f"{label}, interval": (f"{kind}_{n}_lo_percent", f"{kind}_{n}_hi_percent")
             for n, label in numbers.items()
         },
+        logarithmic=SHOWN_PERCENT,
     )

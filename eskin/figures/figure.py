@@ -18,22 +18,45 @@ Floats: TypeAlias = "NDArray[np.float64]"
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """How one line is drawn, where it must be told apart from another one.
+
+    Attributes:
+        colour: Place in the list of colours; the line's own place if not given.
+        style: As matplotlib has it; that of the line's place if not given.
+        width: In points.
+        alpha: 1 is opaque.
+    """
+
+    colour: int | None = None
+    style: str | tuple[float, tuple[float, ...]] | None = None
+    width: float = 1.3
+    alpha: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Panel:
     """One pair of axes.
 
     Attributes:
         ylabel: What is drawn upwards, with its unit in brackets.
         unit: SI unit of the values; the axis takes a prefix.
-        lines: Legend to column, drawn as a line.
+        lines: Legend to column, drawn as a line; later ones lie above.
         bands: Legend to pair of columns (lo, hi), drawn as an area.
-        span: How much of the axis to the right is shown, from its start; all if not given.
+        looks: Legend to look, of lines that do not have the usual one.
+        window: Ends of what is shown of the axis to the right; all if not given.
+        inset: Likewise, of what is shown again in a window of its own.
+        logarithmic: Ends of a logarithmic axis upwards; it is linear if not given.
     """
 
     ylabel: str
     unit: str
     lines: Mapping[str, str] = field(default_factory=dict)
     bands: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    span: float | None = None
+    looks: Mapping[str, Look] = field(default_factory=dict)
+    window: tuple[float, float] | None = None
+    inset: tuple[float, float] | None = None
+    logarithmic: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)

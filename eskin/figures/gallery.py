@@ -14,6 +14,7 @@ from eskin.figures.paper import write_statements
 from eskin.figures.plate_capacitance import draw_fig4b, draw_fig7a, draw_fig7b
 from eskin.figures.table import write_table
 from eskin.figures.touch import draw_fig8
+from eskin.figures.touch_design import write_design
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +42,7 @@ FIGURES: Final[dict[str, Callable[[], Figure]]] = {
 def write_figures(
     directory: Path, *, progress: Callable[[str, int, int], None] = lambda _name, _done, _all: None
 ) -> list[Path]:
-    """Write every figure as PNG and CSV, and ``paper.csv``.
+    """Write every figure as PNG and CSV, ``design.png`` of docs/theory.md, and ``paper.csv``.
 
     Args:
         directory: Made where it is missing.
@@ -65,6 +66,7 @@ def write_figures(
         write_table(table, figure.columns)
         write_picture(picture, figure)
         written += [table, picture]
+    written.append(write_design(directory / "design.png"))
     written.append(write_statements(directory / "paper.csv"))
     progress("paper", len(FIGURES), len(FIGURES))
     return written

@@ -18,7 +18,8 @@ CAPTION = (
 )
 
 
-SETTLED = " From zero the current settles within 1 µs (L/R1 = 0.1 µs)."
+SETTLED_S = 1e-6
+SETTLED = " Inset: from zero the current settles within 1 µs (L/R1 = 0.1 µs)."
 
 
 def draw_fig10a() -> Figure:
@@ -58,6 +59,7 @@ def draw_fig10b() -> Figure:
             "A",
             lines={"i1(t)": "current_A"},
             bands={"parts ± 5 %": ("current_lo_A", "current_hi_A")},
+            inset=(0.0, SETTLED_S),
         ),
     )
     return Figure(
@@ -69,4 +71,5 @@ def _sensors() -> tuple[np.ndarray[tuple[int], np.dtype[np.float64]], IcmParamet
     nominal = IcmParameters()
     parts = ("coil_resistance", "inductance", "capacitor_resistance", "capacitance")
     loose = {part: Interval.relative(getattr(nominal, part), TOLERANCE) for part in parts}
-    return np.linspace(0.0, 1e-3, 1001), nominal, replace(nominal, **loose)
+    time = np.concatenate([np.linspace(0.0, SETTLED_S, 101), 1e-6 * np.arange(2.0, 1001.0)])
+    return time, nominal, replace(nominal, **loose)

@@ -17,8 +17,8 @@ PARAMETERS = {
     "distance_amplitude": 0.01,
 }
 VOLTAGE_V = 5.0
-SHOWN_S = 0.01
-"""How much of the voltage is drawn: 20 of its 2000 periods."""
+WINDOWS_S = ((0.0, 0.01), (0.5, 0.51))
+"""What is drawn of the voltage: twice 20 of its 2000 periods."""
 
 
 def draw_fig9() -> Figure:
@@ -40,22 +40,25 @@ def draw_fig9() -> Figure:
         "fig9",
         "Inductive sensor",
         "Eq. 11 to 13 as the paper has them, over one period of the object. "
-        "Voltage, paper: V0·sin(2π·f(t)·t). Corrected: the phase is the integral of f. Its first "
-        "10 ms are drawn, 20 of 2000 periods; the two part slowly.",
+        "Voltage, paper: V0·sin(2π·f(t)·t). Corrected: the phase is the integral of f. Twice 10 ms "
+        "are drawn: at first both agree; later the paper's runs at f + t·df/dt in place of f.",
         columns,
         "time",
         (
             Panel("distance", "m", lines={"d(t)": "distance_m"}),
             Panel("inductance", "H", lines={"L(t)": "inductance_H"}),
             Panel("frequency", "Hz", lines={"f_osc(t)": "frequency_Hz"}),
-            Panel(
-                "voltage",
-                "V",
-                lines={
-                    "V0·sin(2πft) (paper)": "voltage_V",
-                    "phase integrated (corrected)": "voltage_corrected_V",
-                },
-                span=SHOWN_S,
+            *(
+                Panel(
+                    "voltage",
+                    "V",
+                    lines={
+                        "V0·sin(2πft) (paper)": "voltage_V",
+                        "phase integrated (corrected)": "voltage_corrected_V",
+                    },
+                    window=window,
+                )
+                for window in WINDOWS_S
             ),
         ),
     )

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
-from eskin.figures.figure import Figure, Floats, Panel, band, middle
+from eskin.figures.figure import Figure, Floats, Look, Panel, band, middle
 from eskin.interval import Interval
 from eskin.models import capacitive_chain
 
@@ -13,6 +15,12 @@ TRANSCONDUCTANCE_S = 1e-3
 SENSORS_F = ((10e-12, 100e-12), (20e-12, 150e-12), (5e-12, 50e-12))
 TOLERANCE = 0.05
 """Relative tolerance of each sensor's least and greatest capacitance; the paper gives none."""
+
+_SAME: Final = {
+    "sensor 1": Look(width=2.6, alpha=0.5),
+    "sensor 3": Look(style=(0.0, (5.0, 5.0)), width=1.6),
+}
+"""Sensors 1 and 3 have the same voltage and current: the first shows in the gaps of the last."""
 
 
 def draw_fig5a() -> Figure:
@@ -78,7 +86,7 @@ def draw_fig5b() -> Figure:
         "Three sensors with intervals",
         "As Fig. 5a, for 10–100, 20–150 and 5–50 pF; exact bounds for least and greatest "
         "capacitances within ±5 % (the paper draws intervals and does not say how wide). "
-        "Sensors 1 and 3 swing by the same ratio, so V and I are the same.",
+        "Sensors 1 (pale) and 3 swing by the same ratio, so V and I are the same.",
         columns,
         "time",
         tuple(_panel(*kind) for kind in (("capacitance", "F"), ("voltage", "V"), ("current", "A"))),
@@ -95,4 +103,5 @@ def _panel(quantity: str, unit: str) -> Panel:
             f"sensor {n}, interval": (f"{quantity}_{n}_lo_{unit}", f"{quantity}_{n}_hi_{unit}")
             for n in numbers
         },
+        looks={} if quantity == "capacitance" else _SAME,
     )

@@ -6,7 +6,10 @@ import textwrap
 from typing import TYPE_CHECKING, Final
 
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, FuncFormatter
+from matplotlib.ticker import EngFormatter, FuncFormatter, ScalarFormatter
+
+from eskin.design import draw_paving
+from eskin.figures.figure import Look
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -14,6 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.ticker import Formatter
 
+    from eskin.design import Paving
     from eskin.figures.figure import Figure, Panel
 
 COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
@@ -23,6 +27,9 @@ _DPI: Final = 150
 _WIDTH: Final = 9.0
 _PANEL_HEIGHT: Final = 2.3
 _MARGIN: Final = 1.5
+_INSET: Final = (0.14, 0.48, 0.5, 0.47)
+"""Left, bottom, width and height of an inset as shares of its panel."""
+_FACTORS: Final = {"m2": (1e4, "cm²"), "percent": (1.0, "%"), "F": (1e12, "pF")}
 
 
 def write_picture(path: Path, figure: Figure) -> None:
@@ -32,6 +39,32 @@ def write_picture(path: Path, figure: Figure) -> None:
         OSError: The file cannot be written.
     """
     draw_picture(figure).savefig(path, dpi=_DPI, metadata={"Software": None})
+
+
+def write_paving(
+    path: Path, paving: Paving, *, title: str, x: tuple[str, str, str], y: tuple[str, str, str]
+) -> None:
+    """Write a paving of two parameters as PNG.
+
+    Args:
+        path: The file.
+        paving: What to draw.
+        title: What it shows.
+        x: The parameter to the right: its name, its label, its SI unit.
+        y: Likewise upwards.
+
+    Raises:
+        OSError: The file cannot be written.
+    """
+    canvas = Canvas(figsize=(_WIDTH, 2 * _PANEL_HEIGHT), layout="constrained")
+    axes = canvas.subplots()
+    draw_paving(paving, axes, x=x[0], y=y[0])
+    axes.set_xlabel(x[1])
+    axes.set_ylabel(y[1])
+    for axis, unit in ((axes.xaxis, x[2]), (axes.yaxis, y[2])):
+        axis.set_major_formatter(_formatter(unit) if unit else ScalarFormatter())
+    canvas.suptitle(title, fontweight="bold", fontsize=10)
+    canvas.savefig(path, dpi=_DPI, metadata={"Software": None})
 
 
 def draw_picture(figure: Figure) -> Canvas:
@@ -52,6 +85,23 @@ def draw_picture(figure: Figure) -> Canvas:
 
 
 def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:
+    if panel.logarithmic is not None:
+        axes.set_yscale("log")
+        axes.set_ylim(*panel.logarithmic)
+    _draw_columns(axes, figure, panel, panel.window)
+    axes.yaxis.set_major_formatter(_formatter(panel.unit))
+    axes.set_ylabel(panel.ylabel)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
+    if panel.inset is not None:
+        inset = axes.inset_axes(_INSET)
+        _draw_columns(inset, figure, panel, panel.inset)
+        inset.yaxis.set_major_formatter(_formatter(panel.unit))
+        inset.tick_params(labelsize=8)
+
+
+def _draw_columns(
+    axes: Axes, figure: Figure, panel: Panel, window: tuple[float, float] | None
+) -> None:
     x = next(iter(figure.columns.values()))
     for k, (label, (lo, hi)) in enumerate(panel.bands.items()):
         colour = COLOURS[k % len(COLOURS)]
@@ -65,23 +115,28 @@ def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:
             label=label,
         )
     for k, (label, column) in enumerate(panel.lines.items()):
-        style, colour = STYLES[k % len(STYLES)], COLOURS[k % len(COLOURS)]
-        axes.plot(x, figure.columns[column], style, color=colour, linewidth=1.3, label=label)
-    if panel.span is not None:
-        axes.set_xlim(float(x[0]), float(x[0]) + panel.span)
-    else:
-        axes.margins(x=0)
+        look = panel.looks.get(label, Look())
+        axes.plot(
+            x,
+            figure.columns[column],
+            linestyle=look.style or STYLES[k % len(STYLES)],
+            color=COLOURS[(k if look.colour is None else look.colour) % len(COLOURS)],
+            linewidth=look.width,
+            alpha=look.alpha,
+            label=label,
+        )
+    axes.margins(x=0)
+    if window is not None:
+        axes.set_xlim(*window)
     axes.xaxis.set_major_formatter(_formatter(figure.x_unit))
-    axes.yaxis.set_major_formatter(_formatter(panel.unit))
-    axes.set_ylabel(panel.ylabel)
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
-    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
 
 
 def _formatter(unit: str) -> Formatter:
-    """Prefixes of squared units mislead, and per cent has none."""
-    if unit == "m2":
-        return FuncFormatter(lambda value, _position: f"{value * 1e4:.3g} cm²")
-    if unit == "percent":
-        return FuncFormatter(lambda value, _position: f"{value:.3g} %")
+    """Prefixes of squared units mislead, per cent has none, and the paper has picofarads."""
+    if unit in _FACTORS:
+        factor, name = _FACTORS[unit]
+        return FuncFormatter(
+            lambda value, _position: f"{value * factor:.3g} {name}".replace("-", "−")
+        )
     return EngFormatter(unit)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from eskin.constants import PAPER_VACUUM_PERMITTIVITY
-from eskin.figures.figure import Figure, Panel, band, middle
+from eskin.figures.figure import Figure, Look, Panel, band, middle
 from eskin.models import touch
 from eskin.noise import GaussianNoise, touch_with_noise, touch_within
 
@@ -62,5 +62,6 @@ def _panel(quantity: str, unit: str) -> Panel:
         quantity,
         unit,
         lines={"with noise": f"{quantity}_noisy_{unit}", "ideal": f"{quantity}_{unit}"},
+        looks={"with noise": Look(style="--", width=0.7), "ideal": Look(style="-", width=1.5)},
         bands={"6σ": (f"{quantity}_lo_{unit}", f"{quantity}_hi_{unit}")},
     )

@@ -149,7 +149,7 @@ def test_picture_has_the_colour_of_each_region(x: str, y: str) -> None:
     canvas.savefig(buffer, format="png")
     buffer.seek(0)
     pixels = imread(buffer)[..., :3]
-    for region, (colour, _) in LOOKS.items():
+    for region, colour in LOOKS.items():
         near = np.all(np.abs(pixels - np.array(to_rgb(colour))) < 0.03, axis=2)
         assert np.mean(near) == pytest.approx(paving.share(region), abs=0.05)
     with pytest.raises(DesignError, match="a value in at"):

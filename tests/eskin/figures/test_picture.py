@@ -22,7 +22,8 @@ def test_panels_show_their_columns_under_their_labels(name: str) -> None:
         legend = axes.get_legend()
         assert legend is not None
         assert [text.get_text() for text in legend.get_texts()] == [*panel.bands, *panel.lines]
-        assert axes.get_xlim() == pytest.approx((x[0], x[-1] if panel.span is None else panel.span))
+        assert axes.get_xlim() == pytest.approx(panel.window or (x[0], x[-1]))
+        assert axes.get_yscale() == ("linear" if panel.logarithmic is None else "log")
         assert len(axes.lines) == len(panel.lines)
         for line, (label, column) in zip(axes.lines, panel.lines.items(), strict=True):
             assert line.get_label() == label
@@ -41,6 +42,7 @@ def test_panels_show_their_columns_under_their_labels(name: str) -> None:
         ("fig4a", "yaxis", 2e-4, "200 µJ"),
         ("fig4b", "xaxis", 3e-3, "3 mm"),
         ("fig8", "yaxis", 1e-4, "1 cm²"),
+        ("fig7b", "yaxis", 2e-13, "0.2 pF"),
         ("error_rates_noise", "xaxis", 2e-6, "0.02 cm²"),
         ("error_rates_noise", "yaxis", 25.0, "25 %"),
     ],

@@ -154,5 +154,8 @@ def test_documented_example_runs() -> None:
     code = text.split("```python\n")[1].split("```")[0]
     names: dict[str, object] = {}
     exec(compile(code, "docs/intervals.md", "exec"), names)  # noqa: S102 - our own documentation
-    assert isinstance(names["frequency"], Interval)
+    frequency, same = names["frequency"], names["same"]
+    assert isinstance(frequency, Interval)
+    assert isinstance(same, Interval)
+    assert np.all(np.abs(frequency.inf - same.inf) <= 8 * np.spacing(same.inf))
     assert "peak" in names
