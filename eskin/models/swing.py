@@ -7,7 +7,6 @@ each bound comes from one end of ``a`` and one of ``b``. Written as in the paper
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -75,8 +74,11 @@ def _sine_of_intervals(
 def _extremes(f_first: float, t_inf: float, f_last: float, t_sup: float) -> tuple[bool, bool]:
     """Whether the sine reaches its least and its greatest value in between.
 
-    Outward by more than the roundings: one just outside then counts, which costs nothing.
+    Outward by more than the roundings: one just outside then counts, which costs nothing. A single
+    angle reaches none in between, however far it is.
     """
+    if (f_first == f_last) & (t_inf == t_sup):
+        return False, False
     start, end = 2.0 * f_first * t_inf, 2.0 * f_last * t_sup
     start -= abs(start) * 8.0 * U
     end += abs(end) * 8.0 * U
@@ -95,8 +97,13 @@ def _is_thin(work: Floats, frequency: int, time: int, n: int) -> bool:
 
 @part
 def _reaches(start: float, end: float, peak: float) -> bool:
-    """Whether ``peak`` plus an even number lies between."""
-    return math.floor(0.5 * (end - peak)) >= math.ceil(0.5 * (start - peak))
+    """Whether ``peak`` plus an even number lies between.
+
+    In floats: an angle may count more half turns than an integer of 64 bits holds.
+    """
+    first: float = np.ceil(0.5 * (start - peak))
+    last: float = np.floor(0.5 * (end - peak))
+    return last >= first
 
 
 @inlined

@@ -15,6 +15,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from eskin.kernels.compiled import part
 from eskin.models.icm.clock import PI, sample_at
 from eskin.models.icm.curvature import SLACK, log_ratio
@@ -93,8 +95,10 @@ def _bends(
         w = SLACK * tau_b / tau_ref
         half = 0.5 * s_a * s_a
         # In τ·H = G/ω both |G'| and |G''| are at most c1, and |G| below is: L held, R hardly acts.
+        # Where f is 0, τ·H is τ itself.
         of_ref = 1.0 / (2.0 * PI * f_a * tau_b)
-        c1, g = c1 * of_ref, of_ref * x_b / math.sqrt(1.0 + x_b * x_b)
+        g = of_ref * x_b / math.sqrt(1.0 + x_b * x_b) if f_b > 0.0 else 1.0
+        c1 = c1 * of_ref if f_b > 0.0 else 1.0
         yy = min(ss + 2.0 * ys + yy, half * reach, 1.20728 * reach, c1 * (1.0 + rise) + g * swing)
         ys, yp = (
             min(ss + ys, half, 1.0, c1 * (1.0 + left) + g * fall),
@@ -166,7 +170,7 @@ def _at_best_phase(
     of_sine, _, _, _, _, _ = point(f, tau, 0.5 * PI, t, power, tau_ref)
     of_cosine, _, _, _, _, _ = point(f, tau, 0.0, t, power, tau_ref)
     peak = math.atan2(sign * of_sine, sign * of_cosine)
-    psi = peak + 2.0 * PI * math.ceil((phases[0] - peak) / (2.0 * PI))
+    psi = peak + 2.0 * PI * np.ceil((phases[0] - peak) / (2.0 * PI))
     psi = psi if (psi >= phases[0]) & (psi <= phases[1]) else phases[0]
     value, _, _, _, _, _ = point(f, tau, psi, t, power, tau_ref)
     return sign * value

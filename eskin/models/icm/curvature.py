@@ -35,8 +35,11 @@ SLACK: Final = 1.0 + 1e-9
 
 @part
 def log_ratio(tau_a: float, tau_b: float) -> float:
-    """Upper bound of ``ln(tau_b/tau_a)`` for ``tau_a <= tau_b``."""
-    gap = (tau_b - tau_a) / tau_a
+    """Upper bound of ``ln(tau_b/tau_a)`` for ``0 <= tau_a <= tau_b``; 0 where both are the same.
+
+    A frequency may be 0 at both ends: their quotient is then no number.
+    """
+    gap = (tau_b - tau_a) / tau_a if tau_a < tau_b else 0.0
     return (gap if gap < 1e-3 else math.log(tau_b / tau_a)) * SLACK
 
 

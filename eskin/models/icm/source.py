@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+import numpy as np
+
 from eskin.kernels.compiled import kernel, part
 from eskin.kernels.instructions import fma
 from eskin.kernels.sine import sincospi_of_two, unit_down, unit_up
@@ -36,7 +38,7 @@ def _half_turns(frequency: float, time: float, phase: float) -> tuple[float, flo
 @part
 def _crest_between(high_a: float, low_a: float, high_b: float, low_b: float, crest: float) -> bool:
     """Whether ``crest + 2n`` lies between two angles in half turns, or as good as."""
-    shift = 2.0 * round(0.5 * high_a)
+    shift: float = 2.0 * np.rint(0.5 * high_a)  # an integer would overflow
     a, b = (high_a - shift) + low_a, (high_b - shift) + low_b
     behind = a - _CLOSE - crest
     first = crest + (2.0 if behind > 0.0 else 0.0) - (2.0 if behind <= -2.0 else 0.0)

@@ -75,6 +75,39 @@ def test_far_times_keep_their_phase() -> None:
     assert np.all(found.sup - found.inf < 1e-14)
 
 
+FAR_TIMES = [
+    (Interval(0.0, 1e19), Interval(1.0)),
+    (Interval(0.1, 1.001), Interval(1.0, 1e20)),
+    (Interval(-1e40, 0.0), Interval(1.0)),
+    (Interval(1e39, 1e40), Interval(1e39, 1e40)),
+]
+
+
+@pytest.mark.parametrize(("time", "frequency"), FAR_TIMES)
+def test_both_extremes_are_reached_however_many_turns(time: Interval, frequency: Interval) -> None:
+    """Beyond 2⁶³ half turns, too, which no integer of 64 bits counts."""
+    ends = {"minimum_capacitance": 1e-12, "maximum_capacitance": 2e-12}
+    raised = models.harmonic_capacitance(time, **ends, frequency=frequency)
+    assert raised.inf <= 1e-12
+    assert raised.sup >= 2e-12
+    printed = models.alternating_capacitance_paper(time, **ends, frequency=frequency)
+    assert printed.inf <= 0.0
+    assert printed.sup >= 2e-12
+    voltage = models.oscillation_paper(time, voltage=5.0, frequency=frequency)
+    assert (voltage.inf, voltage.sup) == pytest.approx((-5.0, 5.0))
+    assert voltage.inf <= -5.0
+    assert voltage.sup >= 5.0
+
+
+def test_a_single_far_time_stays_thin_beside_an_uncertain_one() -> None:
+    far = np.array([1e17, 0.25])
+    time = Interval(far, far + np.array([0.0, 0.5]))
+    both = models.oscillation_paper(time, voltage=1.0, frequency=2.0)
+    alone = models.oscillation_paper(1e17, voltage=1.0, frequency=2.0)
+    assert both.inf[0] == alone.inf
+    assert both.sup[0] == alone.sup
+
+
 @pytest.mark.parametrize(("periods", "finest"), [(0.0, -16.0), (2.0**20, -9.5), (2.0**40, -3.5)])
 def test_weights_that_nearly_vanish_stay_exact(periods: float, finest: float) -> None:
     generator = np.random.default_rng(32)

@@ -142,3 +142,44 @@ def test_source_encloses_all_members_and_no_more(half_frequency: float, half_pha
     )
     width = np.ptp(ends, axis=0)[1:]
     assert np.all((got.sup - got.inf)[1:] <= 1.06 * width + 1e-13)
+
+
+@pytest.mark.parametrize("coil", [False, True])
+def test_a_direct_voltage_encloses_all_members(*, coil: bool) -> None:
+    """At f = 0 the source is ``Vm·sin ψ``, so ``h = sin ψ·(1 - e^(-t/τ))``."""
+    rng = np.random.default_rng(41)
+    for _ in range(60):
+        start, width = rng.uniform(-4.0, 4.0), rng.choice([1e-9, 0.1, 1.0, 7.0])
+        psi = Interval(start, start + width)
+        low = np.exp(rng.uniform(-9.0, 9.0, 2))
+        high = low * (1.0 + rng.choice([0.0, 1e-6, 0.25, 3.0], 2))
+        r, other = Interval(low[0], high[0]), Interval(low[1], high[1])
+        t = float(np.exp(rng.uniform(-3.0, 3.0)) * (low[1] / low[0] if coil else low[1] * low[0]))
+        source: dict[str, Any] = {"amplitude": 1.0, "frequency": 0.0, "phase": psi}
+        if coil:
+            got = magfes_current(t, **source, coil_resistance=r, inductance=other)
+        else:
+            got = ecfes_voltage(t, **source, capacitor_resistance=r, capacitance=other)
+        shares = _box(rng, 2000)
+        a, b = low[:, None] + shares[:2] * (high - low)[:, None]
+        sine = np.sin(psi.inf + shares[2] * (psi.sup - psi.inf))
+        truth = sine * -np.expm1(-t * a / b) / a if coil else sine * -np.expm1(-t / (a * b))
+        room = 1e-12 * np.abs(truth).max()
+        assert got.inf <= truth.min() + room
+        assert got.sup >= truth.max() - room
+        assert got.wid <= 1.05 * (truth.max() - truth.min()) + 2.0 * room
+
+
+def test_a_direct_voltage_reaches_its_greatest_phase() -> None:
+    got = ecfes_voltage(
+        5e-3, amplitude=1.0, frequency=0.0, phase=Interval(0.4, 1.4),
+        capacitor_resistance=Interval(4e3, 5e3), capacitance=1.5e-6,
+    )  # fmt: skip
+    assert got.sup >= 0.557175
+
+
+@pytest.mark.parametrize("far", [2.0**63, 1e20, 1e40])
+def test_a_source_reaches_its_crests_however_far_the_time(far: float) -> None:
+    got = source_voltage(far, amplitude=2.0, frequency=Interval(1.0, 1.5), phase=0.0)
+    assert got.inf <= -2.0
+    assert got.sup >= 2.0
