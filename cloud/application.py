@@ -13,6 +13,7 @@ from cloud.headers import HeadersMiddleware
 from cloud.limits import LimitsMiddleware
 from cloud.problems import answer_problems
 from cloud.rate_limits import RateLimits
+from cloud.recheck import RecheckMiddleware
 from cloud.routes import (
     audit_log,
     commands,
@@ -80,6 +81,7 @@ def _application(cloud: Cloud, title: str, *, secure: bool, limits: dict[str, An
     app.state.cloud = cloud
     # The last one added is outermost: refusals carry the headers, too, and are counted.
     app.add_middleware(ErasureGuardMiddleware, cloud=cloud)
+    app.add_middleware(RecheckMiddleware)
     app.add_middleware(BrokenOffMiddleware)
     app.add_middleware(LimitsMiddleware, **limits)
     app.add_middleware(HeadersMiddleware, secure=secure, requests=cloud.metrics.requests)

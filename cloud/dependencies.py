@@ -14,6 +14,7 @@ from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBea
 from cloud.access import Doer, Holder, Scope, find_session, find_token
 from cloud.erasure_guard import OPENED
 from cloud.problems import ProblemError
+from cloud.recheck import recheck
 from cloud.state import Cloud
 
 COOKIE: Final = "eskin_session"
@@ -40,6 +41,15 @@ class Access:
     address: str
     lasts: Callable[[], bool]
     opened: set[str] = field(default_factory=set)
+
+    def require(self) -> None:
+        """Judge again.
+
+        Raises:
+            ProblemError: The token or session is good no more.
+        """
+        if not self.lasts():
+            raise ProblemError(401, "the token was revoked while it was used")
 
     @property
     def doer(self) -> Doer:
@@ -79,7 +89,10 @@ def find_access(
     found = holder()
     if found is None:
         return None
-    return Access(found, address_of(request), lambda: holder() is not None, request.scope[OPENED])
+    opened = request.scope[OPENED]
+    access = Access(found, address_of(request), lambda: holder() is not None, opened)
+    recheck(request, access.require)
+    return access
 
 
 Visitor = Annotated[Access | None, Depends(find_access)]

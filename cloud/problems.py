@@ -119,6 +119,11 @@ def answer_problems(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _on_fault)
 
 
+def refuse(request: Request, error: EskinError) -> Response:
+    """The refusal of a request that failed by an error of ours."""
+    return (_on_problem if isinstance(error, ProblemError) else _on_eskin)(request, error)
+
+
 def _on_problem(request: Request, error: Exception) -> Response:
     assert isinstance(error, ProblemError)  # noqa: S101 - what it is registered for
     return problem(request, error.status, str(error), headers=error.headers)

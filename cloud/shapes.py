@@ -275,6 +275,16 @@ def token_shape(row: Row, *, now: int) -> Json:
     }
 
 
+def session_shape(row: Row) -> Json:
+    """A session, without its secret."""
+    return {
+        "id": row["id"],
+        "name": row["name"],
+        "scopes": row["scopes"].split(),
+        "expires": format_moment(row["expires"]),
+    }
+
+
 def deed_shape(row: Row) -> Json:
     """What somebody did."""
     said = {name: row[name] for name in ("actor", "address", "action", "target", "detail")}

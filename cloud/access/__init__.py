@@ -6,9 +6,11 @@ from cloud.access.scopes import Scope
 from cloud.access.sessions import (
     close_session,
     find_session,
+    list_sessions,
     open_session,
     redeem_login_code,
     refuse_session,
+    revoke_session,
 )
 from cloud.access.tokens import (
     Doer,
@@ -32,10 +34,12 @@ __all__ = [
     "digest",
     "find_session",
     "find_token",
+    "list_sessions",
     "list_tokens",
     "open_session",
     "redeem_login_code",
     "refuse_session",
+    "revoke_session",
     "revoke_token",
     "token_id",
 ]

@@ -5,17 +5,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import delete, insert, or_, select
+from sqlalchemy import delete, func, insert, or_, select
 
 from cloud.access.scopes import read_scopes, write_scopes
-from cloud.access.tokens import Holder, digest, find_token, new_secret
+from cloud.access.tokens import Doer, Holder, digest, find_token, new_secret, token_id
 from cloud.store.audit_log import Action, Deed, record
 from cloud.store.schema import login_codes, sessions, tokens
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from concurrent.futures import Future
 
-    from sqlalchemy import Connection
+    from sqlalchemy import Connection, RowMapping
 
     from cloud.store import Store
 
@@ -123,6 +124,50 @@ def close_session(store: Store, secret: str, *, address: str) -> Future[None]:
             record(connection, deed, now=now)
 
     return store.write(work)
+
+
+def list_sessions(connection: Connection, *, now: int) -> Sequence[RowMapping]:
+    """Sessions that are good: ``id``, ``name``, ``scopes`` and ``expires``, the latest last."""
+    c = sessions.c
+    query = (
+        select(
+            func.substr(c.digest, 1, len(token_id("0" * 64))).label("id"),
+            func.coalesce(tokens.c.name, LOGIN_LINK).label("name"),
+            c.scopes,
+            c.expires,
+        )
+        .outerjoin(tokens, tokens.c.digest == c.token)
+        .where(c.expires > now)
+        .order_by(c.expires, c.digest)
+    )
+    return connection.execute(query).mappings().all()
+
+
+def revoke_session(store: Store, number: str, *, doer: Doer | None = None) -> bool:
+    """End a session, whatever opened it; its open requests and streams end, too.
+
+    Args:
+        store: The cloud's; may be open elsewhere, too.
+        number: The session's id.
+        doer: Who ends it; ``None``: the command line.
+
+    Returns:
+        Whether there was one.
+
+    Raises:
+        StoreError: It cannot be written.
+    """
+    now, by = store.clock(), doer or Doer()
+    here = func.substr(sessions.c.digest, 1, len(token_id("0" * 64))) == number
+
+    def work(connection: Connection) -> bool:
+        if not connection.execute(delete(sessions).where(here)).rowcount:
+            return False
+        deed = Deed(by.name, by.address, Action.SESSION_REVOKED, number)
+        record(connection, deed, now=now)
+        return True
+
+    return store.finish(work)
 
 
 def refuse_session(store: Store, *, address: str) -> Future[None]:

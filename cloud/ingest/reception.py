@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 
 from cloud.ingest.condition import HEADER, Condition
 from cloud.ingest.errors import BatchTooLargeError, BatchTypeError, UntrustedGatewayError
+from cloud.recheck import recheck
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import common_name
 
@@ -74,6 +75,7 @@ async def received(cloud: Cloud, request: Request) -> AsyncIterator[Received]:
     if (kind or "").partition(";")[0].strip().lower() != MEDIA_TYPE:
         raise BatchTypeError(f"Content-Type is {kind!r}; send {MEDIA_TYPE}")
     identify(cloud, request)  # before its body takes memory
+    recheck(request, lambda: identify(cloud, request))
     condition = Condition.read(request.headers.get(HEADER))
     most = cloud.settings.gateways.body_bytes
     announced = request.headers.get("content-length", "")

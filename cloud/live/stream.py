@@ -33,10 +33,9 @@ async def stream(
     cursor: int,
     backlog: int,
     heartbeat: float,
-    allowed: Callable[[], bool],
     reveal: Callable[[Entry], Entry | None],
 ) -> AsyncIterator[bytes]:
-    """Tell what comes after a cursor until the feed closes or access ends.
+    """Tell what comes after a cursor until the feed closes.
 
     Args:
         feed: Where it is read.
@@ -45,7 +44,6 @@ async def stream(
         cursor: Where to begin.
         backlog: How far behind a stream may be; beyond, it is told ``lagging`` and moved on.
         heartbeat: Seconds between signs of life.
-        allowed: Whether the one who asked still may; asked at every heartbeat.
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
     """
     present, pace = feed.last, Pace(time.monotonic)
@@ -68,8 +66,6 @@ async def stream(
                         pace.note(time.monotonic() - asked)
                         await asyncio.sleep(pace.pause)
                 if time.monotonic() >= due:
-                    if not await asyncio.to_thread(allowed):
-                        return
                     yield _sign(cursor, b"heartbeat")
                     due = time.monotonic() + heartbeat
                 await feed.wait(cursor, max(0.0, due - time.monotonic()))

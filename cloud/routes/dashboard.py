@@ -5,8 +5,9 @@ from typing import Final
 
 from fastapi import APIRouter
 from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.types import Receive, Scope, Send
 
-from cloud.access import Scope
+from cloud import access
 from cloud.dependencies import CloudState, Visitor
 from cloud.problems import ProblemError
 
@@ -32,7 +33,7 @@ def get_file(cloud: CloudState, visitor: Visitor, path: str) -> Response:
         if is_page:
             return RedirectResponse("/login", 303, headers={"Cache-Control": "no-store"})
         raise ProblemError(401, "a token is missing; send Authorization: Bearer TOKEN, or sign in")
-    if Scope.READ not in visitor.holder.scopes:
+    if access.Scope.READ not in visitor.holder.scopes:
         raise ProblemError(403, "this session lacks the scope read; ask for one that has it")
     if not path and not (cloud.dashboard / "index.html").is_file():
         return Response(_NOT_BUILT, 503, media_type="text/html")
@@ -40,7 +41,16 @@ def get_file(cloud: CloudState, visitor: Visitor, path: str) -> Response:
     if file is None:
         raise ProblemError(404, f"there is nothing at /{path}; /openapi.json lists what there is")
     caching = _IMMUTABLE if path.startswith("assets/") else "no-cache"
-    return FileResponse(file, headers={"Cache-Control": caching})
+    return _WholeFile(file, headers={"Cache-Control": caching})
+
+
+class _WholeFile(FileResponse):
+    """A file, whatever range is asked for: a server may ignore ranges (RFC 9110, section 14.2)."""
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer with all of it; Starlette would refuse a poor range in plain text."""
+        headers = [each for each in scope["headers"] if each[0] != b"range"]
+        await super().__call__({**scope, "headers": headers}, receive, send)
 
 
 def _find(folder: Path, path: str) -> Path | None:

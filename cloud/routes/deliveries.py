@@ -16,7 +16,7 @@ from cloud.commands.deliveries import (
     mark_delivered,
 )
 from cloud.dependencies import CloudState
-from cloud.ingest.reception import MEDIA_TYPE, Received, identify, received
+from cloud.ingest.reception import MEDIA_TYPE, Received, received
 from cloud.problems import documented
 from cloud.routes.documents import CBOR_BODY
 from cloud.state import Cloud
@@ -51,7 +51,6 @@ async def post_deliveries(cloud: CloudState, request: Request) -> Response:
         version = cloud.board.version
         changes = await asyncio.to_thread(_find, cloud, holding)
         left = deadline - time.monotonic()
-        identify(cloud, request)  # it may have been revoked while it waited
         if changes.give or changes.drop or left <= 0 or cloud.board.closed:
             return CborResponse(changes.encode())
         await cloud.board.wait(version, min(left, _LOOK_S))

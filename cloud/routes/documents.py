@@ -235,6 +235,15 @@ class TokenDocument(BaseModel):
     revoked: Moment | None
 
 
+class SessionDocument(BaseModel):
+    """A session that is good, without its secret; ``name`` is its token's, or ``login link``."""
+
+    id: str
+    name: str
+    scopes: list[Literal["read", "operate", "admin", "biometric"]]
+    expires: Moment
+
+
 class NewTokenDocument(BaseModel):
     """A token that was just made; it is told only here."""
 

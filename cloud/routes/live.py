@@ -94,7 +94,6 @@ async def get_live(
         cursor=cursor,
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
-        allowed=reader.lasts,
         reveal=cloud.keyholder.reveal(reader.holder.scopes),
     )
     return EventStream(told, headers={"X-Accel-Buffering": "no"})

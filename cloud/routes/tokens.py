@@ -1,4 +1,4 @@
-"""Tokens: who may do what."""
+"""Tokens and sessions: who may do what."""
 
 import asyncio
 from datetime import timedelta
@@ -8,7 +8,16 @@ from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response
 
-from cloud.access import Scope, create_token, digest, list_tokens, revoke_token, token_id
+from cloud.access import (
+    Scope,
+    create_token,
+    digest,
+    list_sessions,
+    list_tokens,
+    revoke_session,
+    revoke_token,
+    token_id,
+)
 from cloud.dependencies import Administrator, CloudState
 from cloud.problems import documented
 from cloud.query.errors import UnknownPlaceError
@@ -18,9 +27,10 @@ from cloud.routes.documents import (
     NewTokenDocument,
     NoQuery,
     PageDocument,
+    SessionDocument,
     TokenDocument,
 )
-from cloud.shapes import page, token_shape
+from cloud.shapes import page, session_shape, token_shape
 
 router = APIRouter(tags=["access"])
 
@@ -83,4 +93,30 @@ async def delete_token(
     done = await asyncio.to_thread(revoke_token, cloud.store, id, doer=access.doer)
     if not done:
         raise UnknownPlaceError("id", f"{id[:40]!r} is no token that could be revoked")
+    return Response(status_code=204)
+
+
+@router.get("/sessions", response_model=PageDocument[SessionDocument], responses=REFUSALS)
+def get_sessions(
+    cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """The sessions of browsers that are good, opened by a login link or a token."""
+    del query
+    with cloud.store.read() as connection:
+        rows = list_sessions(connection, now=cloud.clock())
+    return as_json(page([session_shape(row) for row in rows], None))
+
+
+@router.delete("/sessions/{id}", status_code=204, responses=REFUSALS | documented(404))
+async def delete_session(
+    cloud: CloudState,
+    access: Administrator,
+    id: str,  # noqa: A002 - the path's name for it
+    query: Annotated[NoQuery, Query()],
+) -> Response:
+    """Revoke a session; its open requests and streams end."""
+    del query
+    done = await asyncio.to_thread(revoke_session, cloud.store, id, doer=access.doer)
+    if not done:
+        raise UnknownPlaceError("id", f"{id[:40]!r} is no session that could be revoked")
     return Response(status_code=204)

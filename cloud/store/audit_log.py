@@ -33,6 +33,7 @@ class Action(StrEnum):
     SIGN_IN = "sign in"
     SIGN_IN_REFUSED = "sign in refused"
     SIGN_OUT = "sign out"
+    SESSION_REVOKED = "session revoked"
     LOGIN_LINK = "login link made"
     TOKEN_CREATED = "token created"  # noqa: S105 - no secret
     TOKEN_REVOKED = "token revoked"  # noqa: S105 - no secret

@@ -119,18 +119,39 @@ def tokens(context: typer.Context, config: Config = None) -> None:
 
 
 @cloud.command()
+def sessions(context: typer.Context, config: Config = None) -> None:
+    """List the sessions of browsers that are good: who opened them, and what they allow."""
+    from rich.box import SIMPLE_HEAD
+    from rich.table import Table
+
+    from cloud.access import list_sessions
+    from cloud.shapes import session_shape
+    from cloud.store import Store
+
+    with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
+        rows = [session_shape(row) for row in list_sessions(connection, now=store.clock())]
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for heading in ("id", "name", "scopes", "expires"):
+        table.add_column(heading, overflow="fold")
+    for row in rows:
+        expires = row["expires"].partition(".")[0]
+        add_row(table, row["id"], row["name"], " ".join(row["scopes"]), expires)
+    show(table)
+
+
+@cloud.command()
 def revoke(
     context: typer.Context,
-    number: Annotated[str, typer.Option("--id", help="Id of the token, as `tokens` lists it.")],
+    number: Annotated[str, typer.Option("--id", help="Id as `tokens` or `sessions` lists it.")],
     config: Config = None,
 ) -> None:
-    """Revoke a token, and end the sessions that it opened; also while the cloud runs."""
-    from cloud.access import revoke_token
+    """Revoke a token with the sessions that it opened, or a session; also while the cloud runs."""
+    from cloud.access import revoke_session, revoke_token
     from cloud.store import Store
 
     with Store(_load(config or context.obj).store.place) as store:
-        if not revoke_token(store, number):
-            raise SettingsError("--id", f"{number!r} is no token that could be revoked")
+        if not revoke_token(store, number) and not revoke_session(store, number):
+            raise SettingsError("--id", f"{number!r} is no token or session that could be revoked")
     typer.echo(f"revoked {number}")
 
 

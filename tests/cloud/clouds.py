@@ -124,14 +124,14 @@ class Stand:
     token: str
 
     @cached_property
-    def _people(self) -> FastAPI:
+    def people(self) -> FastAPI:
         return people_application(self.cloud)
 
     def client(self, *, token: str | None = None, **options: Any) -> httpx.AsyncClient:
         """A person's client, with a reading token unless another is given ('' for none)."""
         chosen = self.token if token is None else token
         headers = {"Authorization": f"Bearer {chosen}"} if chosen else {}
-        transport = httpx.ASGITransport(self._people, raise_app_exceptions=False, **options)
+        transport = httpx.ASGITransport(self.people, raise_app_exceptions=False, **options)
         return httpx.AsyncClient(transport=transport, base_url="http://cloud", headers=headers)
 
     def ingest_client(self) -> httpx.AsyncClient:

@@ -38,7 +38,7 @@ def listen(
     stand: Stand, cursor: int = 0, selection: Selection = EVERYTHING, **options: Any
 ) -> AsyncIterator[bytes]:
     """A stream on a cloud's feed."""
-    chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0, "allowed": lambda: True}
+    chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
     chosen["reveal"] = lambda entry: entry
     chosen["onlookers"] = stand.cloud.onlookers
     chosen |= options

@@ -89,7 +89,6 @@ async def test_stream_has_the_gateway_told(stand: Stand) -> None:
             cursor=0,
             backlog=1000,
             heartbeat=30.0,
-            allowed=lambda: True,
             reveal=lambda entry: entry,
         )
         async with aclosing(told):  # type: ignore[type-var]  # a generator

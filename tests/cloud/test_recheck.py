@@ -1,0 +1,199 @@
+"""A revocation counts in requests that are open: whoever is judged once is judged again."""
+
+from __future__ import annotations
+
+import asyncio
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from cloud import recheck as module
+from cloud.access import (
+    Scope,
+    create_login_code,
+    create_token,
+    digest,
+    list_sessions,
+    redeem_login_code,
+    revoke_session,
+    revoke_token,
+    token_id,
+)
+from cloud.ingest.gatekeeper import _GOOD_S
+from cloud.settings import GatewaysSection
+from cloud.store.audit_log import read_deeds
+from eskin.identity import IdentityKind
+from eskin.moment import SECOND
+from tests.cloud.clouds import batch, problem, put, standing
+from tests.cloud.messages import CHANNEL, NODE, block, status
+from tests.cloud.orders import order, waiting_gateway
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from starlette.types import Message
+
+    from tests.cloud.clouds import Stand
+    from tests.identities import Identities
+
+pytestmark = pytest.mark.anyio
+
+
+@pytest.fixture(autouse=True)
+def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No judgement is good for a while."""
+    monkeypatch.setattr(module, "_FRESH_S", 0.0)
+
+
+async def test_revoked_gateway_that_waits_is_given_no_command(
+    tmp_path: Path, identities: Identities
+) -> None:
+    server = identities.make(IdentityKind.SERVER, "server.cloud").directory
+    listed = identities.authority.write_revocations(IdentityKind.GATEWAY)
+    lists = tmp_path / "gateway.crl.pem"
+    lists.write_bytes(listed.read_bytes())
+    own = GatewaysSection(identity=server, revocations=lists)
+    lost = identities.make(IdentityKind.GATEWAY, "gateway.waits")
+    with standing(tmp_path, identities, gateways=own) as stand:
+        await stand.ingest(batch(status(0), block(1)))
+        stand.gateway = lost
+        asked = await waiting_gateway(stand)
+        identities.authority.revoke("gateway.waits")
+        lists.write_bytes(identities.authority.write_revocations(IdentityKind.GATEWAY).read_bytes())
+        assert (await order(stand, {"name": "calibrate"})).status_code == 202
+        answer = await asyncio.wait_for(asked, 20.0)
+    assert "revoked" in problem(answer, 403)
+    assert answer.headers["connection"] == "close"
+    assert _GOOD_S <= 1.0
+
+
+async def stream_of(stand: Stand, path: str, cookie: str) -> asyncio.Queue[Message | None]:
+    """What a session is sent, as it comes; ``None`` at the end."""
+    sent: asyncio.Queue[Message | None] = asyncio.Queue()
+    headers = [(b"host", b"cloud"), (b"cookie", f"eskin_session={cookie}".encode())]
+    path, _, query = path.partition("?")
+    scope: dict[str, Any] = {
+        "type": "http", "method": "GET", "path": path, "raw_path": path.encode(),
+        "query_string": query.encode(), "headers": headers, "http_version": "1.1",
+        "scheme": "http", "server": ("cloud", 80), "client": ("127.0.0.1", 1), "root_path": "",
+        "asgi": {"version": "3.0", "spec_version": "2.3"}, "extensions": {},
+    }  # fmt: skip
+    asked = asyncio.Event()
+
+    async def receive() -> Message:
+        if not asked.is_set():
+            asked.set()
+            return {"type": "http.request", "body": b"", "more_body": False}
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    async def send(message: Message) -> None:
+        await sent.put(message)
+
+    async def run() -> None:
+        await stand.people(scope, receive, send)
+        await sent.put(None)
+
+    sent.task = asyncio.create_task(run())  # type: ignore[attr-defined]  # kept from collection
+    return sent
+
+
+async def session_of(stand: Stand) -> str:
+    """A session that a login link opened."""
+    store = stand.cloud.store
+    code = create_login_code(store, lifetime=timedelta(minutes=5))
+    opened = redeem_login_code(store, code, lifetime=3600 * SECOND, address="127.0.0.1")
+    session = await asyncio.wrap_future(opened)
+    assert session is not None
+    return session
+
+
+async def test_live_stream_of_a_revoked_session_tells_nothing_more(stand: Stand) -> None:
+    await stand.ingest(batch(status(0)))
+    session = await session_of(stand)
+    sent = await stream_of(stand, "/api/v1/live", session)
+    async with asyncio.timeout(20):
+        start = await sent.get()
+        assert start is not None
+        assert start["status"] == 200
+        while not (await sent.get() or {}).get("body"):
+            pass
+        with stand.cloud.store.read() as connection:
+            (row,) = list_sessions(connection, now=stand.clock())
+        assert revoke_session(stand.cloud.store, row["id"])
+        assert not revoke_session(stand.cloud.store, row["id"])
+        await stand.ingest(batch(block(1)))
+        told = b""
+        while (message := await sent.get()) is not None:
+            told += message.get("body", b"")
+    assert b"event: block" not in told
+
+
+async def test_long_answer_breaks_off_between_its_pieces(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(module, "_PIECE", 100)
+    put(stand.cloud.store, status(0), block(1, [1.0] * 400, [2.0] * 400))
+    path = f"/api/v1/series/{NODE}/{CHANNEL}"
+    async with stand.client() as client:
+        whole = (await client.get(path)).content
+    assert len(whole) > 1000
+    token = token_id(digest(stand.token))
+    answered = 0
+    original = module._ask
+
+    def ask(checks: Any) -> None:
+        nonlocal answered
+        answered += 1
+        if answered == 4:
+            revoke_token(stand.cloud.store, token)
+        original(checks)
+
+    monkeypatch.setattr(module, "_ask", ask)
+    said = bytearray()
+
+    async def send(message: Message) -> None:
+        said.extend(message.get("body", b""))
+
+    async def receive() -> Message:
+        return {"type": "http.request", "body": b"", "more_body": False}
+
+    headers = [(b"host", b"cloud"), (b"authorization", f"Bearer {stand.token}".encode())]
+    scope = {
+        "type": "http", "method": "GET", "path": path, "raw_path": path.encode(),
+        "query_string": b"", "headers": headers, "http_version": "1.1", "scheme": "http",
+        "server": ("cloud", 80), "client": ("127.0.0.1", 1), "root_path": "",
+        "asgi": {"version": "3.0", "spec_version": "2.3"}, "extensions": {},
+    }  # fmt: skip
+    await stand.people(scope, receive, send)
+    assert 0 < len(said) < len(whole)
+    assert whole.startswith(bytes(said))
+
+
+async def test_session_of_a_login_link_is_listed_and_revoked(stand: Stand) -> None:
+    session = await session_of(stand)
+    scopes = [Scope.ADMIN]
+    admin = create_token(stand.cloud.store, scopes=scopes, name="root", lifetime=timedelta(hours=1))
+    async with stand.client(token="") as browser, stand.client(token=admin) as client:
+        browser.cookies.set("eskin_session", session)
+        assert (await browser.get("/api/v1/nodes")).status_code == 200
+        problem(await browser.get("/api/v1/sessions"), 403)
+        (row,) = (await client.get("/api/v1/sessions")).json()["items"]
+        assert row["name"] == "login link"
+        path = f"/api/v1/sessions/{row['id']}"
+        assert (await client.delete(path)).status_code == 204
+        problem(await client.delete(path), 404)
+        assert (await client.get("/api/v1/sessions")).json()["items"] == []
+        problem(await browser.get("/api/v1/nodes"), 401)
+    with stand.cloud.store.read() as connection:
+        assert "session revoked" in [row["action"] for row in read_deeds(connection)]
+
+
+@pytest.mark.parametrize("asked", ["a-b", "bytes=b-a", "bytes=999999999-", "bytes=5-1", "bytes=0-"])
+async def test_range_is_ignored(stand: Stand, asked: str) -> None:
+    stand.cloud.dashboard.mkdir()
+    (stand.cloud.dashboard / "index.html").write_text("<p>whole</p>")
+    async with stand.client() as client:
+        answer = await client.get("/", headers={"Range": asked})
+    assert (answer.status_code, answer.text) == (200, "<p>whole</p>")
