@@ -34,7 +34,7 @@ HOME_ASSISTANT_NEEDS := tests/gateway/homeassistant/requirements.txt
 THINGSBOARD := $(VENV)/thingsboard
 THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 
-.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz nightly scan docs dashboard install system clean
+.PHONY: help demo test test-compose lint bench soak chaos powercut fuzz nightly scan lock docs dashboard install system clean
 
 help: ## List these commands
 	@grep -hE '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 16
@@ -81,9 +81,12 @@ nightly: $(VENV)/.development ## Every long check, one after the other; logs in 
 
 scan: $(VENV)/.scan ## Look the pinned libraries up among known vulnerabilities (needs the network)
 	@status=0; \
-		$(BIN)/pip-audit --strict --no-deps --disable-pip --requirement constraints.txt $(ARGS) || status=1; \
+		$(BIN)/pip-audit --strict --no-deps --disable-pip --requirement requirements.lock $(ARGS) || status=1; \
 		services/scan_npm.sh $(DASHBOARD) || status=1; \
 		exit $$status
+
+lock: ## Write requirements.lock anew: all libraries with their files' hashes (ARGS=--upgrade; needs the network)
+	@services/lock.sh $(ARGS)
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
@@ -105,29 +108,29 @@ $(VENV)/bin/pip:
 	@$(PYTHON) -m venv $(VENV) \
 		|| { echo "no virtual environment could be made; on Debian: apt-get install python3-venv" >&2; exit 1; }
 
-$(VENV)/.runtime: pyproject.toml constraints.txt | $(VENV)/bin/pip
+$(VENV)/.runtime: pyproject.toml requirements.lock | $(VENV)/bin/pip
 	@echo "Installing eskin and what it needs …"
-	@$(BIN)/pip install --disable-pip-version-check --editable '.[figures]' --constraint constraints.txt $(ON_ONE_LINE)
+	@services/install.sh $(VENV) figures $(ON_ONE_LINE)
 	@touch $@
 
-$(VENV)/.development: pyproject.toml constraints.txt | $(VENV)/bin/pip
+$(VENV)/.development: pyproject.toml requirements.lock | $(VENV)/bin/pip
 	@echo "Installing eskin and what its tests need …"
-	@$(BIN)/pip install --disable-pip-version-check --editable '.[dev]' --constraint constraints.txt $(ON_ONE_LINE)
+	@services/install.sh $(VENV) dev $(ON_ONE_LINE)
 	@touch $@ $(VENV)/.runtime
 
-$(VENV)/.peers: pyproject.toml constraints.txt | $(VENV)/.development
+$(VENV)/.peers: pyproject.toml requirements.lock | $(VENV)/.development
 	@echo "Installing the libraries that eskin is measured beside …"
-	@$(BIN)/pip install --disable-pip-version-check --editable '.[bench]' --constraint constraints.txt $(ON_ONE_LINE)
+	@services/install.sh $(VENV) bench $(ON_ONE_LINE)
 	@touch $@
 
-$(VENV)/.fuzz: pyproject.toml constraints.txt | $(VENV)/.development
+$(VENV)/.fuzz: pyproject.toml requirements.lock | $(VENV)/.development
 	@echo "Installing the fuzzer …"
-	@$(BIN)/pip install --disable-pip-version-check --editable '.[fuzz]' --constraint constraints.txt $(ON_ONE_LINE)
+	@services/install.sh $(VENV) fuzz $(ON_ONE_LINE)
 	@touch $@
 
-$(VENV)/.scan: pyproject.toml constraints.txt | $(VENV)/bin/pip
+$(VENV)/.scan: pyproject.toml requirements.lock | $(VENV)/bin/pip
 	@echo "Installing pip-audit …"
-	@$(BIN)/pip install --disable-pip-version-check 'pip-audit>=2.7' $(ON_ONE_LINE)
+	@services/install.sh $(VENV) --only scan $(ON_ONE_LINE)
 	@touch $@
 
 $(MICROPYTHON_INSTALLED): $(MICROPYTHON)/package.json $(MICROPYTHON)/package-lock.json | $(VENV)/bin/pip

