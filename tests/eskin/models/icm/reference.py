@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 BITS = 300
 
 
-def response(f: float, tau: Any, psi: float, t: float) -> Any:
+def response(f: Any, tau: Any, psi: Any, t: Any) -> Any:
     """``h`` by the formula of eq. 26 and 27; the bits pay for its cancellation."""
     arb = flint.arb
     omega = 2 * arb.pi() * arb(f)
