@@ -55,7 +55,7 @@ def require_plain(value: object, name: str, error: type[EskinError] = IntervalEr
         raise error(
             f"{name} carries the unit {unit!r}; eskin takes plain numbers in SI units: give "
             "value.to('m').magnitude (pint) or value.to_value('m') (astropy, unyt), with the SI "
-            "unit of this parameter for 'm'"
+            "unit of this parameter for 'm'; of a tube, take its values"
         )
 
 

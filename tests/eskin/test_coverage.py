@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
+import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from eskin.coverage import union_coverage
+from eskin.errors import IntervalError
 from sensor_node.firmware.channel import union_coverage as firmware_coverage
 
 COVERAGES = st.lists(st.floats(0.0, 1.0) | st.just(1.0) | st.just(1.0 - 2.0**-53), max_size=6)
@@ -32,3 +34,9 @@ def test_firmware_claims_no_more_and_hardly_less(coverage: float, n: int) -> Non
     assert found <= ours
     assert ours - found <= 2.0**-50
     assert (found == 1.0) == (coverage == 1.0)
+
+
+@pytest.mark.parametrize("coverage", [-0.1, 5, math.nan, math.inf])
+def test_coverage_that_is_no_probability_is_rejected(coverage: float) -> None:
+    with pytest.raises(IntervalError):
+        union_coverage(0.9, coverage)
