@@ -17,13 +17,17 @@ from cloud.problems import ProblemError
 from cloud.recheck import recheck
 from cloud.state import Cloud
 
-COOKIE: Final = "eskin_session"
+_COOKIE: Final = "eskin_session"
 _LONGEST_SECRET: Final = 512
 
 _bearer = HTTPBearer(
     auto_error=False, description="a token; which scope a route needs stands in docs/rest.md"
 )
-_cookie = APIKeyCookie(name=COOKIE, auto_error=False, description="a session, from /login")
+_documented_cookie = APIKeyCookie(
+    name=_COOKIE,
+    auto_error=False,
+    description="a session, from /login; the name has a prefix over HTTPS, and ends in the port",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,11 +75,31 @@ async def the_cloud(request: Request) -> Cloud:
 CloudState = Annotated[Cloud, Depends(the_cloud)]
 
 
+def cookie_name(cloud: Cloud) -> str:
+    """Name of the session's cookie, which belongs to this cloud alone.
+
+    Browsers keep cookies by host, whatever the port (RFC 6265, section 8.5), so two clouds on one
+    host need two names. ``__Host-`` keeps other hosts of the domain from setting it (RFC 6265bis).
+    """
+    prefix = "__Host-" if cloud.secure else ""
+    return f"{prefix}{_COOKIE}_{cloud.settings.people.port}"
+
+
+async def find_session_cookie(
+    cloud: CloudState, request: Request, _: Annotated[str | None, Depends(_documented_cookie)]
+) -> str | None:
+    """The session's secret that a browser sends, if it does."""
+    return request.cookies.get(cookie_name(cloud))
+
+
+SessionCookie = Annotated[str | None, Depends(find_session_cookie)]
+
+
 def find_access(
     cloud: CloudState,
     request: Request,
     bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
-    session: Annotated[str | None, Depends(_cookie)],
+    session: SessionCookie,
 ) -> Access | None:
     """Who asks, by bearer token or else by session; ``None`` if it is nobody."""
 

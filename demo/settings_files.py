@@ -6,7 +6,9 @@ They are ordinary files of the processes' own commands: a user can copy and chan
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from demo.identities import BROKER, CLOUD, GATEWAY, SITE
@@ -16,8 +18,6 @@ from eskin.identity.identity import CHAIN_FILE
 from sensor_node.profile import Profile
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from demo.layout import Layout
 
 PROFILES: Final = ("fingertip", "palm", "forearm", "hand")
@@ -134,12 +134,17 @@ def _write(
     lines = [head]
     for section, values in sections.items():
         lines.append(f"\n[{section}]\n")
-        lines.extend(f"{name} = {_written(value)}\n" for name, value in values.items())
+        lines.extend(f"{name} = {_written(value, path.parent)}\n" for name, value in values.items())
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text("".join([*lines, tail]))
     return path
 
 
-def _written(value: object) -> str:
-    """A value in TOML, whose integers, booleans and basic strings are JSON's."""
+def _written(value: object, folder: Path) -> str:
+    """A value in TOML, whose integers, booleans and basic strings are JSON's.
+
+    Paths are relative to the file's folder: the data folder can be moved.
+    """
+    if isinstance(value, Path):
+        value = os.path.relpath(value, folder)
     return json.dumps(value if isinstance(value, int) else str(value))

@@ -10,7 +10,7 @@ import json
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Literal, Self, get_args
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
 from pydantic_core import PydanticUndefined
@@ -65,10 +65,14 @@ class KeysSection(Section):
         description="folder of the key store; without it `keys` beside a flash or a spool, and a "
         "cloud keeps sealed channels and shows none",
     )
+    master: Path | None = Field(
+        default=None,
+        description="file (0600) with the master key, on another disk than the folder; without it "
+        "`master.key` in the folder, which protects nothing from a thief of the disk",
+    )
     module: Path | None = Field(
         default=None,
-        description="PKCS#11 library of the hardware that holds the master key; without it the "
-        "file `master.key` (0600) in the folder",
+        description="PKCS#11 library of the hardware that holds the master key, in place of a file",
     )
     token: str = Field(
         default="eskin", min_length=1, max_length=32, description="label of the hardware's token"
@@ -113,6 +117,9 @@ class Settings(BaseSettings):
     def load(cls, path: Path | None = None) -> Self:
         """Read the settings.
 
+        Paths in the file are relative to its folder, so that a folder with settings and data can
+        be moved.
+
         Args:
             path: TOML file; ``None`` takes defaults and environment only.
 
@@ -121,7 +128,7 @@ class Settings(BaseSettings):
                 the setting, the value, and what is allowed.
         """
         try:
-            return cls(**({} if path is None else _read(path)))
+            return cls(**({} if path is None else _located(cls, _read(path), path.parent)))
         except ValidationError as error:
             raise _refusal(error, path) from error
         except (EnvironmentSettingsError, RecursionError) as error:
@@ -177,6 +184,21 @@ def _read(path: Path) -> dict[str, Any]:
     except (ValueError, RecursionError) as error:
         # Also integers of thousands of digits, and arrays in arrays in arrays.
         raise SettingsError("--config", f"{path} is no TOML that can be read: {error}") from error
+
+
+def _located(settings: type[Settings], said: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """What a file says, with its relative paths below its folder."""
+    for section, field in settings.model_fields.items():
+        model, values = field.annotation, said.get(section)
+        if not (isinstance(model, type) and issubclass(model, BaseModel)):
+            continue
+        if not isinstance(values, dict):
+            continue
+        for name, inner in model.model_fields.items():
+            kinds = get_args(inner.annotation) or (inner.annotation,)
+            if Path in kinds and isinstance(values.get(name), str):
+                values[name] = folder / values[name]
+    return said
 
 
 def _refusal(error: ValidationError, path: Path | None) -> SettingsError:

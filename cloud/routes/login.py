@@ -4,11 +4,17 @@ import asyncio
 from typing import Annotated, Final
 from urllib.parse import parse_qs
 
-from fastapi import APIRouter, Cookie, Query, Request
+from fastapi import APIRouter, Query, Request
 from starlette.responses import RedirectResponse, Response
 
 from cloud.access import close_session, open_session, redeem_login_code, refuse_session
-from cloud.dependencies import COOKIE, CloudState, address_of, require_same_site
+from cloud.dependencies import (
+    CloudState,
+    SessionCookie,
+    address_of,
+    cookie_name,
+    require_same_site,
+)
 from cloud.login import login_page, login_script, login_style
 from cloud.problems import ProblemError
 from cloud.state import Cloud
@@ -58,7 +64,7 @@ async def post_login(cloud: CloudState, request: Request) -> Response:
 async def post_logout(
     cloud: CloudState,
     request: Request,
-    session: Annotated[str | None, Cookie(alias=COOKIE)] = None,
+    session: SessionCookie,
 ) -> Response:
     """End the session."""
     require_same_site(request)
@@ -67,7 +73,7 @@ async def post_logout(
         closed = close_session(cloud.store, session[:_LONGEST_SECRET], address=address)
         await asyncio.wrap_future(closed)
     answer = RedirectResponse("/login", 303)
-    answer.delete_cookie(COOKIE, httponly=True, samesite="strict", secure=cloud.secure)
+    answer.delete_cookie(cookie_name(cloud), httponly=True, samesite="strict", secure=cloud.secure)
     return answer
 
 
@@ -108,7 +114,7 @@ async def _refused(cloud: Cloud, address: str, said: str) -> Response:
 def _signed_in(cloud: Cloud, session: str) -> Response:
     answer = RedirectResponse("/", 303)
     answer.set_cookie(
-        COOKIE,
+        cookie_name(cloud),
         session,
         max_age=_lifetime(cloud) // SECOND,
         httponly=True,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING
 
 from eskin.errors import SettingsError
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
     from eskin.privacy.master import Master
     from eskin.settings import KeysSection
+
+log = logging.getLogger(__name__)
 
 
 def open_vault(settings: KeysSection, directory: Path) -> Vault:
@@ -47,9 +50,28 @@ def open_key(settings: KeysSection, directory: Path, name: str) -> bytes:
     return wrapped_key(directory / name, _master(settings, directory))
 
 
+def _warn_beside_data(master: Path, directory: Path) -> None:
+    """Log a warning where the master key lies beside the data that it protects.
+
+    Args:
+        master: The file.
+        directory: The key store's folder, which lies beside the data.
+    """
+    if master.resolve().is_relative_to(directory.resolve().parent):
+        log.warning(
+            "the master key protects nothing: it lies beside the data, so who takes the disk or a "
+            "backup takes both; set keys.master to a file on another disk, or keys.module: "
+            "master=%s keys=%s",
+            master,
+            directory,
+        )
+
+
 def _master(settings: KeysSection, directory: Path) -> Master:
     if settings.module is None:
-        return FileMaster(directory / MASTER_FILE)
+        path = settings.master or directory / MASTER_FILE
+        _warn_beside_data(path, directory)
+        return FileMaster(path)
     if settings.pin is None:
         raise SettingsError("keys.pin", "is missing; name a file (0600) that holds the token's PIN")
     try:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from contextlib import AsyncExitStack
 from datetime import timedelta
 from typing import TYPE_CHECKING
 
+import httpx
 import pytest
 from sqlalchemy import select
 
@@ -16,6 +18,7 @@ from cloud.access import (
     revoke_token,
     token_id,
 )
+from cloud.dependencies import cookie_name
 from cloud.settings import PeopleSection
 from cloud.store import Store
 from cloud.store.schema import login_codes, sessions, tokens
@@ -84,7 +87,7 @@ async def test_secrets_are_kept_as_hashes_only(stand: Stand) -> None:
     code = create_login_code(store, lifetime=timedelta(minutes=1))
     async with stand.client(token="") as client:
         await client.post("/login", data={"token": stand.token})
-        session = client.cookies["eskin_session"]
+        session = client.cookies[cookie_name(stand.cloud)]
         with store.read() as connection:
             kept = [
                 str(row)
@@ -128,10 +131,10 @@ async def test_token_form_signs_in_and_out(stand: Stand) -> None:
         answer = await client.post("/login", data={"token": f" {stand.token} "})
         assert answer.status_code == 303
         assert (await client.get("/api/v1/nodes")).status_code == 200
-        session = client.cookies["eskin_session"]
+        session = client.cookies[cookie_name(stand.cloud)]
         answer = await client.post("/logout")
         assert (answer.status_code, answer.headers["location"]) == (303, "/login")
-        client.cookies.set("eskin_session", session)
+        client.cookies.set(cookie_name(stand.cloud), session)
         assert (await client.get("/api/v1/nodes")).status_code == 401
 
 
@@ -196,13 +199,39 @@ async def test_every_answer_carries_protecting_headers(stand: Stand) -> None:
             assert "strict-transport-security" not in headers
 
 
+async def test_clouds_on_one_host_leave_each_other_s_sessions_alone(
+    tmp_path: Path, identities: Identities
+) -> None:
+    async with AsyncExitStack() as stack:
+        clouds = [
+            stack.enter_context(
+                standing(tmp_path / str(port), identities, people=PeopleSection(port=port))
+            )
+            for port in (8080, 8090)
+        ]
+        jar = httpx.Cookies()  # by host, whatever the port, as a browser has them
+        for each in clouds:
+            async with each.client(token="") as browser:
+                browser.cookies = jar
+                await browser.post("/login", data={"token": each.token})
+                jar = browser.cookies
+        for each in clouds:
+            async with each.client(token="") as browser:
+                browser.cookies = jar
+                assert (await browser.get("/api/v1/nodes")).status_code == 200
+
+
 async def test_cookie_is_secure_over_https(tmp_path: Path, identities: Identities) -> None:
     own = identities.make(IdentityKind.SERVER, "server.people").directory
     people = PeopleSection(host="0.0.0.0", identity=own)  # noqa: S104 - that is the point
     with standing(tmp_path, identities, people=people) as stand:
         async with stand.client(token="") as client:
             answer = await client.post("/login", data={"token": stand.token})
-    assert "Secure" in answer.headers["set-cookie"]
+    cookie = answer.headers["set-cookie"]
+    assert cookie.startswith("__Host-")
+    assert "Secure" in cookie
+    assert "Path=/" in cookie
+    assert "Domain" not in cookie
     assert answer.headers["strict-transport-security"]
 
 

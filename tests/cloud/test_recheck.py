@@ -20,6 +20,7 @@ from cloud.access import (
     revoke_token,
     token_id,
 )
+from cloud.dependencies import cookie_name
 from cloud.ingest.gatekeeper import _GOOD_S
 from cloud.settings import GatewaysSection
 from cloud.store.audit_log import read_deeds
@@ -71,7 +72,7 @@ async def test_revoked_gateway_that_waits_is_given_no_command(
 async def stream_of(stand: Stand, path: str, cookie: str) -> asyncio.Queue[Message | None]:
     """What a session is sent, as it comes; ``None`` at the end."""
     sent: asyncio.Queue[Message | None] = asyncio.Queue()
-    headers = [(b"host", b"cloud"), (b"cookie", f"eskin_session={cookie}".encode())]
+    headers = [(b"host", b"cloud"), (b"cookie", f"{cookie_name(stand.cloud)}={cookie}".encode())]
     path, _, query = path.partition("?")
     scope: dict[str, Any] = {
         "type": "http", "method": "GET", "path": path, "raw_path": path.encode(),
@@ -176,7 +177,7 @@ async def test_session_of_a_login_link_is_listed_and_revoked(stand: Stand) -> No
     scopes = [Scope.ADMIN]
     admin = create_token(stand.cloud.store, scopes=scopes, name="root", lifetime=timedelta(hours=1))
     async with stand.client(token="") as browser, stand.client(token=admin) as client:
-        browser.cookies.set("eskin_session", session)
+        browser.cookies.set(cookie_name(stand.cloud), session)
         assert (await browser.get("/api/v1/nodes")).status_code == 200
         problem(await browser.get("/api/v1/sessions"), 403)
         (row,) = (await client.get("/api/v1/sessions")).json()["items"]

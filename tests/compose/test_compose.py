@@ -102,6 +102,45 @@ def test_dashboard_alone_is_reachable_and_from_this_machine_alone(stack: Stack) 
     assert published == {"cloud 8080/tcp": [{"HostIp": "127.0.0.1", "HostPort": str(stack.port)}]}
 
 
+@pytest.mark.parametrize("service", SERVICES)
+def test_container_takes_so_much_memory_and_so_many_processes(stack: Stack, service: str) -> None:
+    limits = stack.inspect(service)["HostConfig"]
+    assert 0 < limits["Memory"] <= 1536 * 2**20
+    assert limits["MemorySwap"] == limits["Memory"]
+    assert 0 < limits["PidsLimit"] <= 512
+
+
+def test_services_reach_those_alone_that_they_must_speak_with(stack: Stack) -> None:
+    def reaches(service: str, other: str) -> bool:
+        look = ["sh", "-c", f"getent hosts {other} >/dev/null && echo yes || echo no"]
+        return stack.execute(service, *look) == "yes"
+
+    reached = {
+        (service, other)
+        for service in ("sensor_node_palm", "gateway", "cloud")
+        for other in ("authority", "broker", "cloud", "gateway", "sensor_node_forearm")
+        if service != other and reaches(service, other)
+    }
+    assert reached == {
+        ("sensor_node_palm", "authority"),
+        ("sensor_node_palm", "broker"),
+        ("sensor_node_palm", "sensor_node_forearm"),
+        ("gateway", "authority"),
+        ("gateway", "broker"),
+        ("gateway", "cloud"),
+        ("cloud", "authority"),
+        ("cloud", "gateway"),
+    }
+
+
+def test_master_keys_lie_on_volumes_of_their_own(stack: Stack) -> None:
+    for service in ("gateway", "sensor_node_palm"):
+        found = stack.execute(service, "find", "/var/lib", "-name", "master.key").split()
+        assert found == ["/var/lib/eskin-master/master.key"]
+        volumes = {m["Destination"]: m["Name"] for m in stack.inspect(service)["Mounts"]}
+        assert volumes["/var/lib/eskin-master"] != volumes["/var/lib/eskin"]
+
+
 def test_private_keys_are_readable_by_their_service_alone(stack: Stack) -> None:
     for service in IDENTIFIED:
         found = stack.execute(
