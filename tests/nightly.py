@@ -25,6 +25,7 @@ STEPS: Final = {
     "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
     "boxes": [".venv/bin/python", "-m", "tests.boxes", "--count", "4000", "--seed", "{seed}"],
     "soak": ["make", "soak", "ARGS=--duration 600 --rate 1000"],
+    "cortex-m33": [sys.executable, "-m", "tests.cortex_m33"],
     "test-compose": ["make", "test-compose"],
 }
 """What runs, by the name of its log; ``{seed}`` is what ``--seed`` says."""

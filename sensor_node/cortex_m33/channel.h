@@ -1,0 +1,62 @@
+/* What a channel does with its samples: rest, smoothing, peaks, encoding, messages. */
+#ifndef CHANNEL_H
+#define CHANNEL_H
+
+#include "rounding.h"
+
+typedef struct {
+    double lo, hi;
+    int known;
+} baseline_t;
+
+int calibrate(baseline_t *rest, const double *lows, const double *highs, int n);
+int stays(baseline_t *rest, const double *lows, const double *highs, int n, double threshold);
+
+typedef struct {
+    double lo, hi, weight;
+    int fresh;
+} smoothing_t;
+
+void smooth(smoothing_t *past, double *lows, double *highs, int n);
+
+enum { MOST_REGIONS = 8, MOST_EVENTS = 64 };
+
+typedef struct {
+    int first, last, peaks;
+    double lowest, floor, ceiling, prominence;
+} span_t;
+
+typedef struct {
+    double prominence, valley, crest;
+    int rising, begun;
+    span_t span;
+} hysteresis_t;
+
+typedef struct {
+    int possible, first, last, peaks;
+    bounds_t height, prominence;
+} event_t;
+
+typedef struct {
+    int longest, index, waiting;
+    hysteresis_t certain, optimistic;
+    span_t undecided[MOST_REGIONS + 1];
+    int events;
+    event_t event[MOST_EVENTS];
+} detector_t;
+
+void begin_detector(detector_t *detector, double prominence, int longest, int first);
+void feed(detector_t *detector, const double *lows, const double *highs, int n);
+void end_detector(detector_t *detector);
+
+typedef struct {
+    double lowest, highest, widening;
+    int32_t exponent;
+    int64_t offset;
+} written_t;
+
+written_t write_f64(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi);
+written_t write_f32(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi);
+written_t write_q16(const double *lows, const double *highs, int n, uint8_t *lo, uint8_t *hi);
+
+#endif
