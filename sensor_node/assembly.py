@@ -17,8 +17,10 @@ from sensor_node.flash import Flash
 from sensor_node.machine.budget import require_fit
 from sensor_node.machine.clock import Clock
 from sensor_node.machine.crystal import BILLION, Crystal
+from sensor_node.machine.processor import require_speed
 from sensor_node.machine.program import require_flash
 from sensor_node.machine.sampling import require_depth
+from sensor_node.neighbours import measured_around
 from sensor_node.node import Node
 
 if TYPE_CHECKING:
@@ -93,6 +95,7 @@ def build_node(
     """
     require_fit(settings)
     require_flash(settings)
+    require_speed(settings, measured_around(settings.taxel))
     require_depth(settings)
     seed = truth.seed(settings.node.seed)
     begin = _begin(truth, time.time_ns() if start is None else start)

@@ -15,7 +15,7 @@ from sensor_node.firmware.record import BLOCK
 from sensor_node.firmware.taxel import CHAINS
 from sensor_node.held import Reader
 from sensor_node.machine.crystal import BILLION
-from sensor_node.machine.ledger import operations
+from sensor_node.machine.prices import Cycles, inversion, message, passes
 from sensor_node.machine.schedule import build_schedule
 from sensor_node.machine.sheet import data_sheet
 from sensor_node.sensing import Sensing
@@ -115,14 +115,28 @@ class EmulatedTaxel:
         """Of the converter, each of them read at each sample."""
         return len(self._calibrated.inputs)
 
-    def operations(self, n: int) -> int:
-        """Operations of its inversion with the n samples of its latest frame."""
+    def cycles(self, n: int) -> Cycles:
+        """What the n samples of its latest frame take: inversion, and each channel's passes."""
         before, self._inverted = self._inverted, list(self._calibrated.inverted)
         chains = [each.taxel.chain for each in self._companions.values()]
         counts = [now - then for then, now in zip(before, self._inverted, strict=True)]
         new = dict(zip(chains, counts, strict=True))
         measured = n + self.reader.repeats.samples
-        return operations(self._taxel.chain, measured, self.control_unit.known_neighbours, new)
+        unit = self.control_unit
+        total = inversion(self._taxel.chain, measured, unit.known_neighbours, new)
+        for each in unit.units:
+            sought, smoothed = each.detector is not None, each.smoothing.weight > 0.0
+            total = total.plus(
+                passes(rest=each.baseline.known, peaks=sought, smoothed=sought and smoothed).times(
+                    n
+                )
+            )
+        return total
+
+    def writing(self, record: Record) -> Cycles:
+        """What a message of its takes until it is sent."""
+        encoding = self._sampling.encoding if record.kind == BLOCK else None
+        return message(len(record.body), encoding, record.samples)
 
     @property
     def channels(self) -> list[Channel]:

@@ -50,6 +50,11 @@ def patches(taxels: Sequence[AnyTaxel]) -> dict[int, Patch]:
     return found
 
 
+def measured_around(taxels: Sequence[AnyTaxel]) -> dict[int, int]:
+    """Of each pad of a node, by its number, how many of its neighbours the node measures."""
+    return {number: len(patch.around) for number, patch in patches(taxels).items()}
+
+
 def neighbours(taxels: Sequence[AnyTaxel]) -> list[list[int]]:
     """Of each taxel, the numbers of the nearest four of its kind in its skin; or none."""
     found: list[list[int]] = [[] for _ in taxels]

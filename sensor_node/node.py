@@ -20,6 +20,7 @@ from sensor_node.firmware.reasons import ASLEEP, OVERRUN, RESET, TEXTS
 from sensor_node.firmware.states import StateMachine
 from sensor_node.machine.crystal import BILLION
 from sensor_node.machine.machine import Machine
+from sensor_node.machine.prices import message
 from sensor_node.machine.sampling import Sampling
 from sensor_node.scan import Scan, build_taxels
 from sensor_node.skin_map import skin_map
@@ -80,7 +81,10 @@ class Node:
         self._batch: Batch
         self._true_blocks: list[TrueBlock] = []
         self._working = threading.RLock()
-        self.machine = Machine(timeout=round(settings.machine.watchdog_s * BILLION))
+        self.machine = Machine(
+            timeout=round(settings.machine.watchdog_s * BILLION),
+            clock_hz=settings.machine.clock_hz,
+        )
         self.at_start: Callable[[], None] | None = None
         self.taxels = build_taxels(settings, seed=seed, clock=clock, functions=functions)
         self._scan = Scan(settings.taxel, self.taxels)
@@ -190,6 +194,8 @@ class Node:
                 places=self._map,
             )
             batch.take([status])
+        size = len(status.body)
+        self.machine.ledger.charge_message(message(size), size)
         return Position(self._outbox.boot, status.sequence)
 
     def _boot(self) -> None:
@@ -249,11 +255,11 @@ class Node:
     def _finish(self, taken: Taken) -> None:
         """A frame is worked off."""
         taxel = self.taxels[taken.number]
-        operations, channels = taxel.operations(taken.frame.n), len(taxel.channels)
-        self.machine.ledger.charge_frame(
-            taken.frame, operations=operations, inputs=taxel.inputs, channels=channels
-        )
-        self.machine.ledger.charge_repeats(*taxel.reader.repeats)
+        ledger, cycles = self.machine.ledger, taxel.cycles(taken.frame.n)
+        ledger.charge_frame(taken.frame, cycles=cycles, inputs=taxel.inputs)
+        for record in taken.records:
+            ledger.charge_message(taxel.writing(record), len(record.body))
+        ledger.charge_repeats(*taxel.reader.repeats)
         self._batch.take([*taken.records, *self._examiner.watch(taken.number, taken.frame.end)])
         self._true_blocks += taken.truth
         self.sampling.arm(taken.number, taxel.next)

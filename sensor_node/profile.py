@@ -10,7 +10,7 @@ from typing import Any, Final, Self
 from eskin.errors import SettingsError
 
 _DESCRIPTION: Final = "description"
-_SECTIONS: Final[tuple[str, ...]] = ("sampling", "energy")
+_SECTIONS: Final[tuple[str, ...]] = ("sampling", "machine", "energy")
 
 
 def profile_names() -> list[str]:
@@ -27,7 +27,7 @@ class Profile:
         name: Such as ``fingertip``.
         description: One line for people.
         taxels: The ``[[taxel]]`` tables.
-        sections: Its ``[sampling]`` and ``[energy]``, where it has them.
+        sections: Its ``[sampling]``, ``[machine]`` and ``[energy]``, where it has them.
         text: The same tables as TOML with their comments, ready to stand at the end of a node's
             file.
     """

@@ -176,6 +176,12 @@ class ClockSection(Section):
 class MachineSection(Section):
     """The emulated microcontroller; by default as an STM32U575 (ST, DS13737)."""
 
+    clock_hz: int = Field(
+        default=160_000_000,
+        ge=10**6,
+        le=10**10,
+        description="cycles of its Cortex-M33 a second; a node that needs more is refused",
+    )
     ram_bytes: int = Field(
         default=784 * 1024,
         ge=2**10,

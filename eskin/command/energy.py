@@ -65,7 +65,7 @@ def _rows(budgets: list[Budget]) -> list[tuple[str, list[Interval]]]:
 
 
 def _table(budgets: list[Budget]) -> str:
-    from sensor_node.budget import saving
+    from sensor_node.budget import conditions, saving
 
     design = budgets[0].design
     taxels = len(design.settings.taxel)
@@ -78,7 +78,9 @@ def _table(budgets: list[Budget]) -> str:
     for name, values in _rows(budgets):
         lines.append(f"{name:<20}" + "".join(f"{_watts(value):>25}" for value in values))
     verdicts = "".join(f"{_VERDICTS[each.verdict.name]:>25}" for each in budgets)
-    lines += [f"{'self-sustaining':<20}{verdicts}", ""]
+    lines += [f"{'self-sustaining':<20}{verdicts}", "", "The verdict holds where"]
+    lines += [f"- {condition}" for condition in conditions(design.settings)]
+    lines.append("")
     for frugal in budgets[1:]:
         watts, share = saving(budgets[0], frugal)
         lines.append(f"{frugal.mode} saves {_watts(watts)}, {share * 100.0:.1f} %")
@@ -97,7 +99,7 @@ def _watts(power: Interval) -> str:
 
 
 def _json(budgets: list[Budget]) -> str:
-    from sensor_node.budget import saving
+    from sensor_node.budget import conditions, saving
 
     modes: dict[str, Any] = {}
     for k, each in enumerate(budgets):
@@ -116,6 +118,7 @@ def _json(budgets: list[Budget]) -> str:
             "nodes": design.nodes,
             "taxels": design.nodes * len(design.settings.taxel),
             "seconds": budgets[0].seconds,
+            "conditions": conditions(design.settings),
             "modes": modes,
         },
         indent=2,

@@ -51,7 +51,7 @@ class Budget:
     def spent(self) -> dict[str, Interval]:
         """Mean power in W of all nodes, by part."""
         section = self.design.settings.energy
-        parts = bounds(section, self.work)
+        parts = _energies(section, self.work)
         parts["leakage"] = _leakage(section) * self.seconds
         return self._powers(parts)
 
@@ -89,12 +89,23 @@ def saving(full: Budget, frugal: Budget) -> tuple[Interval, Interval]:
     the difference of two independent intervals.
     """
     less = Work(*(one - other for one, other in zip(full.work, frugal.work, strict=True)))
+    # The same work takes the same cycles, whichever these are: what is saved is the difference.
+    less = less._replace(fewest=min(less.fewest, less.cycles), cycles=max(less.fewest, less.cycles))
+    less = less._replace(asleep=min(less.asleep, less.on), on=max(less.asleep, less.on))
     share = Interval(full.design.nodes) / full.seconds
-    saved = _sum(bounds(full.design.settings.energy, less)) * share
+    saved = _sum(_energies(full.design.settings.energy, less)) * share
     rest = frugal.consumption
     low = Interval(saved.inf) / (Interval(saved.inf) + Interval(rest.sup))
     high = Interval(saved.sup) / (Interval(saved.sup) + Interval(rest.inf))
     return saved, Interval(low.inf, high.sup)
+
+
+def _energies(section: EnergySection, work: Work) -> dict[str, Interval]:
+    """Energies of some work in J by part, with packets that are sent again as often as may be."""
+    parts = bounds(section, work)
+    loss = Interval(section.packet_loss)
+    parts["retransmission"] = parts["radio"] * Interval(0.0, (loss / (1.0 - loss)).sup)
+    return parts
 
 
 def _leakage(section: EnergySection) -> Interval:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
+from sensor_node.machine.prices import ENVELOPE
+
 if TYPE_CHECKING:
     from sensor_node.firmware.chip import Kept
 
-ENVELOPE: Final = 160
-"""COSE_Encrypt0 around the message: headers, salt, key names, tag."""
 _TRANSPORT: Final = 80
 """MQTT's PUBLISH with its topic, and a TLS record."""
 _ANSWER: Final = 40

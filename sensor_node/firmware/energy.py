@@ -34,7 +34,13 @@ _HYSTERESIS = 0.05
 _BILLION = 1000000000
 _SLACK = 1.0 / 1073741824
 """Steps of the converter that an emulated chain may round away at most."""
-_COUNTS = ("instruction", "conversion", "sent", "received")
+_COUNTS = ("cycle", "conversion", "sent", "received", "written", "wake_up")
+"""What each of the first counts of work costs, in their order."""
+_FEWEST = 6
+_ASLEEP = 7
+_ON = 8
+_SPAN = 9
+"""Places of the others."""
 
 
 def thrice(lo: float, hi: float) -> int:
@@ -48,7 +54,8 @@ class EnergyManager:
     """Follows the supply.
 
     Args:
-        sheet: Data sheet in SI values; ``pulse_lo`` and ``pulse_hi`` bound the sensor's pulse.
+        sheet: Data sheet in SI values; ``pulse_lo`` and ``pulse_hi`` bound the sensor's pulse in J,
+            ``idle_lo`` and ``idle_hi`` what flows while nothing is done, in W.
 
     Attributes:
         stored: Bounds of the stored energy in J.
@@ -66,7 +73,7 @@ class EnergyManager:
             up(self._costs[1][1] + sheet["pulse_hi"]),
         )
         self._sleeping = part(sheet, "sleeping")
-        self._wake_up = part(sheet, "wake_up")
+        self._idle = sheet["idle_lo"], sheet["idle_hi"]
         self._adc = converter(sheet)
         self._last = (1 << int(sheet["adc_bits"])) - 1
         self._half = part(sheet, "capacitance")
@@ -95,8 +102,8 @@ class EnergyManager:
 
         Args:
             code: Of the voltage at present.
-            work: Instructions, conversions, bytes sent and received, ns asleep, ns in all,
-                wake-ups.
+            work: Cycles at most, conversions, bytes sent, received and written, wake-ups, cycles
+                at least, ns asleep at least, ns with power, ns in all.
         """
         self._code = code
         volts = self._volts(code)
@@ -155,18 +162,19 @@ class EnergyManager:
         return max(0.0, min(low, 1.0)), max(0.0, min(high, 1.0))
 
     def _count(self, work: "Sequence[int]", volts: "Bounds") -> None:
-        low, high = 0.0, 0.0
-        for k in range(4):
+        low = down(work[_FEWEST] * self._costs[0][0])
+        high = up(work[0] * self._costs[0][1])
+        for k in range(1, len(_COUNTS)):
             low = down(low + down(work[k] * self._costs[k][0]))
             high = up(high + up(work[k] * self._costs[k][1]))
-        low = down(low + down(work[6] * self._wake_up[0]))
-        high = up(high + up(work[6] * self._wake_up[1]))
-        seconds = down(work[4] / _BILLION), up(work[4] / _BILLION)
-        low = down(low + down(seconds[0] * self._sleeping[0]))
-        high = up(high + up(seconds[1] * self._sleeping[1]))
+        on = down(work[_ON] / _BILLION), up(work[_ON] / _BILLION)
+        low = down(low + down(down(work[_ASLEEP] / _BILLION) * self._sleeping[0]))
+        high = up(high + up(on[1] * self._sleeping[1]))
+        low = down(low + down(on[0] * self._idle[0]))
+        high = up(high + up(on[1] * self._idle[1]))
         self.spent = max(0.0, down(self.spent[0] + low)), up(self.spent[1] + high)
-        self._lost = self._losses(max(0.0, low), high, work[5])
-        self._lasted += work[5]
+        self._lost = self._losses(max(0.0, low), high, work[_SPAN])
+        self._lasted += work[_SPAN]
         self._clipped = self._clipped or volts[1] >= self._rated
 
     def _losses(self, low: float, high: float, span: int) -> "Bounds":

@@ -23,7 +23,9 @@ from sensor_node.fleet.single_node import require_alone
 from sensor_node.fleet.storage import Storage
 from sensor_node.keys import NodeKeys
 from sensor_node.machine.budget import require_fit
+from sensor_node.machine.processor import require_speed
 from sensor_node.machine.schedule import build_schedule
+from sensor_node.neighbours import measured_around
 from sensor_node.settings import RadioSection
 from sensor_node.truth import Truth
 
@@ -60,6 +62,7 @@ def run(settings: NodeSettings) -> None:
         signal.signal(number, end)
     _require_open_air(settings)
     require_fit(settings)
+    require_speed(settings, measured_around(settings.taxel))
     require_files(settings.fleet.count)
     names = numbered(settings.node.name, settings.fleet.count)
     truth = Truth(settings.truth.path, limit=settings.truth.limit_bytes)

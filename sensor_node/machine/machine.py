@@ -26,6 +26,7 @@ class Machine:
 
     Args:
         timeout: ns after its last kick at which the watchdog resets the machine.
+        clock_hz: Cycles of its processor a second.
 
     Attributes:
         events: Everything that is going to happen, in machine time: nominal ns since the
@@ -39,9 +40,9 @@ class Machine:
         starting: Whether the firmware is to start before the next event.
     """
 
-    def __init__(self, *, timeout: int) -> None:
+    def __init__(self, *, timeout: int, clock_hz: int) -> None:
         self.events = EventQueue()
-        self.ledger = Ledger()
+        self.ledger = Ledger(clock_hz)
         self.on = False
         self.cause = ResetCause.POWER_ON
         self.booted = self.stopped = 0

@@ -9,19 +9,25 @@ class Work(NamedTuple):
     """What the machine did in a span of time.
 
     Attributes:
-        instructions: That its processor executed.
+        cycles: Of its processor, at most.
         conversions: Of its analogue-to-digital converter.
         sent: Bytes given to the radio, with repeats.
         received: Bytes.
-        asleep: ns in deep sleep.
-        span: ns, all in all.
+        written: Bytes put into flash.
         wakes: How often an interrupt woke the processor.
+        fewest: Cycles of its processor, at least.
+        asleep: ns in deep sleep, at least.
+        on: ns with power.
+        span: ns, all in all.
     """
 
-    instructions: int
-    conversions: int
-    sent: int
-    received: int
-    asleep: int
-    span: int
+    cycles: int = 0
+    conversions: int = 0
+    sent: int = 0
+    received: int = 0
+    written: int = 0
     wakes: int = 0
+    fewest: int = 0
+    asleep: int = 0
+    on: int = 0
+    span: int = 0

@@ -85,7 +85,7 @@ def test_brown_out_loses_nothing_that_flash_held_and_tells_the_gap(tmp_path: Pat
 
 
 def test_load_is_shed_before_brown_out_and_sleep_is_a_gap(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=8e-3, **STRONG)
+    bench = bench_of(tmp_path, start_voltage=3.5, capacitance=0.1, **STRONG)
     stages: list[int] = []
     while len(stages) < 400 and not (Shedding.SLEEP in stages and stages[-1] < Shedding.SLEEP):
         bench.run_to(bench.ticks / 1e9 + 0.25)
@@ -116,7 +116,7 @@ def test_shedding_sends_no_blocks_and_spares_what_is_set(tmp_path: Path) -> None
 
 
 def test_status_encloses_the_true_energy(tmp_path: Path) -> None:
-    bench = bench_of(tmp_path, capacitance=0.1)
+    bench = bench_of(tmp_path, capacitance=10.0)
     for _ in range(20):
         bench.run_to(bench.ticks / 1e9 + 0.25)
         bench.node.record_status()
@@ -156,7 +156,9 @@ class Lives:
     """One node's flash and truth over several processes, with an hour between two."""
 
     def __init__(self, folder: Path) -> None:
-        self.settings = settings(folder, "palm", energy={"on": True, "start_voltage": 3.5})
+        self.settings = settings(
+            folder, "palm", energy={"on": True, "start_voltage": 3.5, "capacitance": 1.0}
+        )
         self.start = START
 
     def begin(self) -> Node:
@@ -207,7 +209,8 @@ def test_charge_is_kept_by_a_process_that_ends_without_a_word(tmp_path: Path) ->
     _, before = told_at_start(node)
     lives.end(node, orderly=False)
     _, true = told_at_start(lives.begin())
-    assert 0.96 * before < true < before
+    # It is kept every 5 s, in which a palm that sends all spends some tens of mW.
+    assert true == pytest.approx(before, rel=0.05)
 
 
 def test_without_a_supply_a_status_says_nothing_of_energy(tmp_path: Path) -> None:

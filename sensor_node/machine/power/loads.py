@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.interval import Interval
+from sensor_node.machine.power.idle import idle_power
 from sensor_node.machine.power.pulse import pulse_energy
 from sensor_node.physics.parameters import draw_part
 
@@ -24,6 +25,8 @@ class Costs(NamedTuple):
     converting: float
     computing: float
     radio: float
+    flash: float
+    idle: float
     sleeping: float
     waking: float
 
@@ -37,11 +40,12 @@ class Loads:
     """
 
     def __init__(self, sheet: EnergySection, random: np.random.Generator) -> None:
-        pulse = pulse_energy(sheet)
-        low, high = float(pulse.inf), float(pulse.sup)
-        self._pulse = low + (high - low) * float(random.uniform(0.05, 0.95))
+        self._pulse = _drawn(random, pulse_energy(sheet))
+        self._idle = _drawn(random, idle_power(sheet))
+        self._more = float(random.uniform(0.05, 0.95))
+        self._written = draw_part(random, sheet.written, sheet.written_tolerance)
         self._conversion = draw_part(random, sheet.conversion, sheet.conversion_tolerance)
-        self._instruction = draw_part(random, sheet.instruction, sheet.instruction_tolerance)
+        self._cycle = draw_part(random, sheet.cycle, sheet.cycle_tolerance)
         self._sent = draw_part(random, sheet.sent, sheet.sent_tolerance)
         self._received = draw_part(random, sheet.received, sheet.received_tolerance)
         self._sleeping = draw_part(random, sheet.sleeping, sheet.sleeping_tolerance)
@@ -49,14 +53,22 @@ class Loads:
 
     def costs(self, work: Work) -> Costs:
         """True energies of some work."""
+        cycles = work.fewest + self._more * (work.cycles - work.fewest)
         return Costs(
             work.conversions * self._pulse,
             work.conversions * self._conversion,
-            work.instructions * self._instruction,
+            cycles * self._cycle,
             work.sent * self._sent + work.received * self._received,
+            work.written * self._written,
+            work.on / _BILLION * self._idle,
             work.asleep / _BILLION * self._sleeping,
             work.wakes * self._wake_up,
         )
+
+
+def _drawn(random: np.random.Generator, bounds: Interval) -> float:
+    low, high = float(bounds.inf), float(bounds.sup)
+    return low + (high - low) * float(random.uniform(0.05, 0.95))
 
 
 def bounds(sheet: EnergySection, work: Work) -> dict[str, Interval]:
@@ -68,8 +80,10 @@ def bounds(sheet: EnergySection, work: Work) -> dict[str, Interval]:
     return {
         "sensing": pulse_energy(sheet) * work.conversions,
         "converting": each("conversion") * work.conversions,
-        "computing": each("instruction") * work.instructions,
+        "computing": each("cycle") * Interval(work.fewest, work.cycles),
         "radio": each("sent") * work.sent + each("received") * work.received,
-        "sleeping": each("sleeping") * (Interval(work.asleep) / _BILLION),
+        "flash": each("written") * work.written,
+        "idle": idle_power(sheet) * (Interval(work.on) / _BILLION),
+        "sleeping": each("sleeping") * (Interval(work.asleep, work.on) / _BILLION),
         "waking": each("wake_up") * work.wakes,
     }

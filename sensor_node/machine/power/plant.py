@@ -58,7 +58,7 @@ class PowerPlant:
         span = machine.now - self._passed
         self._passed = machine.now
         # Without power it works nothing, and its ledger is closed.
-        work = Work(0, 0, 0, 0, 0, span)
+        work = Work(span=span)
         if machine.on:
             work = machine.ledger.take(machine.now)._replace(span=span)
         touches = self._harvester.touches(machine.now / BILLION)

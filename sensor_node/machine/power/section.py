@@ -21,6 +21,11 @@ def _part(default: float) -> float:
     return value
 
 
+def _wide(default: float) -> float:
+    value: float = Field(default=default, ge=0, lt=1, description=_TOLERANCE)
+    return value
+
+
 class EnergySection(Section):
     """A node that lives on a supercapacitor and on what touches give; see docs/energy.md."""
 
@@ -45,10 +50,11 @@ class EnergySection(Section):
     adc_nonlinearity: float = Field(default=0.5, ge=0, le=1000, description="INL, in steps")
     active_current: float = _positive(3e-4, "drawn while the supply is measured, A")
     active_current_tolerance: float = _part(0.3)
-    instruction: float = _positive(
-        6.4e-11, "energy of an instruction, J: STM32U575's 19.5 µA/MHz at 3.3 V, one a cycle"
+    cycle: float = _positive(
+        9.6e-11,
+        "energy of a cycle of the processor, J: STM32U575's 19.5 µA/MHz at 3.3 V, to twice that",
     )
-    instruction_tolerance: float = _part(0.2)
+    cycle_tolerance: float = _part(0.35)
     conversion: float = _positive(
         3e-9,
         "energy of a conversion, J: 3 V times ISAADC0, 1.4 mA at 2 million a second (nRF54L15) to "
@@ -62,6 +68,38 @@ class EnergySection(Section):
     sent_tolerance: float = _part(0.2)
     received: float = _positive(3e-7, "energy of a byte received, J; likewise")
     received_tolerance: float = _part(0.2)
+    packet_loss: float = Field(
+        default=0.1,
+        ge=0,
+        le=0.9,
+        description="share of packets that is lost and sent again, at most, where a budget counts "
+        "each once; a running node counts those of its radio",
+    )
+    listening: float = _positive(
+        1.6e-5,
+        "energy of a connection event without data, J: nRF52840's 4.6 to 4.8 mA at 3 V for 0.4 to "
+        "1.5 ms (ramp, window, empty packets), and up to 5 µJ for its crystal and processor",
+    )
+    listening_tolerance: float = _wide(0.67)
+    connection_interval_s: float = _positive(
+        1.0, "seconds from one connection event to the next, with the events that a node skips"
+    )
+    handshake: float = _positive(
+        1.45e-2,
+        "energy of a TLS handshake with certificates on both sides, J: 5 to 200 million cycles "
+        "(P-256 in assembly or in plain C; assumed) and 3 to 6 kB on the air",
+    )
+    handshake_tolerance: float = _wide(0.94)
+    handshakes_a_day: float = Field(
+        default=4.0, ge=0, le=86_400, description="TLS handshakes, at most; 0: none"
+    )
+    written: float = _positive(
+        1.25e-6,
+        "energy of a byte put into flash with its share of an erasure, J: at most 15 mA at 3 V, a "
+        "page of 256 bytes in 1.4 to 5 ms, a sector of 4 KiB in 60 to 120 ms (Macronix KH25L8005), "
+        "and a third of that current at least",
+    )
+    written_tolerance: float = _wide(0.77)
     sleeping: float = _positive(
         6.6e-6,
         "power in deep sleep, W: 3 V times 1.5 to 2.9 µA, nRF54L15 with its clock and 64 to 256 kB "
@@ -70,6 +108,10 @@ class EnergySection(Section):
     sleeping_tolerance: float = _part(0.32)
     wake_up: float = _positive(6e-8, "energy of a wake-up from deep sleep, J (assumed)")
     wake_up_tolerance: float = _part(0.2)
+    flash_resting: float = _positive(
+        3e-6, "power of flash in deep power-down, W: 1 µA at 3 V (Macronix KH25L8005, typical)"
+    )
+    flash_resting_tolerance: float = _wide(0.7)
     sensor_voltage: float = _positive(0.5, "that the MOSFET switches to the sensor, V")
     sensor_voltage_tolerance: float = _part(0.02)
     pulse_s: float = _positive(1e-3, "for which it is switched on for a conversion, s")

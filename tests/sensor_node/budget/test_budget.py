@@ -81,7 +81,10 @@ def test_saving_encloses_what_true_prices_save(hand: Sequence[Budget]) -> None:
 
 def test_bounds_enclose_true_prices_and_true_layers() -> None:
     section = EnergySection(coil_inductance=0.01)
-    work, touches = Work(10**7, 5000, 9000, 700, 10**9, 2 * 10**9), Touches(3.0, 2e-3)
+    work, touches = (
+        Work(10**7, 5000, 9000, 700, 8000, 9, 10**6, 10**9, 2 * 10**9),
+        Touches(3.0, 2e-3),
+    )
     harvest = harvest_bounds(section, touches)
     total = harvest["piezoelectric"] + harvest["triboelectric"]
     for seed in range(50):
@@ -106,7 +109,7 @@ def test_touches_of_the_hand_are_harvested_however_time_is_cut() -> None:
 def test_verdict_is_certain_where_touches_give_more_than_sleep_costs(
     hand: Sequence[Budget],
 ) -> None:
-    idle = replace(hand[2], work=Work(0, 0, 0, 0, 0, SECONDS * 10**9))
+    idle = replace(hand[2], work=Work(span=SECONDS * 10**9))
     assert hand[0].verdict is Sustained.IMPOSSIBLE
     assert replace(idle, touches=Touches(0.0, 1.0)).verdict is Sustained.CERTAIN
     assert replace(idle, touches=hand[2].touches).verdict is Sustained.POSSIBLE
@@ -127,14 +130,14 @@ def net_powers(budget: Budget, draws: int) -> list[float]:
         gained, before = layers.energy(budget.touches), supply.energy
         # In steps as the plant has them, that the supply burns and leaks what it truly does.
         for _ in range(4 * budget.seconds):
-            supply.pass_span(Work(0, 0, 0, 0, 0, 250_000_000), 0.0)
+            supply.pass_span(Work(span=250_000_000), 0.0)
         leaked = before - supply.energy
         spent = sum(Loads(section, random).costs(budget.work))
         found.append((gained - spent - leaked) / budget.seconds)
     return found
 
 
-SHOES = {"sole": Sustained.CERTAIN, "sock": Sustained.POSSIBLE}
+SHOES = {"sole": Sustained.POSSIBLE, "sock": Sustained.POSSIBLE}
 
 
 @pytest.mark.parametrize("name", SHOES)
@@ -144,7 +147,8 @@ def test_verdicts_of_packaged_profiles_hold_for_every_true_part(
     assert {name: each.verdict for name, each in shoes.items()} == SHOES
     assert hand[2].verdict is Sustained.IMPOSSIBLE
     signs = {power >= 0.0 for power in net_powers(shoes[name], 60)}
-    assert signs == ({True} if name == "sole" else {True, False})
+    # Few parts would have to be at their best end, all at once, that the sock's harvest suffices.
+    assert signs == ({True, False} if name == "sole" else {False})
     assert max(net_powers(hand[2], 20)) < 0.0
     # Steps are told: what is saved is not what the node is for.
     assert shoes[name].work.sent > 2000

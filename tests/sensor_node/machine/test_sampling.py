@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from eskin.errors import SettingsError
-from sensor_node.machine.ledger import INTERRUPT_NS, OF_INTERRUPT, WAKE_NS
+from sensor_node.machine.ledger import INTERRUPT_NS, WAKE_NS
 from sensor_node.machine.power.loads import Loads, bounds
 from sensor_node.machine.power.section import EnergySection
+from sensor_node.machine.prices import PRICES
 from sensor_node.machine.sampling import most_latency, require_depth
 from tests.sensor_node.designs import SECOND, Bench, settings
 
@@ -53,14 +54,16 @@ def test_messages_are_the_same_bytes_whatever_the_depth(lives: dict[int, Life]) 
     assert lives[1].bodies == lives[7].bodies == lives[FRAME].bodies
 
 
-def test_each_interrupt_is_counted_with_its_instructions_and_its_wake_up(
+def test_each_interrupt_is_counted_with_its_cycles_and_its_wake_up(
     lives: dict[int, Life],
 ) -> None:
     frame, each, seven = (lives[depth].work for depth in (FRAME, 1, 7))
     assert (frame.wakes, each.wakes, seven.wakes) == (3 * 8, SAMPLES, 3 * 8 * 36)
     assert each.conversions == frame.conversions
     more = SAMPLES - 3 * 8
-    assert each.instructions - frame.instructions == more * OF_INTERRUPT
+    cost = PRICES["interrupt"]
+    assert each.cycles - frame.cycles == more * cost.most
+    assert each.fewest - frame.fewest == more * cost.least
     assert frame.asleep - each.asleep == more * (WAKE_NS + INTERRUPT_NS)
 
 

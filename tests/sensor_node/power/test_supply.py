@@ -31,12 +31,19 @@ if TYPE_CHECKING:
 
 SECOND = 1_000_000_000
 SPAN = SECOND // 4
-IDLE = Work(0, 0, 0, 0, SPAN, SPAN)
+IDLE = Work(asleep=SPAN, on=SPAN, span=SPAN)
 
 
 def made(seed: int = 1, **keys: Any) -> tuple[Supply, EnergyManager]:
     section = EnergySection(on=True, **keys)
     return Supply(section, np.random.default_rng(seed)), EnergyManager(energy_sheet(section))
+
+
+def busy(cycles: int, conversions: int, sent: int, received: int = 0) -> Work:
+    """A quarter of a second with some work, and awake for half of it."""
+    return Work(
+        cycles, conversions, sent, received, fewest=cycles, asleep=SPAN // 2, on=SPAN, span=SPAN
+    )
 
 
 def live(supply: Supply, manager: EnergyManager, work: Work, harvested: float, steps: int) -> None:
@@ -83,13 +90,18 @@ def test_every_interval_encloses_the_true_supply(
     manager.watch(supply.code(), IDLE)
     begin, stored = copy.copy(supply.flows), supply.energy
     for _ in range(30):
+        cycles, on = int(2e6 * busy * random.random()), int(SPAN * random.random())
         work = Work(
-            int(1e6 * busy * random.random()),
-            int(1e3 * busy * random.random()),
-            int(2e3 * busy * random.random()),
-            int(1e3 * busy * random.random()),
-            int(SPAN * random.random()),
-            SPAN,
+            cycles=cycles,
+            conversions=int(1e3 * busy * random.random()),
+            sent=int(2e3 * busy * random.random()),
+            received=int(1e3 * busy * random.random()),
+            written=int(1e3 * busy * random.random()),
+            wakes=int(1e2 * busy * random.random()),
+            fewest=int(cycles * random.random()),
+            asleep=int(on * random.random()),
+            on=on,
+            span=SPAN,
         )
         before, over = copy.copy(supply.flows), manager._lasted == 0
         if over:
@@ -158,7 +170,7 @@ def assert_encloses(supply: Supply, manager: EnergyManager, begin: Flows, stored
 def test_energy_is_conserved() -> None:
     supply, manager = made(start_voltage=3.79)
     first = supply.energy
-    live(supply, manager, Work(10**6, 500, 2000, 100, SPAN // 2, SPAN), 5e-3, 200)
+    live(supply, manager, busy(10**6, 500, 2000, 100), 5e-3, 200)
     flows = supply.flows
     out = flows.spent + flows.leaked + flows.burnt + flows.shunted
     assert flows.shunted > 0.0
@@ -169,7 +181,7 @@ def test_energy_is_conserved() -> None:
 @pytest.mark.parametrize(("share", "verdict"), [(0.0, IMPOSSIBLE), (1.0, POSSIBLE), (2.0, CERTAIN)])
 def test_verdict_compares_harvest_with_consumption(share: float, verdict: int) -> None:
     supply, manager = made(start_voltage=3.0, horizon_s=20.0)
-    work = Work(10**5, 250, 1500, 0, SPAN, SPAN)
+    work = busy(10**5, 250, 1500)
     live(supply, manager, work, 0.0, 1)
     flows = supply.flows
     consumed = flows.spent + flows.leaked + flows.burnt
@@ -190,7 +202,7 @@ def test_verdict_of_three() -> None:
 
 def test_load_is_shed_in_stages_before_brown_out_and_taken_up_with_hysteresis() -> None:
     supply, manager = made(start_voltage=3.6)
-    work = Work(10**6, 1000, 8000, 0, 0, SPAN)
+    work = busy(10**6, 1000, 8000)
     stages, charges = [], []
     while not supply.failing and manager.stage < SLEEP:
         live(supply, manager, work, 0.0, 1)
@@ -211,7 +223,7 @@ def test_load_is_shed_in_stages_before_brown_out_and_taken_up_with_hysteresis() 
 
 def test_brown_out_and_recovery_have_their_thresholds() -> None:
     supply, _ = made(start_voltage=2.3)
-    heavy = Work(10**7, 10_000, 20_000, 0, 0, SPAN)
+    heavy = busy(10**7, 10_000, 20_000)
     while not supply.failing:
         assert supply.voltage >= 2.2
         supply.pass_span(heavy, 0.0)
