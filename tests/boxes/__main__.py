@@ -1,20 +1,28 @@
-"""``python -m tests.boxes``: hostile boxes of every model against high precision.
+"""``python -m tests.boxes``: random boxes for every model, against its formula in many bits.
 
-Frequencies, times and phases are 0, subnormal, huge and intervals. Exit status 1 if a member of a
-box lies outside of its enclosure.
+Parameters are zero, subnormal, huge, negative where allowed, thin and wide. A result counts as a
+violation where the formula's value at a member of the box certainly lies outside of it, or where it
+is no interval at all (NaN, or empty). Exit status 1 if there is one.
 """
 
 from __future__ import annotations
 
 import argparse
 import sys
+from concurrent.futures import ProcessPoolExecutor
+from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from tests.boxes.models import EVERY
+from tests.boxes.cases import CASES
 from tests.boxes.verify import verify
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tests.boxes.verify import Outcome
 
 
 def main() -> int:
@@ -22,22 +30,37 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.boxes", description=__doc__)
     parser.add_argument("--count", type=int, default=2000, help="boxes of each model")
     parser.add_argument("--seed", type=int, default=1, help="draws the boxes")
+    parser.add_argument("--jobs", type=int, default=2, help="models at once")
     parser.add_argument(
-        "--model", action="append", choices=list(EVERY), help="only this; repeatable"
+        "--model", action="append", choices=list(CASES), help="only this; repeatable"
     )
     options = parser.parse_args()
-    console = Console(stderr=True)
-    table = Table("model", "boxes", "refused", "points", "violations", "worst, relative")
-    failed = 0
-    for name in track(options.model or list(EVERY), "models", console=console):
-        found = verify(name, count=options.count, seed=options.seed)
-        for text in found.violations[:3]:
-            console.print(f"{name}: {text}", markup=False, highlight=False)
-        failed += len(found.violations)
-        numbers = (found.boxes, found.refused, found.points, len(found.violations))
-        table.add_row(name, *(f"{number}" for number in numbers), f"{found.worst:.3g}")
-    Console().print(table)
-    return 1 if failed else 0
+    names = options.model or list(CASES)
+    counts, seeds = [options.count] * len(names), [options.seed] * len(names)
+    progress = Console(stderr=True)
+    with ProcessPoolExecutor(options.jobs) as pool:
+        found = pool.map(verify, names, counts, seeds)
+        outcomes = list(track(found, "models", total=len(names), console=progress))
+    _report(outcomes, options.seed)
+    return 1 if any(outcome.violations for outcome in outcomes) else 0
+
+
+def _report(outcomes: Sequence[Outcome], seed: int) -> None:
+    console = Console()
+    table = Table(title=f"random boxes, seed {seed}")
+    for heading in ("model", "boxes", "members", "violations", "worst excess"):
+        table.add_column(heading, justify="left" if heading == "model" else "right")
+    for outcome in outcomes:
+        numbers = outcome.boxes, outcome.points, outcome.violations
+        excess = f"{outcome.excess:.3g}" if outcome.violations else "0"
+        table.add_row(outcome.name, *(f"{number:,}" for number in numbers), excess)
+    boxes, members = sum(o.boxes for o in outcomes), sum(o.points for o in outcomes)
+    wrong = sum(o.violations for o in outcomes)
+    table.add_row("all", f"{boxes:,}", f"{members:,}", f"{wrong:,}", "", style="bold")
+    console.print(table)
+    for outcome in outcomes:
+        for example in outcome.examples:
+            console.print(f"{outcome.name}: {example}", markup=False, highlight=False)
 
 
 if __name__ == "__main__":

@@ -1,117 +1,87 @@
-"""Draws boxes at the edges of what a model allows, and members of them."""
+"""Boxes of awkward parameters: zero, subnormal, huge, negative where allowed, thin and wide."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import enum
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-from flint import arb
 
 from eskin.interval import Interval
-from eskin.models.parameters import GREATEST, LEAST
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.random import Generator
     from numpy.typing import NDArray
 
     Floats = NDArray[np.float64]
-    Box = Mapping[str, Interval]
-    Member = dict[str, arb]
 
-SIGNED = frozenset({"time", "phase", "amplitude"})
-"""Parameters of either sign."""
-WITH_ZERO = frozenset(
-    [
-        "frequency",
-        "voltage_frequency",
-        "voltage",
-        "inductance_change",
-        "damping",
-        "distance_amplitude",
-    ]
-)
-"""Parameters that may be 0."""
-ORDERED = frozenset({"inductance_change", "distance_amplitude", "base_inductance", "mean_distance"})
-"""Parameters that must stay below others, or above: they keep their ordinary ranges."""
-_SIZES = np.array([5e-324, 1e-310, 1e-300, 1e-60, LEAST, 1e-20, 1e-9, 1e-3, 1.0, 50.0])
-_LARGE = np.array([1e5, 9.2e18, 1.9e19, 1e20, 1e30, GREATEST])
-_SHARES = np.array([0.0, 0.0, 1e-15, 1e-9, 1e-3, 0.3, 1.0])
+LEAST: Final = 1e-40
+GREATEST: Final = 1e40
+_TINY: Final = (5e-324, 1e-310, 2.2250738585072014e-308, 1e-300, 1e-160, 1e-40)
+_RELATIVE_WIDTHS: Final = (0.0, 0.0, 2.0**-52, 1e-9, 1e-3, 0.1, 0.5)
+
+
+class Kind(enum.Enum):
+    """Which values a parameter may take."""
+
+    POSITIVE = "positive"
+    NOT_NEGATIVE = "not negative"
+    FINITE = "finite"
 
 
 def draw(
-    generator: Generator, name: str, ordinary: tuple[float, float], n: int, *, thin: bool
+    generator: Generator,
+    kind: Kind,
+    typical: tuple[float, float],
+    n: int,
+    *,
+    thin: bool = False,
+    extent: tuple[float, float] = (LEAST, GREATEST),
 ) -> Interval:
-    """``n`` intervals of one parameter: thin, narrow, wide, from 0, over many turns.
+    """Draw intervals of one parameter: half of them near what the paper has.
 
     Args:
         generator: Draws.
-        name: Of the parameter.
-        ordinary: Its range in use.
+        kind: Which values are allowed.
+        typical: Least and greatest size of an ordinary value.
         n: How many.
-        thin: Whether the model needs plain numbers.
+        thin: Whether only single numbers are allowed.
+        extent: Least and greatest size of a value that is not zero.
     """
-    first = _values(generator, name, ordinary, n)
+    middle = _values(generator, kind, typical, n, extent)
     if thin:
-        return Interval(first)
-    share = generator.choice(_SHARES, n)
-    last = first + share * np.abs(first)
-    other = _values(generator, name, ordinary, n)
-    last = np.where(generator.random(n) < 0.3, other, last)
-    most = np.inf if name in ORDERED else GREATEST
-    return Interval(np.minimum(first, last), np.minimum(np.maximum(first, last), most))
+        return Interval(middle)
+    width = np.abs(middle) * generator.choice(_RELATIVE_WIDTHS, n)
+    other = middle + width * generator.choice([-1.0, 1.0], n)
+    far = generator.random(n) < 0.1  # two values that have nothing to do with each other
+    other = np.where(far, _values(generator, kind, typical, n, extent), other)
+    other = _allowed(other, kind, extent)
+    return Interval(np.minimum(middle, other), np.maximum(middle, other))
 
 
-def _values(generator: Generator, name: str, ordinary: tuple[float, float], n: int) -> Floats:
-    low, high = ordinary if ordinary[0] > 0.0 else (1e-3, 1e3)
-    usual = np.exp(generator.uniform(np.log(low), np.log(high), n))
-    if name in ORDERED:
-        return np.where((generator.random(n) < 0.2) & (name in WITH_ZERO), 0.0, usual)
-    odd = generator.choice(np.concatenate([_SIZES, _LARGE]), n) * generator.uniform(0.5, 1.0, n)
-    if name in SIGNED:
-        odd *= generator.choice([-1.0, 1.0], n)
-        usual *= generator.choice([-1.0, 1.0, 1.0], n)
-    else:
-        odd = np.where(odd < LEAST, 0.0 if name in WITH_ZERO else LEAST, odd)
-    kind = generator.random(n)
-    zero = 0.0 if name in WITH_ZERO | SIGNED else usual
-    return np.where(kind < 0.55, usual, np.where(kind < 0.85, odd, zero))
+def _values(
+    generator: Generator,
+    kind: Kind,
+    typical: tuple[float, float],
+    n: int,
+    extent: tuple[float, float],
+) -> Floats:
+    ordinary = np.exp(generator.uniform(np.log(typical[0]), np.log(typical[1]), n))
+    anywhere = np.exp(generator.uniform(np.log(extent[0]), np.log(extent[1]), n))
+    ends = generator.choice(extent, n)
+    special = generator.choice([*_TINY, 0.0] if kind is Kind.FINITE else [0.0], n)
+    if kind is Kind.POSITIVE:
+        special = ends
+    kinds = np.stack([ordinary, anywhere, ends, special])
+    share = generator.choice(4, n, p=[0.55, 0.25, 0.03, 0.17])
+    value = kinds[share, np.arange(n)]
+    if kind is Kind.FINITE:
+        value *= generator.choice([-1.0, 1.0], n)
+    return _allowed(value, kind, extent)
 
 
-def members(box: Box, i: int, generator: Generator, count: int) -> list[Member]:
-    """Points of the ``i``-th box: half their coordinates at ends, and crests of a sine.
-
-    Crests lie where 2·f·t is an odd number of halves, for each frequency by which time counts. They
-    are quotients that no float holds, so that a point is made of `arb`.
-    """
-    bounds = {name: (float(v.inf[i]), float(v.sup[i])) for name, v in box.items()}
-    found = []
-    for _ in range(count):
-        point = {}
-        for name, (low, high) in bounds.items():
-            share = generator.random() if generator.random() < 0.5 else float(generator.integers(2))
-            inside = low + share * (high - low)
-            point[name] = arb(min(max(inside, low), high))
-        found.append(point)
-        if "time" in bounds and generator.random() < 0.7:
-            crest = _at_crest(point, bounds["time"], generator)
-            if crest is not None:
-                found.append(crest)
-    return found
-
-
-def _at_crest(point: Member, time: tuple[float, float], generator: Generator) -> Member | None:
-    names = [name for name in ("frequency", "voltage_frequency") if name in point]
-    if not names:
-        return None
-    f = point[names[int(generator.integers(len(names)))]]
-    if not f > 0:
-        return None
-    half = arb(1) / 2
-    turns = (2 * f * point["time"]).floor().mid() + half
-    for shift in (0, 1, -1):
-        moved = (turns + shift) / (2 * f)
-        if arb(time[0]) <= moved <= arb(time[1]):
-            return point | {"time": moved}
-    return None
+def _allowed(value: Floats, kind: Kind, extent: tuple[float, float]) -> Floats:
+    if kind is Kind.FINITE:
+        return np.clip(value, -extent[1], extent[1])
+    inside = np.clip(value, *extent)
+    return np.where(value <= 0.0, 0.0, inside) if kind is Kind.NOT_NEGATIVE else inside

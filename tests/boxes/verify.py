@@ -1,103 +1,157 @@
-"""Holds a model's enclosures against its formula at members of hostile boxes."""
+"""Holds a model's results against its formula at members of random boxes."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-import flint
 import numpy as np
-from flint import arb
+from flint import arb, ctx
 
-from eskin.errors import IntervalError
-from eskin.interval import Interval
-from tests.boxes.draw import members
-from tests.boxes.models import EVERY, boxes
+from tests.boxes import points
+from tests.boxes.cases import CASES
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping
 
-BITS = 900
-"""Angles go up to 1e80 turns, and differences cancel 1e80 times."""
+    from numpy.random import Generator
+
+    from eskin.interval import Interval
+    from tests.boxes.cases import Case
+
+_BITS: Final = (420, 1700, 7000)
+"""Until the answer is certain: angles of 1e80, and differences that cancel at times of 1e-320."""
+_BATCH: Final = 250
+_SEARCHED: Final = 0.15
+"""Share of the boxes of a hard model in which inner optima are searched for."""
+_SHOWN: Final = 3
 
 
-@dataclass(slots=True)
-class Verdict:
-    """What became of a model's boxes.
+@dataclass
+class Outcome:
+    """What came out for one model.
 
     Attributes:
-        model: Its name.
-        boxes: How many were evaluated.
-        points: How many members were held against a result.
-        refused: How many boxes the model refused with an `IntervalError`.
-        violations: Descriptions of members whose value lies outside.
-        worst: Greatest distance outside, relative to the result's greatest bound.
+        name: Of the model.
+        boxes: How many were drawn.
+        points: How many members were compared.
+        violations: How many boxes were wrong.
+        excess: The farthest that a value lay outside, relative to it.
+        examples: Boxes that were wrong.
     """
 
-    model: str
+    name: str
     boxes: int = 0
     points: int = 0
-    refused: int = 0
-    violations: list[str] = field(default_factory=list)
-    worst: float = 0.0
+    violations: int = 0
+    excess: float = 0.0
+    examples: list[str] = field(default_factory=list)
 
 
-def verify(model: str, *, count: int, seed: int, each: int = 10) -> Verdict:
-    """Try ``count`` boxes of a model, with about ``each`` members of each."""
-    before, flint.ctx.prec = flint.ctx.prec, BITS
+def verify(name: str, count: int, seed: int) -> Outcome:
+    """Draw boxes for one model, and compare."""
+    before = ctx.prec
     try:
-        return _verify(model, count, np.random.default_rng(seed), each)
+        return _verify(name, count, seed)
     finally:
-        flint.ctx.prec = before
+        ctx.prec = before
 
 
-def _verify(model: str, count: int, generator: np.random.Generator, each: int) -> Verdict:
-    verdict = Verdict(model)
-    drawn = boxes(model, generator, count)
-    for i in range(count):
-        box = {
-            name: Interval(value.inf[i : i + 1], value.sup[i : i + 1])
-            for name, value in drawn.items()
-        }
-        try:
-            found = EVERY[model].evaluate(box)
-        except IntervalError:
-            verdict.refused += 1
-            continue
-        verdict.boxes += 1
-        for point in members(box, 0, generator, each):
-            hold(verdict, box, found, point)
-    return verdict
+def _verify(name: str, count: int, seed: int) -> Outcome:
+    case, outcome = CASES[name], Outcome(name)
+    generator = np.random.default_rng([seed, sorted(CASES).index(name)])
+    while outcome.boxes < count:
+        n = min(_BATCH, count - outcome.boxes)
+        compare(case, case.boxes(generator, n), generator, outcome)
+    return outcome
 
 
-def hold(
-    verdict: Verdict,
-    box: Mapping[str, Interval],
-    found: Mapping[str, Interval],
-    point: dict[str, Any],
+def compare(
+    case: Case, box: Mapping[str, Interval], generator: Generator, outcome: Outcome
 ) -> None:
-    """Hold one member's value against the enclosures; adds to the verdict."""
-    for name, exact in EVERY[verdict.model].truth(point).items():
-        if not exact.is_finite():
-            continue
-        verdict.points += 1
-        inf, sup = float(found[name].inf[0]), float(found[name].sup[0])
-        if _inside(inf, sup, exact):
-            continue
-        size = max(abs(inf), abs(sup), 5e-324)
-        beyond = max(float(arb(inf) - exact), float(exact - arb(sup))) / size
-        verdict.worst = max(verdict.worst, beyond if math.isfinite(beyond) else math.inf)
-        given = {key: (float(v.inf[0]), float(v.sup[0])) for key, v in box.items()}
-        at = {key: float(value) for key, value in point.items()}
-        verdict.violations.append(
-            f"{name} [{inf!r}, {sup!r}] lacks {exact.str(20)} at {at} in {given}"
-        )
+    """Evaluate boxes and hold the results against their members."""
+    found = case.evaluate(box)
+    n = next(iter(box.values())).inf.size
+    for i in range(n):
+        sides = {k: (float(v.inf[i]), float(v.sup[i])) for k, v in box.items()}
+        bounds = {k: (float(v.inf[i]), float(v.sup[i])) for k, v in found.items()}
+        worst, told = _judge(case, sides, bounds, generator, outcome)
+        outcome.boxes += 1
+        if told:
+            outcome.violations += 1
+            outcome.excess = max(outcome.excess, worst)
+            if len(outcome.examples) < _SHOWN:
+                outcome.examples.append(f"{told}\n    of {sides}")
 
 
-def _inside(inf: float, sup: float, exact: Any) -> bool:
-    if math.isnan(inf) or math.isnan(sup):
-        return False
-    low = inf == -math.inf or not exact < arb(inf)
-    high = sup == math.inf or not exact > arb(sup)
-    return bool(low and high)
+def _judge(
+    case: Case,
+    sides: Mapping[str, tuple[float, float]],
+    bounds: Mapping[str, tuple[float, float]],
+    generator: Generator,
+    outcome: Outcome,
+) -> tuple[float, str]:
+    for name, (inf, sup) in bounds.items():
+        if not inf <= sup:
+            return math.inf, f"{name} is [{inf!r}, {sup!r}]"
+    ctx.prec = _BITS[0]
+    worst, told = 0.0, ""
+    for point in _members(case, sides, generator):
+        outcome.points += 1
+        for name, excess in _excesses(case, point, bounds):
+            if excess > worst:
+                at = {k: float(v.mid()) for k, v in point.items()}
+                worst, told = excess, f"{name} {bounds[name]} misses by {excess:.3g} at {at}"
+    return worst, told
+
+
+def _members(
+    case: Case, sides: Mapping[str, tuple[float, float]], generator: Generator
+) -> Iterator[dict[str, Any]]:
+    if all(lo == hi for lo, hi in sides.values()):
+        yield points.corner(sides, generator)
+        return
+    for _ in range(5):
+        yield points.corner(sides, generator)
+    for _ in range(5):
+        yield points.inside(sides, generator)
+    if {"time", "frequency"} <= sides.keys():
+        yield from points.crests(sides, generator)
+    if "phase" in sides and sides.get("amplitude") != (0.0, 0.0):
+        yield from points.phases(sides, generator, lambda p: case.formula(p)["value"])
+    if case.hard and generator.random() < _SEARCHED:
+        yield from _optima(case, sides, generator)
+
+
+def _optima(
+    case: Case, sides: Mapping[str, tuple[float, float]], generator: Generator
+) -> Iterator[dict[str, Any]]:
+    """Where a search from an inner point ends, up and down for each result."""
+    start = points.inside(sides, generator)
+    for name in case.formula(start):
+
+        def find(p: dict[str, Any], name: str = name) -> Any:
+            return case.formula(p)[name]
+
+        for sign in (1.0, -1.0):
+            yield points.climb(sides, start, find, sign)
+
+
+def _excesses(
+    case: Case, point: Mapping[str, Any], bounds: Mapping[str, tuple[float, float]]
+) -> Iterator[tuple[str, float]]:
+    """Results that certainly lie outside at a point, and how far."""
+    values = case.formula(point)
+    for name, (inf, sup) in bounds.items():
+        value = values[name]
+        for bits in _BITS[1:]:
+            if (value >= arb(inf) or value < arb(inf)) and (value <= arb(sup) or value > arb(sup)):
+                break
+            ctx.prec = bits
+            value = case.formula(point)[name]
+        ctx.prec = _BITS[0]
+        if value < arb(inf) or value > arb(sup):
+            beyond = float((arb(inf) - value).mid()) if value < arb(inf) else 0.0
+            beyond = max(beyond, float((value - arb(sup)).mid()))
+            yield name, max(beyond / max(abs(float(value.mid())), 5e-324), 5e-324)

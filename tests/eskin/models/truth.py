@@ -28,15 +28,17 @@ def raised(p: Numbers, low: str, high: str) -> Any:
     return p[low] + (p[high] - p[low]) * s
 
 
+def permittivity(p: Numbers) -> Any:
+    return p["vacuum_permittivity"] * p.get("relative_permittivity", 1)
+
+
 def capacitance(p: Numbers) -> Found:
-    return {
-        "value": p["vacuum_permittivity"] * p["relative_permittivity"] * p["area"] / p["distance"]
-    }
+    return {"value": permittivity(p) * p["area"] / p["distance"]}
 
 
 def moving_plate(p: Numbers) -> Found:
     d = raised(p, "minimum_distance", "maximum_distance")
-    return {"distance": d, "capacitance": p["vacuum_permittivity"] * p["area"] / d}
+    return {"distance": d, "capacitance": permittivity(p) * p["area"] / d}
 
 
 def touch(p: Numbers) -> Found:
@@ -45,7 +47,7 @@ def touch(p: Numbers) -> Found:
 
 
 def touch_of_area(p: Numbers) -> Found:
-    c = p["vacuum_permittivity"] * p["area"] / p["distance"]
+    c = permittivity(p) * p["area"] / p["distance"]
     return {"area": p["area"], "capacitance": c, "energy": c * p["voltage"] ** 2 / 2}
 
 

@@ -183,3 +183,22 @@ def test_a_source_reaches_its_crests_however_far_the_time(far: float) -> None:
     got = source_voltage(far, amplitude=2.0, frequency=Interval(1.0, 1.5), phase=0.0)
     assert got.inf <= -2.0
     assert got.sup >= 2.0
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "frequency", "phase", "time"),
+    [
+        (100.0, 1e40, 1.9e-12, 2.5e-4),
+        (1.0, 9.6e34, -81.7, 4.7e19),
+        (1e40, 0.1, 0.0, 5e-324),
+        (1e40, 0.0, 5e-324, 1.0),
+    ],
+)
+def test_a_source_keeps_its_phase_beside_any_number_of_turns(
+    amplitude: float, frequency: float, phase: float, time: float
+) -> None:
+    flint.ctx.prec = 2000
+    arb = flint.arb
+    angle = 2 * arb.pi() * arb(frequency) * arb(time) + arb(phase)
+    got = source_voltage(time, amplitude=amplitude, frequency=frequency, phase=phase)
+    assert reference.inside(float(got.inf), float(got.sup), arb(amplitude) * angle.sin())
