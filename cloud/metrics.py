@@ -8,6 +8,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, gene
 
 from cloud.clock_check import count_wrong_clocks
 from cloud.store.disk import measure_disk
+from cloud.store.holes import count_missing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -80,6 +81,11 @@ class Metrics:
             "wrong_clocks",
             "Nodes whose latest status proves that their clock is beyond its bound.",
             lambda: count_wrong_clocks(store, clock_error),
+        )
+        self._gauge(
+            "messages_missing",
+            "Messages that nodes made and that are stored nowhere, though no gap names them.",
+            lambda: count_missing(store),
         )
         self._watch(store)
 

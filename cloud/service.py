@@ -19,6 +19,7 @@ from cloud.ingest.uploads import Uploads
 from cloud.live import Feed, Onlookers
 from cloud.live.relay import relay
 from cloud.metrics import Metrics
+from cloud.missing import look_for_missing
 from cloud.packing import keep_packed
 from cloud.privacy.erasures import hear
 from cloud.privacy.keyholder import Keyholder
@@ -171,6 +172,7 @@ async def _serve(cloud: Cloud) -> None:
             listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
         group.create_task(hear(cloud, stopping), name="erasures")
+        group.create_task(look_for_missing(cloud, stopping), name="missing")
         group.create_task(retain(cloud, stopping), name="retention")
         group.create_task(keep_built(cloud, stopping), name="pyramid")
         group.create_task(reclaim(cloud, stopping), name="memory")

@@ -160,6 +160,13 @@ class NodesSection(Section):
         description="greatest error of the clocks of gateways and clouds, by which nodes' clocks "
         "are checked",
     )
+    missing_s: float = Field(
+        default=300.0,
+        gt=0,
+        le=604_800,
+        description="seconds after which messages that are missing between stored ones, and that "
+        "no gap names, are told by an event, a metric and the node",
+    )
 
 
 class AccessSection(Section):

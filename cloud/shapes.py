@@ -6,7 +6,7 @@ import json
 import math
 from collections import defaultdict
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import orjson
 
@@ -28,8 +28,11 @@ if TYPE_CHECKING:
     from cloud.query.series import Series
     from cloud.query.window import Window
     from cloud.settings import NodesSection
+    from cloud.store.holes import Hole
     from eskin.messages import Block
 
+MOST_RANGES: Final = 16
+"""Of what is missing of a node, in an answer."""
 Json: TypeAlias = dict[str, Any]
 Row: TypeAlias = "RowMapping | dict[str, Any]"
 
@@ -165,7 +168,9 @@ def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
     }
 
 
-def node_shape(row: Row, *, channels: int, health: str, clock_error_s: float) -> Json:
+def node_shape(
+    row: Row, *, channels: int, health: str, clock_error_s: float, holes: Sequence[Hole] = ()
+) -> Json:
     """A node."""
     outbox = {
         "messages": row["messages"],
@@ -188,6 +193,20 @@ def node_shape(row: Row, *, channels: int, health: str, clock_error_s: float) ->
         "channels": channels,
         "lag": lag_shape(row),
         "clock": clock_shape(row, clock_error_s),
+        "missing": missing_shape(holes),
+    }
+
+
+def missing_shape(holes: Sequence[Hole]) -> Json | None:
+    """What is missing of a node, as events name it."""
+    named = [hole for hole in holes if hole.named]
+    if not named:
+        return None
+    ranges = [{"boot": h.boot, "first": h.first, "last": h.last} for h in named[-MOST_RANGES:]]
+    return {
+        "messages": sum(hole.messages for hole in named),
+        "since": format_moment(min(hole.since for hole in named)),
+        "ranges": ranges,
     }
 
 

@@ -52,6 +52,10 @@ _SCHEMA: Final = (
         one INTEGER PRIMARY KEY CHECK (one = 1),
         body BLOB NOT NULL
     ) STRICT""",
+    """CREATE TABLE IF NOT EXISTS ended ( -- the last number of each boot
+        boot INTEGER PRIMARY KEY,
+        last INTEGER NOT NULL
+    ) STRICT""",
     PROOF,
     "CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence)",
     # Nothing else ever changes a record's kind.
@@ -68,6 +72,10 @@ _SEAL: Final = (
     "UPDATE charge SET body = sealed_last('charge', body)",
 )
 _COUNT: Final = "UPDATE counter SET value = max(value + 1, ?) WHERE name = 'boot'"
+_TRIM: Final = """DELETE FROM ended WHERE boot NOT IN
+    (SELECT boot FROM ended ORDER BY boot DESC LIMIT ?)"""
+MOST_ENDED: Final = 8
+"""Former boots whose last numbers are kept, and told with each status."""
 _SELECT: Final = (
     "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
 )
@@ -106,6 +114,7 @@ class Flash:
                 self._migrate()
                 self._db.execute(_COUNT, (int(time.time()) if epoch is None else epoch,))
                 self.boot: int = self._counter("boot")
+                self._db.execute(_TRIM, (MOST_ENDED,))
                 opened.pop_all()
         except LockedError as error:
             raise FlashError(f"{path}: another node runs on this flash; stop it first") from error
@@ -119,6 +128,7 @@ class Flash:
         with self._writing():
             self._db.execute(_COUNT, (self.boot + 1,))
             self.boot += 1
+            self._db.execute(_TRIM, (MOST_ENDED,))
 
     def begin(self) -> None:
         """Begin a transaction."""
@@ -180,12 +190,19 @@ class Flash:
         self._unreadable = self._counter("unreadable")
         return self._counter("gaps") + self._unreadable
 
-    def keep_gaps(self, gaps: int) -> None:
-        """Keep that number; those that came since it was asked are counted here."""
+    def keep_counts(self, gaps: int, last: int) -> None:
+        """Keep that number, and the boot's last; gaps since it was asked are counted here."""
         with self._writing():
             self._db.execute(
                 "UPDATE counter SET value = ? WHERE name = 'gaps'", (gaps - self._unreadable,)
             )
+            self._db.execute("INSERT OR REPLACE INTO ended VALUES (?, ?)", (self.boot, last))
+
+    def ended(self) -> list[Position]:
+        """The latest former boots that kept a message, and the last number of each, in order."""
+        query = "SELECT boot, last FROM ended WHERE boot < ? ORDER BY boot DESC LIMIT ?"
+        rows = self._query(query, self.boot, MOST_ENDED)
+        return [(boot, last) for boot, last in reversed(rows)]
 
     def answer(self) -> bytes | None:
         """The last result, also after it was acknowledged."""

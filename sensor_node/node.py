@@ -117,7 +117,9 @@ class Node:
                     self.machine.run(time, _MOST_FRAMES)
                     # Before the flash's commit: every stored block has its truth.
                     if self._true_blocks:
-                        self._truth.store({self._settings.node.name: self._true_blocks})
+                        name = self._settings.node.name
+                        settled = {name: self._outbox.settled}
+                        self._truth.store({name: self._true_blocks}, settled)
                     if self.energy is not None:
                         self.energy.keep()
             self.machine.events.pass_to(time)
@@ -192,6 +194,8 @@ class Node:
                 energy=None if self.energy is None else self.energy.manager.told,
                 faults=self._examiner.faults,
                 places=self._map,
+                held=self._outbox.held(),
+                ended=self._outbox.ended(),
             )
             batch.take([status])
         size = len(status.body)

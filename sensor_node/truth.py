@@ -43,6 +43,12 @@ CREATE TABLE IF NOT EXISTS truth (
     dt INTEGER NOT NULL,     -- sampling period in ns
     samples BLOB NOT NULL    -- float64, little endian
 ) STRICT;
+CREATE TABLE IF NOT EXISTS settled (
+    node TEXT NOT NULL,
+    boot INTEGER NOT NULL,
+    sequence INTEGER NOT NULL, -- below it all was in flash, or is named by a gap
+    PRIMARY KEY (node, boot)
+) STRICT, WITHOUT ROWID;
 CREATE UNIQUE INDEX IF NOT EXISTS truth_position ON truth (boot, sequence, node);
 """
 _INSERT: Final = (
@@ -53,6 +59,7 @@ _KEEP: Final = "INSERT OR REPLACE INTO fact VALUES (?, ?)"
 _LATER: Final = (
     "INSERT INTO fact VALUES ('end', ?) ON CONFLICT (key) DO UPDATE SET value = max(value, ?1)"
 )
+_SETTLED: Final = "INSERT OR REPLACE INTO settled VALUES (?, ?, ?)"
 _SLACK: Final = 128
 _FORGOTTEN_AT_ONCE: Final = 64
 
@@ -202,8 +209,32 @@ class Truth:
         except UNREADABLE as error:
             raise FlashError(f"{self._path}: the truth cannot be written: {why(error)}") from error
 
-    def store(self, blocks: Mapping[str, Sequence[TrueBlock]]) -> None:
+    @classmethod
+    def settled(cls, path: Path) -> dict[str, dict[int, int]]:
+        """Of each node and boot: the number below which all was in flash, or is named by a gap.
+
+        Known at the latest `store`; what was committed to flash after it is not in it.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        found: dict[str, dict[int, int]] = defaultdict(dict)
+        with _reading(path) as db:
+            for node, boot, sequence in db.execute("SELECT node, boot, sequence FROM settled"):
+                found[node][boot] = sequence
+        return dict(found)
+
+    def store(
+        self,
+        blocks: Mapping[str, Sequence[TrueBlock]],
+        settled: Mapping[str, tuple[int, int]] | None = None,
+    ) -> None:
         """Keep the truth behind some blocks of each of some nodes, in one commit.
+
+        Args:
+            blocks: By node.
+            settled: Of each node, the position of its boot below which all was in flash before, or
+                is named by a gap.
 
         Raises:
             FlashError: It cannot be written.
@@ -216,6 +247,8 @@ class Truth:
         with self._commit(), self._writing():
             self._db.executemany(_INSERT, rows)
             self._db.execute(_LATER, (max(ends),))
+            settled_rows = [(node, *position) for node, position in (settled or {}).items()]
+            self._db.executemany(_SETTLED, settled_rows)
             used -= self._drop(used - self._limit)
         self._used = used
 

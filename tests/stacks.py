@@ -29,6 +29,7 @@ class RealStack:
         folder: Where all lies.
         gateways: How many; several share the site's load.
         keepalive_s: Seconds between a gateway's pings.
+        missing_s: Seconds after which the cloud names missing messages.
 
     Attributes:
         folder: Where all lies.
@@ -42,7 +43,14 @@ class RealStack:
         spool: The first gateway's.
     """
 
-    def __init__(self, folder: Path, *, gateways: int = 1, keepalive_s: int = 15) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        gateways: int = 1,
+        keepalive_s: int = 15,
+        missing_s: float = 300.0,
+    ) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         self.folder = folder
         self.pki = folder / "pki"
@@ -55,6 +63,7 @@ class RealStack:
             "store": {"path": self.store},
             "people": {"port": self._people},
             "gateways": {"port": self._ingest, "identity": self.pki / "server.cloud"},
+            "nodes": {"missing_s": missing_s},
         })  # fmt: skip
         self.broker = Mosquitto(folder / "broker", self.identities)
         self.cloud = Running(
@@ -94,6 +103,11 @@ class RealStack:
         headers = {"Authorization": f"Bearer {token}"}
         url = f"http://127.0.0.1:{self._people}/api/v1"
         return httpx.Client(base_url=url, headers=headers, timeout=60, verify=PLAIN)
+
+    def start_cloud(self) -> None:
+        """Start the cloud again, after it was ended."""
+        self.cloud.start()
+        self.cloud.wait_for(lambda: accepts(self._ingest), "the cloud listens")
 
     def start_gateway(self) -> None:
         """Start the gateway again, after it was ended."""

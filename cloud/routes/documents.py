@@ -115,6 +115,25 @@ class ClockDocument(BaseModel):
     references_agree: bool
 
 
+class MissingRangeDocument(BaseModel):
+    """Numbers of messages of one boot, the last one included."""
+
+    boot: int
+    first: int
+    last: int
+
+
+class MissingDocument(BaseModel):
+    """Messages that the node made and that are stored nowhere, though no gap names them.
+
+    ``ranges`` are the latest ones, at most 16.
+    """
+
+    messages: int
+    since: Moment
+    ranges: list[MissingRangeDocument]
+
+
 class NodeDocument(BaseModel):
     """A node."""
 
@@ -133,6 +152,7 @@ class NodeDocument(BaseModel):
     channels: int
     lag: LagDocument | None
     clock: ClockDocument | None
+    missing: MissingDocument | None
 
 
 class TaxelDocument(BaseModel):

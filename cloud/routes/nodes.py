@@ -1,5 +1,6 @@
 """Nodes and their channels."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Query
@@ -22,6 +23,7 @@ from cloud.routes.documents import (
 )
 from cloud.shapes import channel_shape, health_shape, node_shape, page, taxel_shapes
 from cloud.state import Cloud
+from cloud.store.holes import Hole, list_holes
 from eskin.moment import SECOND
 
 router = APIRouter(tags=["nodes"])
@@ -40,8 +42,9 @@ def get_nodes(cloud: CloudState, _: Reader, query: Annotated[ListQuery, Query()]
     """All nodes, by name."""
     with cloud.store.read() as connection:
         rows, following = list_nodes(connection, query.cursor)
-        counts = count_channels(connection, [row["node"] for row in rows])
-    items = [_node(cloud, row, counts.get(row["node"], 0)) for row in rows]
+        names = [row["node"] for row in rows]
+        counts, holes = count_channels(connection, names), list_holes(connection, names)
+    items = [_node(cloud, row, counts.get(row["node"], 0), holes[row["node"]]) for row in rows]
     return as_json(page(items, following))
 
 
@@ -53,8 +56,8 @@ def get_node(
     del query
     with cloud.store.read() as connection:
         row = find_node(connection, node)
-        counts = count_channels(connection, [node])
-    return as_json(_node(cloud, row, counts.get(node, 0)))
+        counts, holes = count_channels(connection, [node]), list_holes(connection, [node])
+    return as_json(_node(cloud, row, counts.get(node, 0), holes[node]))
 
 
 @router.get(
@@ -89,7 +92,7 @@ def get_taxels(
     return as_json(page(taxel_shapes(row), None))
 
 
-def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:
+def _node(cloud: Cloud, row: RowMapping, channels: int, holes: Sequence[Hole]) -> dict[str, Any]:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
     health = health_shape(cloud.settings.nodes, silence, ahead=-silence)
     return node_shape(
@@ -97,4 +100,5 @@ def _node(cloud: Cloud, row: RowMapping, channels: int) -> dict[str, Any]:
         channels=channels,
         health=health,
         clock_error_s=cloud.settings.nodes.clock_error_s,
+        holes=holes,
     )

@@ -104,6 +104,8 @@ def status_row(
         "clock_after": status.gateway_time,
         "clock_before": now,
     } | _energy(status)
+    if status.held is not None:
+        row["held_boot"], row["held_sequence"] = status.held
     cache.change(nodes, node)
     if known[0] is not None and known[0] >= place.boot:
         return None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import logging
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
@@ -14,7 +15,8 @@ from cloud.store.channels import add_veiled, check_channels, declare, named
 from cloud.store.commands import keep_result
 from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
-from cloud.store.events import gap_row, peak_row, status_row
+from cloud.store.events import event_row, gap_row, peak_row, status_row
+from cloud.store.holes import note_ends, note_lost, state_flash_age
 from cloud.store.numbers import MOST_RANGES
 from cloud.store.presence import note_veiled_lag, see
 from cloud.store.schema import blocks, events
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
     from cloud.store.item import Item
     from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import Position
+
+log = logging.getLogger(__name__)
 
 STORED: Final = "stored"
 DUPLICATE: Final = "duplicate"
@@ -219,13 +223,28 @@ def _store(batch: _Batch, node: str, message: _Other, data: bytes) -> None:
         batch.tell(peak_row(node, message, data))
     elif isinstance(message, Gap):
         batch.tell(gap_row(node, message, data))
+        note_lost(batch.connection, node, message.lost)
     elif isinstance(message, Result):
         _tell_if_any(batch, keep_result(batch.connection, node, message, data))
     else:
         declare(batch.connection, batch.cache, node, message)
-        _tell_if_any(
-            batch, status_row(batch.connection, batch.cache, node, message, data, now=batch.now)
-        )
+        started = status_row(batch.connection, batch.cache, node, message, data, now=batch.now)
+        _tell_if_any(batch, started)
+        if started is not None and message.ended is not None:
+            _compare_flash(batch, node, message, message.ended)
+
+
+def _compare_flash(
+    batch: _Batch, node: str, status: Status, ended: Sequence[tuple[int, int]]
+) -> None:
+    """At a node's start, hold what its flash knows of former boots against what is stored."""
+    place = status.position
+    former = [each for each in ended if each[0] < place.boot]
+    note_ends(batch.connection, node, former)
+    detail = state_flash_age(batch.connection, node, place.boot, former)
+    if detail is not None:
+        log.error("flash of a node is not the latest: node=%s detail=%r", node, detail)
+        batch.tell(event_row(node, "status", place, status.time, detail=detail))
 
 
 def _tell_if_any(batch: _Batch, row: Row | None) -> None:

@@ -70,8 +70,11 @@ nodes = Table(
         Column(name, BigInteger)
         for name in ("clock_earliest", "clock_latest", "clock_after", "clock_before")
     ),
+    *(Column(name, BigInteger) for name in ("held_boot", "held_sequence")),
 )
 """Each node: latest position and status, and how long after its last sample a block was stored.
+
+``held_*`` is the lowest position that it still held, by the latest status.
 
 ``clock_*`` are the times of a `cloud.clock_check.ClockCheck`, by the latest status.
 

@@ -10,28 +10,31 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import select
 
+from cloud.store.removal import Reason
 from cloud.store.schema import blocks, events, sequences
+from cloud.store.sealed import removals
 from demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.messages import Gap, Position, decode_message
+from eskin.messages.fields import MOST_COUNT
 from eskin.messages.pack import Pack
 from eskin.privacy import Veiled, is_veiled
 from eskin.sequences import SequenceRanges
 from sensor_node.truth import Truth
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
 
     from sqlalchemy import Connection
 
     from demo.layout import Layout
 
-ONE_COMMIT: Final = 64 * 16
-"""Blocks of a node's largest commit: kill -9 between truth and flash leaves no more behind."""
-
 _IN_FLEET: Final = (
     "SELECT name, message.boot, sequence FROM message JOIN member ON member.id = message.member"
+)
+_ENDS_IN_FLEET: Final = (
+    "SELECT name, ended.boot, last FROM ended JOIN member ON member.id = ended.member"
 )
 
 
@@ -46,6 +49,7 @@ class Delivery:
         waiting: Those that wait in flash or spool.
         told: Those that a gap tells as lost.
         unborn: Those at the end of a boot that never came to be committed to flash.
+        removed: Those that the cloud had, and removed by their age or with their subject.
         missing: All others. Not one may be.
     """
 
@@ -55,6 +59,7 @@ class Delivery:
     waiting: int
     told: int
     unborn: int
+    removed: int
     missing: tuple[Position, ...]
 
     @property
@@ -92,6 +97,8 @@ class UnderWay:
 
     truths: dict[str, Path]
     made: dict[str, list[Position]]
+    settled: dict[str, dict[int, int]]
+    ended: dict[str, dict[int, int]]
     waiting: dict[str, Sightings]
     letters: list[str]
 
@@ -104,12 +111,20 @@ class UnderWay:
         """
         truths: dict[str, Path] = {}
         made: dict[str, list[Position]] = {}
+        settled: dict[str, dict[int, int]] = {}
         for path in layout.truths:
             found = Truth.made(path)
             made |= found
+            settled |= Truth.settled(path)
             truths |= dict.fromkeys(found, path)
+        # Before what waits there: what flash comes to hold meanwhile is found further on.
+        ended: dict[str, dict[int, int]] = defaultdict(dict)
+        for node, boot, last in _in_flash(layout, "SELECT boot, last FROM ended", _ENDS_IN_FLEET):
+            ended[node][boot] = last
         waiting = {node: Sightings() for node in made}
-        for node, boot, sequence in _in_flash(layout):
+        for node, boot, sequence in _in_flash(
+            layout, "SELECT boot, sequence FROM message", _IN_FLEET
+        ):
             if node in waiting:
                 waiting[node].span(boot, sequence, sequence)
         for node, body in _rows(layout.spool, "SELECT node, body FROM messages"):
@@ -117,7 +132,20 @@ class UnderWay:
             if node in waiting:
                 waiting[node].span(position.boot, position.sequence, position.sequence)
         letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
-        return cls(truths, made, waiting, [f"{node}: {reason}" for node, reason in letters])
+        said = [f"{node}: {reason}" for node, reason in letters]
+        return cls(truths, made, settled, dict(ended), waiting, said)
+
+    def kept(self, node: str, boot: int) -> int:
+        """The number below which all of a boot was in flash at some time, or is named by a gap.
+
+        A flash that knows of less than the emulator saw in it is an older copy: then nothing is
+        known of what came last, and nothing is excused.
+        """
+        settled = self.settled.get(node, {}).get(boot, 0)
+        last = self.ended.get(node, {}).get(boot)
+        if last is None:
+            return settled
+        return last + 1 if last + 1 >= settled else MOST_COUNT
 
 
 def deliveries(seen: UnderWay, connection: Connection) -> list[Delivery]:
@@ -130,23 +158,59 @@ def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
     told, sighted = _told(node, connection), _sighted(node, connection)
     waiting = seen.waiting[node]
     counts = {"stored": 0, "waiting": 0, "told": 0, "unborn": 0}
+    gone = []
     missing = []
     places = (stored, told, sighted, waiting)
     boots = {position.boot for position in seen.made[node]}
-    ends = {boot: max(place.last(boot) for place in places) for boot in boots}
+    ends = {boot: max(place.last(boot) + 1 for place in places) for boot in boots}
+    kept = {boot: max(end, seen.kept(node, boot)) for boot, end in ends.items()}
     for position in seen.made[node]:
-        beyond = position.sequence - ends[position.boot]
         if position in stored:
             counts["stored"] += 1
         elif position in told:
             counts["told"] += 1
         elif position in waiting:
             counts["waiting"] += 1
-        elif 0 < beyond <= ONE_COMMIT:
+        elif position.sequence >= kept[position.boot]:
             counts["unborn"] += 1
+        elif position in sighted:
+            gone.append(position)
         else:
             missing.append(position)
-    return Delivery(node=node, made=len(seen.made[node]), missing=tuple(missing), **counts)
+    excused = _removed(node, gone, seen.truths[node], connection)
+    missing += [position for position in gone if position not in excused]
+    return Delivery(
+        node=node,
+        made=len(seen.made[node]),
+        removed=len(excused),
+        missing=tuple(sorted(missing)),
+        **counts,
+    )
+
+
+def _removed(
+    node: str, gone: Sequence[Position], path: Path, connection: Connection
+) -> set[Position]:
+    """Which of what the cloud has no more was removed by age or erasure, as its records say."""
+    if not gone:
+        return set()
+    r = removals.c
+    query = select(r.channel, r.reason, r.messages, r.before).where(r.node == node)
+    records = defaultdict(list)
+    for channel, reason, messages, before in connection.execute(query):
+        records[channel].append((reason, messages, before))
+    found = defaultdict(set)
+    for position, block in Truth.read(path, gone, node=node).items():
+        for reason, _, before in records[block.channel]:
+            if reason == Reason.ERASURE or block.end - block.dt < before:
+                found[block.channel].add(position)
+    # More than was removed cannot be excused by it, and nobody can say which ones they are.
+    return {
+        position
+        for channel, positions in found.items()
+        if len(positions) <= sum(messages for _, messages, _ in records[channel])
+        for position in positions
+    }
 
 
 def _stored(node: str, connection: Connection) -> Sightings:
@@ -190,13 +254,13 @@ def _sighted(node: str, connection: Connection) -> Sightings:
     return sighted
 
 
-def _in_flash(layout: Layout) -> Iterator[tuple[str, int, int]]:
-    """Node, boot and sequence of what waits on the chips of nodes and fleets."""
+def _in_flash(layout: Layout, single: str, fleet: str) -> Iterator[tuple[str, int, int]]:
+    """Ask the chips of nodes and fleets; gives the node, a boot and a sequence."""
     for path in layout.flashes:
         if _rows(path, "SELECT 1 FROM sqlite_master WHERE name = 'member'"):
-            yield from _rows(path, _IN_FLEET)
+            yield from _rows(path, fleet)
         else:
-            for boot, sequence in _rows(path, "SELECT boot, sequence FROM message"):
+            for boot, sequence in _rows(path, single):
                 yield path.parent.name, boot, sequence
 
 

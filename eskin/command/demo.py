@@ -112,7 +112,7 @@ def _remarks(found: Audit) -> Iterator[str]:
         yield (
             f"{delivery.node}: of {delivery.made} blocks {delivery.stored} are stored, "
             f"{delivery.waiting} under way, {delivery.told} told as lost, "
-            f"{delivery.unborn} not yet in flash"
+            f"{delivery.unborn} not yet in flash, {delivery.removed} removed as told"
         )
     claims = Counter(entry.coverage for entry in found.channels)
     for coverage, count in sorted(claims.items()):

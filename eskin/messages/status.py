@@ -8,7 +8,7 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Final, Self
 
 from eskin.errors import MessageError
-from eskin.messages.fields import MOST_COUNT, dump, integer, items, load, real, text
+from eskin.messages.fields import MOST_COUNT, dump, integer, items, load, pair, real, text
 from eskin.messages.head import (
     Kind,
     Position,
@@ -22,10 +22,11 @@ from eskin.moment import MOST_MOMENT
 if TYPE_CHECKING:
     from eskin.messages.fields import Fields
 
-_FIELDS: Final = frozenset((*range(1, 14), 16, 17, 18, 20))
+_FIELDS: Final = frozenset((*range(1, 14), 16, 17, 18, 20, 21, 22))
 _MOST_CHANNELS: Final = 1000
 _MOST_TAXELS: Final = 100
 _MOST_PLACES: Final = 1000
+_MOST_BOOTS: Final = 8
 _FARTHEST: Final = 100.0
 """Of a place from the map's origin, in m."""
 
@@ -158,6 +159,10 @@ class Status:
         places: Where taxels sit, of those that sit somewhere.
         gateway_time: Time of a gateway's clock, UTC ns, in the latest acknowledgement that the node
             had received when it wrote this; ``None`` where it had received none.
+        held: The lowest position that the node still held, or would give out next; all below it was
+            acknowledged, or is named by a gap. ``None`` where it does not say.
+        ended: ``(boot, last)`` of its latest former boots in which it kept a message: the greatest
+            sequence of each, in order. ``None`` where it does not say.
     """
 
     position: Position
@@ -175,6 +180,8 @@ class Status:
     faults: tuple[TaxelFaults, ...] | None = None
     places: tuple[Place, ...] = ()
     gateway_time: int | None = None
+    held: Position | None = None
+    ended: tuple[tuple[int, int], ...] | None = None
 
     def encode(self) -> bytes:
         """Write as CBOR."""
@@ -189,6 +196,8 @@ class Status:
             | ({} if self.faults is None else {17: [_encoded(each) for each in self.faults]})
             | ({18: [[p.taxel, p.x, p.y] for p in self.places]} if self.places else {})
             | ({} if self.gateway_time is None else {20: self.gateway_time})
+            | ({} if self.held is None else {21: list(self.held)})
+            | ({} if self.ended is None else {22: [list(each) for each in self.ended]})
         )
 
     @classmethod
@@ -222,6 +231,8 @@ class Status:
             gateway_time=(
                 fields.integer(20, -MOST_MOMENT, MOST_MOMENT) if fields.has(20) else None
             ),
+            held=_held(fields) if fields.has(21) else None,
+            ended=_ended(fields) if fields.has(22) else None,
         )
 
 
@@ -244,6 +255,20 @@ def _energy(fields: Fields) -> Energy:
         Sustained(integer(found[4], "field 16, verdict", 0, max(Sustained))),
         Shedding(integer(found[5], "field 16, shedding", 0, max(Shedding))),
     )
+
+
+def _held(fields: Fields) -> Position:
+    return Position(*_numbers(fields.raw(21), "field 21"))
+
+
+def _ended(fields: Fields) -> tuple[tuple[int, int], ...]:
+    return tuple(_numbers(each, "field 22") for each in fields.items(22, _MOST_BOOTS))
+
+
+def _numbers(value: object, what: str) -> tuple[int, int]:
+    """A boot and a sequence."""
+    boot, sequence = pair(value, what)
+    return integer(boot, what, 0, MOST_COUNT), integer(sequence, what, 0, MOST_COUNT)
 
 
 def _places(fields: Fields) -> tuple[Place, ...]:

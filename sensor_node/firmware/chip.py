@@ -85,8 +85,11 @@ if TYPE_CHECKING:
         def gaps(self) -> int:
             """How many gaps were ever recorded, as it was last told."""
 
-        def keep_gaps(self, gaps: int) -> None:
-            """Keep that number."""
+        def keep_counts(self, gaps: int, last: int) -> None:
+            """Keep that number, and the greatest sequence that this boot has given out."""
+
+        def ended(self) -> list[Position]:
+            """The latest former boots (at most 8) that kept one, with it, in order."""
 
         def answer(self) -> bytes | None:
             """The last result, also after it was acknowledged."""

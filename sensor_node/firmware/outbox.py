@@ -150,7 +150,7 @@ class Outbox:
         for record in records:
             change.insert(record)
         change.make_room(self.capacity)
-        self._chip.keep_gaps(change.level.gaps)
+        self._chip.keep_counts(change.level.gaps, self._sequence - 1)
         self._change = change
 
     def settle(self, records: "Sequence[Record]") -> None:
@@ -269,12 +269,21 @@ class Outbox:
             self._level = Level(level.messages - messages, level.used - freed, level.gaps)
             self._window.acknowledge(spans)
 
+    @property
+    def settled(self) -> "Position":
+        """A position of this boot below which all was kept, or is named by a gap."""
+        return self.boot, self._settled
+
     def held(self) -> "Position":
         """A position below which nothing waits or will come."""
         with self._lock:
-            settled = self.boot, self._settled
             first = self._chip.after(_BEFORE_ALL, 1)
-            return min(settled, first[0].position) if first else settled
+            return min(self.settled, first[0].position) if first else self.settled
+
+    def ended(self) -> "list[Position]":
+        """The latest former boots in which a message was kept, and the last number of each."""
+        with self._lock:
+            return self._chip.ended()
 
     def answer(self) -> "bytes | None":
         """The last result, also after it was acknowledged."""

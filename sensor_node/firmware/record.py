@@ -216,17 +216,20 @@ class Scribe:
         energy: "Energy | None" = None,
         faults: "Sequence[tuple[str, int, int]] | None" = None,
         places: "Sequence[tuple[str, float, float]]" = (),
+        held: "tuple[int, int] | None" = None,
+        ended: "Sequence[tuple[int, int]] | None" = None,
     ) -> Record:
         """How the node fares, and why it started.
 
         ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
         stored in J, bounds of the state of charge, verdict, stage of shedding. ``faults``: taxels
         that may be broken, whether they are dead and whether they are stuck. ``places``: taxels
-        with x and y in m on a flat map of the skin.
+        with x and y in m on a flat map of the skin. ``held``: below it nothing waits or will come.
+        ``ended``: former boots, and the last number of each.
         """
         heard = self.gateway_time
         parts = 13 + (energy is not None) + (faults is not None) + bool(places)
-        parts += heard is not None
+        parts += (heard is not None) + (held is not None) + (ended is not None)
         out, sequence = self._begin(STATUS, parts)
         put_integers(out, 4, time)
         put_text(out, 5, profile)
@@ -250,6 +253,15 @@ class Scribe:
             _places(out, places)
         if heard is not None:
             put_integer(out, 20, heard)
+        if held is not None:
+            put_integers(out, 21, held)
+        if ended is not None:
+            out.integer(22)
+            out.array(len(ended))
+            for boot, last in ended:
+                out.array(2)
+                out.integer(boot)
+                out.integer(last)
         return Record(STATUS, sequence, bytes(out.buffer), time, 0)
 
     def result(

@@ -203,7 +203,7 @@ class Fleet:
                 records, truth = shard.sample(now)
                 try:
                     # Before the storage's commit: every stored block has its truth.
-                    self._truth.store(truth)
+                    self._truth.store(truth, shard.settled(truth))
                 except FlashError as error:
                     log.error("the truth fails: error=%s", error)  # noqa: TRY400 - says all
                 self._store(shard, records)

@@ -39,6 +39,12 @@ SCHEMA: Final = (
         member INTEGER PRIMARY KEY,
         records INTEGER NOT NULL
     ) STRICT""",
+    """CREATE TABLE IF NOT EXISTS ended ( -- the last number of each boot
+        member INTEGER NOT NULL,
+        boot INTEGER NOT NULL,
+        last INTEGER NOT NULL,
+        PRIMARY KEY (member, boot)
+    ) STRICT, WITHOUT ROWID""",
     PROOF,
     # Nothing else ever changes a record's kind.
     """CREATE TRIGGER IF NOT EXISTS gave_up AFTER UPDATE OF kind ON message BEGIN

@@ -26,7 +26,7 @@ from sensor_node.machine.scribe import CompiledScribe
 from sensor_node.truth import TrueBlock
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from eskin.messages.vocabulary import State
     from sensor_node.fleet.storage import Storage
@@ -215,6 +215,11 @@ class Shard:
             return self.singles[row].enclosure()
         return self._roster.enclosure(row, self.ticks(self._monotonic()))
 
+    def settled(self, names: Iterable[str]) -> dict[str, tuple[int, int]]:
+        """Of members by name: positions below which all was kept, or is named by a gap."""
+        rows = {name: row for row, name in enumerate(self.names)}
+        return {name: self.outboxes[rows[name]].settled for name in names}
+
     def status(self, row: int, now: int) -> Record:
         """How a member of a cohort fares."""
         ticks, own = self.ticks(now), self._settings.node
@@ -228,6 +233,8 @@ class Shard:
             self._cohort(row).channels,
             int(ResetCause.POWER_ON),
             places=self._roster.map,
+            held=outbox.held(),
+            ended=outbox.ended(),
         )
 
     def _take(

@@ -14,6 +14,7 @@ from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
 from eskin.wholeness import UNREADABLE, require_whole, why
 from sensor_node.cipher import Cipher
+from sensor_node.flash import MOST_ENDED
 from sensor_node.fleet.schema import RECORDS, SCHEMA, SEAL, teach
 from sensor_node.migration import connect, migrate
 from sensor_node.proof import require_key
@@ -31,6 +32,8 @@ log = logging.getLogger(__name__)
 _SELECT: Final = (
     "SELECT boot, sequence, kind, body, earliest, latest, samples, stands_for FROM message "
 )
+_TRIM: Final = """DELETE FROM ended WHERE ? < (SELECT count(*) FROM ended AS later
+    WHERE later.member = ended.member AND later.boot >= ended.boot)"""
 _GIVE_UP: Final = (
     "UPDATE message SET kind = ?, body = ? WHERE member = ? AND boot = ? AND sequence = ?"
 )
@@ -67,6 +70,7 @@ class Storage:
                     "ON CONFLICT (name) DO UPDATE SET boot = max(boot + 1, excluded.boot)",
                     ((name, least) for name in names),
                 )
+                self.db.execute(_TRIM, (MOST_ENDED,))
                 self.db.execute("COMMIT")
                 opened.pop_all()
         except LockedError as error:
@@ -244,13 +248,26 @@ class Partition:
         gaps, self._unreadable = rows[0]
         return int(gaps) + self._unreadable
 
-    def keep_gaps(self, gaps: int) -> None:
-        """Keep that number; those that came since it was asked are counted here."""
+    def keep_counts(self, gaps: int, last: int) -> None:
+        """Keep that number, and the boot's last; gaps since it was asked are counted here."""
         with self._storage.writing():
             self._storage.db.execute(
                 "UPDATE member SET gaps = ?1 WHERE id = ?2 AND gaps <> ?1",
                 (gaps - self._unreadable, self._member),
             )
+            self._storage.db.execute(
+                "INSERT OR REPLACE INTO ended VALUES (?, ?, ?)", (self._member, self.boot, last)
+            )
+
+    def ended(self) -> list[Position]:
+        """The latest former boots that kept a message, and the last number of each, in order."""
+        rows = self._storage.query(
+            "SELECT boot, last FROM ended WHERE member = ? AND boot < ? ORDER BY boot DESC LIMIT ?",
+            self._member,
+            self.boot,
+            MOST_ENDED,
+        )
+        return [(boot, last) for boot, last in reversed(rows)]
 
     def answer(self) -> bytes | None:
         """The last result, also after it was acknowledged."""

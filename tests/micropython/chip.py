@@ -23,7 +23,10 @@ class MemoryChip:
         self._gaps = 0
         self._answer: bytes | None = None
         self._charge = b""
-        self._before: tuple[dict[Position, tuple[int, Kept]], int, bytes | None] | None = None
+        self._ended: dict[int, int] = {}
+        self._before: (
+            tuple[dict[Position, tuple[int, Kept]], int, bytes | None, dict[int, int]] | None
+        ) = None
 
     def restart(self) -> None:
         """Lose power and get it back."""
@@ -32,7 +35,7 @@ class MemoryChip:
 
     def begin(self) -> None:
         assert self._before is None, "a transaction inside of another"
-        self._before = dict(self._messages), self._gaps, self._answer
+        self._before = dict(self._messages), self._gaps, self._answer, dict(self._ended)
 
     def commit(self) -> None:
         if self.failing:
@@ -42,7 +45,7 @@ class MemoryChip:
 
     def roll_back(self) -> None:
         if self._before is not None:
-            self._messages, self._gaps, self._answer = self._before
+            self._messages, self._gaps, self._answer, self._ended = self._before
             self._before = None
 
     def append(self, boot: int, record: "Record", shelf: int) -> None:
@@ -77,9 +80,14 @@ class MemoryChip:
     def gaps(self) -> int:
         return self._gaps
 
-    def keep_gaps(self, gaps: int) -> None:
+    def keep_counts(self, gaps: int, last: int) -> None:
         assert self._before is not None
         self._gaps = gaps
+        self._ended[self.boot] = last
+
+    def ended(self) -> "list[Position]":
+        former = sorted(each for each in self._ended.items() if each[0] < self.boot)
+        return former[-8:]
 
     def answer(self) -> "bytes | None":
         return self._answer

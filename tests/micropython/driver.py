@@ -184,6 +184,7 @@ def tell(
         if step["heard"] is not None:
             scribe.hear(int(step["heard"]))
         more = {"energy": energy, "faults": step["faults"], "places": places(step)}
+        more["held"], more["ended"] = step["held"], step["ended"]
         return scribe.status(times(step), *told, **more)
     raise ValueError("an unknown step")
 

@@ -49,6 +49,22 @@ def test_older_copy_starts_above_all_numbers_used_since(path: Path) -> None:
     assert _start(copy, now=220) == 220
 
 
+def test_ends_of_the_latest_former_boots_are_told(path: Path) -> None:
+    ends = []
+    for _ in range(12):
+        store = Store(path)
+        store.fill(3)
+        ends.append(store.positions()[-1])
+        store.flash.close()
+        Store(path).flash.close()  # says nothing
+    again = Store(path)
+    assert again.outbox.ended() == ends[-8:]
+    again.fill(2)
+    again.outbox.restart()
+    assert again.outbox.ended()[-1][0] == again.outbox.boot - 1
+    again.flash.close()
+
+
 def test_clock_that_is_behind_takes_no_number_twice(path: Path) -> None:
     assert [_start(path, now=now) for now in (160, 0, 90)] == [160, 161, 162]
 

@@ -154,6 +154,7 @@ class Recorder:
             given |= {"storage": storage, "cause": cause, "lives": more.get("energy") is not None}
             given["faults"] = more.get("faults")
             given["places"] = [[t, text(x), text(y)] for t, x, y in more.get("places", ())]
+            given["held"], given["ended"] = more.get("held"), more.get("ended")
             given["heard"] = None if scribe.gateway_time is None else str(scribe.gateway_time)
             moment = {"time": [str(each) for each in time], "uptime": str(uptime)}
             self.job["steps"].append(given | moment)

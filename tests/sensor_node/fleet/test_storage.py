@@ -174,7 +174,7 @@ def test_records_exchanged_between_members_are_told_as_lost(
         assert isinstance(gap, Gap)
         assert (gap.reason, gap.lost) == (UNREADABLE, ((7, 1, 1),))
         assert partition.gaps() == 1
-        partition.keep_gaps(3)
+        partition.keep_counts(3, 9)
         assert storage.partition(name).gaps() == 3
         assert partition.level() == (2, 2 * len(body))
 

@@ -82,6 +82,8 @@ export interface NodeItem {
     readonly offset: { readonly lo_ns: number | null; readonly hi_ns: number | null };
     readonly references_agree: boolean;
   } | null;
+  /** Messages that it made and that are stored nowhere, though no gap names them. */
+  readonly missing: { readonly messages: number; readonly since: string } | null;
 }
 
 /** A taxel that sits somewhere: x and y of its centre in m, on a flat map of the skin. */

@@ -68,6 +68,14 @@ function wrongClock({ clock }: NodeItem): HTMLElement[] {
   return fact("clock", element("span", { class: "sentence warn", title, "data-testid": "node-clock" }, text));
 }
 
+/** Shown only where messages of the node are lost without a word of it. */
+function missingOf({ missing }: NodeItem): HTMLElement[] {
+  if (missing === null) return [];
+  const text = `${missing.messages.toLocaleString("en")} ${missing.messages === 1 ? "message" : "messages"}`;
+  const title = `Acknowledged to the node and stored nowhere, first noticed ${missing.since}`;
+  return fact("missing", element("span", { class: "sentence warn", title, "data-testid": "node-missing" }, text));
+}
+
 function uptime({ uptime_ns }: NodeItem): string {
   return uptime_ns === null ? "–" : `up ${formatDuration(Math.floor(uptime_ns / 1e9) * 1e9)}`;
 }
@@ -96,6 +104,7 @@ export function nodeCard(
     ...battery(node),
     ...broken(node),
     ...wrongClock(node),
+    ...missingOf(node),
     ...fact("boot", element("span", { class: "sentence" }, `${node.boot} · ${uptime(node)}`)),
   );
   return element(
