@@ -97,14 +97,16 @@ void measure_humidity(const input_t *in, bounds_t factor, bounds_t rest, bounds_
     }
 }
 
-static bounds_t change_bounds(bounds_t x, double reference, double slope)
+static bounds_t change_bounds(bounds_t x, double reference, bounds_t slope)
 {
-    if (slope == 0.0)
+    if (slope.lo == 0.0 && slope.hi == 0.0)
         return (bounds_t){0.0, 0.0};
     double below = down(x.lo - reference), above = up(x.hi - reference);
-    if (less(0.0, slope))
-        return (bounds_t){down(slope * below), up(slope * above)};
-    return (bounds_t){down(slope * above), up(slope * below)};
+    if (at_least_zero(slope.lo))
+        return (bounds_t){down((at_least_zero(below) ? slope.lo : slope.hi) * below),
+                          up((at_least_zero(above) ? slope.hi : slope.lo) * above)};
+    return (bounds_t){down((at_least_zero(above) ? slope.lo : slope.hi) * above),
+                      up((at_least_zero(below) ? slope.hi : slope.lo) * below)};
 }
 
 static int slot_of(const memory_t *memory, int code) { return code % memory->slots; }
@@ -129,7 +131,7 @@ void measure_still(int n, bounds_t stated, buffer_t k)
         k.lo[j] = stated.lo, k.hi[j] = stated.hi;
 }
 
-int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, double slope,
+int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, bounds_t slope,
                  const memory_t *memory, buffer_t k)
 {
     int new = 0;
@@ -146,7 +148,7 @@ int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, double
 }
 
 int measure_moist(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
-                  double error, double slope, const memory_t *memory, buffer_t k)
+                  double error, bounds_t slope, const memory_t *memory, buffer_t k)
 {
     int new = 0;
     for (int j = 0; j < in->n; j++) {

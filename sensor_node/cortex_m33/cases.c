@@ -131,7 +131,7 @@ static void warm(void)
 {
     input_t in = input();
     bounds_t divider = bounds(), tolerance = bounds();
-    double slope = real();
+    bounds_t slope = bounds();
     memory_t known = memory();
     buffer_t k = buffer();
     COUNT(measure_warm(&in, divider, tolerance, slope, &known, k));
@@ -141,7 +141,8 @@ static void moist(void)
 {
     input_t in = input();
     bounds_t factor = bounds(), rest = bounds(), sensitivity = bounds();
-    double error = real(), slope = real();
+    double error = real();
+    bounds_t slope = bounds();
     memory_t known = memory();
     buffer_t k = buffer();
     COUNT(measure_moist(&in, factor, rest, sensitivity, error, slope, &known, k));

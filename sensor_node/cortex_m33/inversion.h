@@ -64,10 +64,10 @@ void measure_temperature(const input_t *in, bounds_t divider, bounds_t tolerance
 void measure_humidity(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
                       double error, buffer_t h);
 void measure_still(int n, bounds_t stated, buffer_t k);
-int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, double slope,
+int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, bounds_t slope,
                  const memory_t *memory, buffer_t k);
 int measure_moist(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
-                  double error, double slope, const memory_t *memory, buffer_t k);
+                  double error, bounds_t slope, const memory_t *memory, buffer_t k);
 void measure_felt(const input_t *in, bounds_t factor, const pad_t *pad, buffer_t c, buffer_t i,
                   buffer_t d, buffer_t p);
 void measure_nobody(int n, double most, int missing, double *total, double *least);

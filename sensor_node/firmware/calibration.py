@@ -33,6 +33,17 @@ def part(sheet: "Sheet", name: str) -> "Bounds":
     return down(value * down(1.0 - tolerance)), up(value * up(1.0 + tolerance))
 
 
+def signed_part(sheet: "Sheet", name: str) -> "Bounds":
+    """A part of either sign with its tolerance, which never takes it across zero."""
+    value, tolerance = sheet[name], sheet[name + "_tolerance"]
+    if tolerance == 0.0 or value == 0.0:
+        return value, value
+    near, far = value * down(1.0 - tolerance), value * up(1.0 + tolerance)
+    if value > 0.0:
+        return max(down(near), 0.0), up(far)
+    return down(far), min(up(near), 0.0)
+
+
 def product(a: "Bounds", b: "Bounds") -> "Bounds":
     """A product of positive bounds."""
     return down(a[0] * b[0]), up(a[1] * b[1])

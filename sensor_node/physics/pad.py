@@ -64,8 +64,8 @@ class Pads:
         self._charge = TRUE_VACUUM_PERMITTIVITY * permittivity * self._area
         self._apart = [draw_actuator(*each) for each in zip(taxels, randoms, strict=True)]
         self.move(0)
-        self._per_kelvin = np.array([[taxel.permittivity_per_K] for taxel in taxels])
-        self._per_percent = np.array([[taxel.permittivity_per_percent] for taxel in taxels])
+        slopes = [_draw_slopes(*each) for each in zip(taxels, randoms, strict=True)]
+        self._per_kelvin, self._per_percent = np.array(slopes).T[:, :, None]
         rows = {taxel.place: row for row, taxel in enumerate(taxels)}
         self._faults = [(rows[fault.taxel], fault) for fault in faults if fault.taxel in rows]
         self._stuck: dict[float, Floats] = {}
@@ -144,6 +144,15 @@ class PadWorld:
         truth = {name: values[0] for name, values in true.items()}
         air = {"temperature": stimulus.temperature, "humidity": stimulus.humidity}
         return Signals(truth, truth | air)
+
+
+def _draw_slopes(taxel: PadSection, random: np.random.Generator) -> tuple[float, float]:
+    """Relative change of the permittivity for each K and each percent of humidity."""
+    per_percent = taxel.permittivity_per_percent, taxel.permittivity_per_percent_tolerance
+    return (
+        draw_part(random, taxel.permittivity_per_K, taxel.permittivity_per_K_tolerance),
+        draw_part(random, *per_percent),
+    )
 
 
 def _draw(taxel: PadSection, random: np.random.Generator) -> tuple[float, float, float, float]:

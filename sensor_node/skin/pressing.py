@@ -39,8 +39,12 @@ class PadInversion:
         )
         self._plates = permittivity * VACUUM_PERMITTIVITY * self._area
         self._elasticity = Interval.relative(taxel.elasticity_Pa, taxel.elasticity_tolerance)
-        self._per_kelvin = taxel.permittivity_per_K
-        self._per_percent = taxel.permittivity_per_percent
+        self._per_kelvin = Interval.relative(
+            taxel.permittivity_per_K, taxel.permittivity_per_K_tolerance
+        )
+        self._per_percent = Interval.relative(
+            taxel.permittivity_per_percent, taxel.permittivity_per_percent_tolerance
+        )
         self._most = taxel.pressure_max_Pa
         felt = Interval(0.0, self._most) * (1.0 + Interval(taxel.crosstalk))
         self.stated_distance = self._distance / (felt * _EMULATION / self._elasticity + 1.0)

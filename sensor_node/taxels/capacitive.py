@@ -101,7 +101,9 @@ class PadSection(Staged, Actuated, CapacitiveSection):
     relative_permittivity: float = Field(default=3.0, ge=1, description="at 20 °C and 50 %")
     relative_permittivity_tolerance: Tolerance = 1e-3
     permittivity_per_K: float = Field(default=1e-3, ge=-0.01, le=0.01, description="relative")
+    permittivity_per_K_tolerance: Tolerance = 0.05
     permittivity_per_percent: float = Field(default=5e-4, ge=-5e-3, le=5e-3, description="relative")
+    permittivity_per_percent_tolerance: Tolerance = 0.05
     elasticity_Pa: Positive = Field(default=1e5, description="pressure that halves the distance")
     elasticity_tolerance: Tolerance = 0.02
     pressure_max_Pa: Positive = Field(default=5e4, description="greatest pressure of a contact")

@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from types import ModuleType
 
+    from sensor_node.firmware.calibration import Bounds
+
 RUN: Final = 8
 """Samples of one call."""
 _CODES: Final = 24
 """Codes of each kind, from one end of its converter to the other."""
-_SLOPES: Final = (1.5e-3, -1.5e-3)
+_SLOPES: Final = ((1.4e-3, 1.6e-3), (-1.6e-3, -1.4e-3))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +91,9 @@ def _air(kind: type[ThermometerTaxel | HygrometerTaxel]) -> Iterator[Count]:
         for k in range(_CODES + 1):
             code = last * k // _CODES
 
-            def cases(n: int, *, known: bool, code: int = code, slope: float = slope) -> list[Case]:
+            def cases(
+                n: int, *, known: bool, code: int = code, slope: Bounds = slope
+            ) -> list[Case]:
                 recorder, functions = _recorder()
                 codes = array("i", [code if known else UNUSED] * SLOTS)
                 memory = codes, reals([-1e-3] * SLOTS), reals([1e-3] * SLOTS)

@@ -22,6 +22,7 @@ from sensor_node.taxels.companion import Companion
 from sensor_node.truth import Truth
 from tests.sensor_node.designs import Bench, table, taxel
 from tests.sensor_node.designs import settings as node_settings
+from tests.sensor_node.scenario.scripts import HEAD, write
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -130,6 +131,50 @@ def test_each_sensor_s_error_is_taken_in_by_the_pad() -> None:
             break
     else:
         pytest.fail("the sensors' errors are not in the pad's codes")
+
+
+@pytest.mark.parametrize("slope", ["permittivity_per_K", "permittivity_per_percent"])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+@pytest.mark.parametrize("roles", [(), ROLES])
+def test_tolerance_of_a_slope_is_taken_in(
+    tmp_path: Path, slope: str, sign: float, roles: tuple[str, ...]
+) -> None:
+    exact = {
+        f"{part}_tolerance": 0.0
+        for part in (
+            *("plate_area", "plate_distance", "relative_permittivity", "elasticity"),
+            *("resistance", "reference", "transconductance"),
+            *("permittivity_per_K", "permittivity_per_percent"),
+        )
+    }
+    changes: dict[str, Any] = exact | {slope: 3e-3 * sign, f"{slope}_tolerance": 0.4}
+    limits = {"temperature_min_Cel": 39.9, "temperature_max_Cel": 40.1}
+    limits |= {"humidity_min_percent": 79.9, "humidity_max_percent": 80.1}
+    air = "[ambient]\ntemperature_Cel = [[0.0, 40.0]]\nhumidity_percent = [[0.0, 80.0]]\n"
+    scene = write(tmp_path, HEAD + air)
+    usual: Any = taxel("pad")
+    changes["resistance_ohm"] = usual.resistance_ohm * usual.plate_area_m2 / 9e-5
+    changes |= {"plate_area_m2": 9e-5, "scenario": scene, "place": "t05", "noise": QUIET}
+    design: Any = taxel("pad", **changes, **limits)
+    precise = {"tolerance_K": 0.0, "tolerance_per_K": 0.0, "error_percent": 0.0}
+    found = {
+        role: Companion(
+            taxel(role, scenario=scene, noise=QUIET).model_copy(update=precise), (1, number)
+        )
+        for number, role in enumerate(roles)
+    }
+    missed = 0
+    for seed in range(10):
+        truth, told = measure(design, found, seed, 50)
+        assert np.all(told["plate_distance"].contains(truth["plate_distance"]))
+        # Nothing else is as uncertain: a slope that is taken as exact would not do.
+        exactly = design.model_copy(update={f"{slope}_tolerance": 0.0})
+        random = np.random.default_rng(seed)
+        world, frontend = build_world(design, random), build_frontend(design, random, found)
+        codes = frontend.digitise(world.signals(np.arange(5.0), random).sensed, random).codes
+        told = Inversion(exactly, found).measure(codes)
+        missed += not np.all(told["plate_distance"].contains(float(design.plate_distance_m)))
+    assert missed > 5
 
 
 def _codes(design: AnyTaxel, read_along: dict[str, Companion], seed: int) -> Any:

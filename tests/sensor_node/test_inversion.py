@@ -36,12 +36,16 @@ NOISES = {
 }
 TOLERANCES = {
     "capacitive": ("resistance", "reference", "transconductance", "capacitance"),
-    "touch": ("resistance", "reference", "transconductance", "plate_distance", "supply", "area"),
+    "touch": (
+        *("resistance", "reference", "transconductance", "plate_distance", "supply", "area"),
+        "relative_permittivity",
+    ),
     "inductive": ("inductance", "inductance_change", "damping", "capacitance", "reference"),
     "hybrid": ("current_gain", "voltage_gain", "part"),
     "pad": (
         *("resistance", "reference", "transconductance", "plate_area", "plate_distance"),
         *("elasticity", "relative_permittivity"),
+        *("permittivity_per_K", "permittivity_per_percent"),
     ),
     "coil": (
         *("inductance", "inductance_change", "damping", "capacitance", "reference"),

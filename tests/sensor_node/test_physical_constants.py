@@ -14,7 +14,6 @@ from scipy import constants as codata
 from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.interval import Interval
 from sensor_node.firmware.calibration import EPSILON_0 as EPSILON_0_OF_FIRMWARE
-from sensor_node.firmware.inversion.temperature import A, B, C
 from sensor_node.frontend import build_frontend
 from sensor_node.machine.inversion import Inversion
 from sensor_node.physics import build_world
@@ -104,13 +103,3 @@ def test_firmware_has_the_bounds_that_models_have() -> None:
     assert VACUUM_PERMITTIVITY.subset(firmware)
     assert firmware.wid < 1.001 * VACUUM_PERMITTIVITY.wid
     assert VACUUM_PERMITTIVITY.contains(TRUE_VACUUM_PERMITTIVITY)
-
-
-@pytest.mark.parametrize(
-    ("celsius", "ohm"),
-    [(-200.0, 18.52), (-100.0, 60.26), (0.0, 100.0), (100.0, 138.51), (850.0, 390.48)],
-)
-def test_platinum_is_that_of_the_tables_of_iec_60751(celsius: float, ohm: float) -> None:
-    below = min(celsius, 0.0)
-    found = 100.0 * (1.0 + A * celsius + B * celsius**2 + C * (below - 100.0) * below**3)
-    assert found == pytest.approx(ohm, abs=0.005)

@@ -33,7 +33,10 @@ if TYPE_CHECKING:
 TIMES = np.arange(2000) / 100.0
 EXACT = {
     f"{part}_tolerance": 0.0
-    for part in ("plate_area", "plate_distance", "relative_permittivity", "elasticity")
+    for part in (
+        *("plate_area", "plate_distance", "relative_permittivity", "elasticity"),
+        *("permittivity_per_K", "permittivity_per_percent"),
+    )
 }
 
 KNOWN = {

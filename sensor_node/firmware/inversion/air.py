@@ -21,14 +21,21 @@ UNUSED = -1
 """The code of a slot that remembers nothing."""
 
 
-def change_bounds(lo: float, hi: float, reference: float, slope: float) -> "Bounds":
-    """``slope·(x - reference)``, of any sign."""
-    if slope == 0.0:
+def change_bounds(lo: float, hi: float, reference: float, slope: "Bounds") -> "Bounds":
+    """``slope·(x - reference)``; no end of the slope lies across zero from the other."""
+    least, most = slope
+    if least == 0.0 and most == 0.0:
         return 0.0, 0.0
     below, above = down(lo - reference), up(hi - reference)
-    if slope > 0.0:
-        return down(slope * below), up(slope * above)
-    return down(slope * above), up(slope * below)
+    if least >= 0.0:
+        return (
+            down((least if below >= 0.0 else most) * below),
+            up((most if above >= 0.0 else least) * above),
+        )
+    return (
+        down((least if above >= 0.0 else most) * above),
+        up((most if below >= 0.0 else least) * below),
+    )
 
 
 def measure_still(n: int, stated: "Bounds", k_lo: "Buffer", k_hi: "Buffer") -> None:
@@ -45,7 +52,7 @@ def measure_warm(
     reach: float,
     divider: "Bounds",
     tolerance: "Bounds",
-    slope: float,
+    slope: "Bounds",
     known: "MutableSequence[int]",
     lows: "Buffer",
     highs: "Buffer",
@@ -95,7 +102,7 @@ def measure_moist(
     rest: "Bounds",
     sensitivity: "Bounds",
     error: float,
-    slope: float,
+    slope: "Bounds",
     known: "MutableSequence[int]",
     lows: "Buffer",
     highs: "Buffer",

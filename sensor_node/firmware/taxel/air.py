@@ -2,6 +2,7 @@
 
 from array import array
 
+from sensor_node.firmware.calibration import signed_part
 from sensor_node.firmware.inversion.air import REFERENCE_TEMPERATURE, UNUSED, change_bounds
 from sensor_node.firmware.inversion.humidity import REFERENCE_HUMIDITY
 from sensor_node.firmware.rounding import down, up
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import ModuleType
 
-    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.calibration import Bounds, Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
 
     Memory = tuple[array[int], array[float], array[float]]
@@ -43,16 +44,16 @@ class Air:
     def __init__(self, sheet: "Sheet", functions: "ModuleType") -> None:
         self._functions = functions
         self._stated = 1.0, 1.0
-        self._sensors: list[tuple[ThermometerTaxel | HygrometerTaxel, float, Memory]] = []
+        self._sensors: list[tuple[ThermometerTaxel | HygrometerTaxel, Bounds, Memory]] = []
         self.inputs: list[str] = []
         for role, kind, quantity, reference, name in _SENSORS:
-            own = _part(sheet, role)
+            own, slope = _part(sheet, role), signed_part(sheet, name)
             if own:
                 self.inputs.append(role)
-                self._sensors.append((kind(own, functions), sheet[name], _memory()))
+                self._sensors.append((kind(own, functions), slope, _memory()))
                 continue
             limits = sheet[quantity + "_min"], sheet[quantity + "_max"]
-            lo, hi = change_bounds(limits[0], limits[1], reference, sheet[name])
+            lo, hi = change_bounds(limits[0], limits[1], reference, slope)
             self._stated = down(self._stated[0] + lo), up(self._stated[1] + hi)
         self.inverted = [0] * len(self.inputs)
 

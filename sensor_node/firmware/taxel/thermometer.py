@@ -8,7 +8,7 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from sensor_node.firmware.calibration import Sheet
+    from sensor_node.firmware.calibration import Bounds, Sheet
     from sensor_node.firmware.inversion import Buffer, Codes
     from sensor_node.firmware.taxel.air import Memory
 
@@ -25,7 +25,7 @@ class ThermometerTaxel(Taxel):
         self._tolerance = platinum(sheet)
 
     def change(
-        self, codes: "Codes", n: int, slope: float, memory: "Memory", lo: "Buffer", hi: "Buffer"
+        self, codes: "Codes", n: int, slope: "Bounds", memory: "Memory", lo: "Buffer", hi: "Buffer"
     ) -> int:
         """Add to a permittivity what the temperature changes; gives how many codes were new."""
         return self._functions.measure_warm(  # type: ignore[no-any-return]  # of a module

@@ -8,6 +8,7 @@ import mpmath
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sensor_node.firmware.calibration import signed_part
 from sensor_node.firmware.inversion.air import change_bounds
 from sensor_node.firmware.inversion.eddy import lag_bounds, modulus_bounds
 from sensor_node.firmware.inversion.humidity import humidity_bounds
@@ -54,20 +55,29 @@ def test_saturated_demodulator_leaves_the_amplitude_open_and_the_lag_within_a_ri
     assert math.pi / 2 < hi < math.pi / 2 + 1e-12
 
 
-@given(st.floats(-1e3, 1e3), WIDTH, SHARE, st.floats(-0.01, 0.01))
-def test_change_of_permittivity_holds_every_reading_inside(
-    x: float, wide: float, share: float, slope: float
+@given(
+    st.floats(-1e3, 1e3),
+    WIDTH,
+    SHARE,
+    st.floats(-0.01, 0.01),
+    st.floats(0.0, 0.49),
+    st.sampled_from([-1, 1]),
+)
+def test_change_of_permittivity_holds_every_reading_and_every_slope_inside(
+    x: float, wide: float, share: float, value: float, tolerance: float, side: int
 ) -> None:
     inside = min(x + share * wide, x + wide)
+    slope = signed_part({"slope": value, "slope_tolerance": tolerance}, "slope")
     lo, hi = change_bounds(x, x + wide, 20.0, slope)
     with mpmath.workprec(200):
-        assert lo <= mpmath.mpf(slope) * (mpmath.mpf(inside) - 20) <= hi
+        true = mpmath.mpf(value) * (1 + mpmath.mpf(side * tolerance))
+        assert lo <= true * (mpmath.mpf(inside) - 20) <= hi
 
 
 def test_what_is_unknown_stays_unknown() -> None:
     everything = (-INFINITY, INFINITY)
-    assert change_bounds(*everything, 20.0, 0.0) == (0.0, 0.0)
-    assert change_bounds(*everything, 20.0, -1e-3) == everything
+    assert change_bounds(*everything, 20.0, (0.0, 0.0)) == (0.0, 0.0)
+    assert change_bounds(*everything, 20.0, (-1e-3, -1e-3)) == everything
     assert felt_bounds(*everything, (1e-3, 1e-3), (1e5, 1e5)) == everything
     assert celsius_bounds(-0.81) == (-INFINITY, -190.0)
     assert celsius_bounds(3.0) == (840.0, INFINITY)
