@@ -45,7 +45,7 @@ _VERSION: Final = "1"
 
 def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
-    limits = {"rate_limits": cloud.rate_limits, "body": cloud.settings.limits.body_bytes}
+    limits = {"rate_limits": cloud.rate_limits}
     app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
     for resource in (*asked, storage, tokens, audit_log, subjects):
@@ -63,10 +63,8 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 def gateway_application(cloud: Cloud) -> FastAPI:
     """Ingest and deliveries; gateways show a certificate when they connect."""
-    # Batches may be longer than other bodies.
     limits = {
         "rate_limits": RateLimits(cloud.settings.limits),
-        "body": None,
         "refusal": HTTPStatus.FORBIDDEN,
     }
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)

@@ -16,6 +16,7 @@ from cloud.erasure_guard import OPENED
 from cloud.problems import ProblemError
 from cloud.recheck import recheck
 from cloud.state import Cloud
+from eskin.listening import CALLER
 
 _COOKIE: Final = "eskin_session"
 _LONGEST_SECRET: Final = 512
@@ -114,6 +115,9 @@ def find_access(
     if found is None:
         return None
     opened = request.scope[OPENED]
+    # The connection counts for its caller, and no more for an address that many may share.
+    if caller := request.scope.get("extensions", {}).get(CALLER):
+        caller["identify"](bearer.credentials if bearer is not None else session)
     access = Access(found, address_of(request), lambda: holder() is not None, opened)
     recheck(request, access.require)
     return access

@@ -7,6 +7,7 @@ import logging
 import signal
 import time
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,7 +37,7 @@ from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
 from eskin.identity import Identity, Trust, server_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.listener import Listener
-from eskin.listening import Bounds
+from eskin.listening import LOCALHOST, Bounds
 from eskin.lockfile import LockFile
 from eskin.memory import settle
 from eskin.moment import SECOND
@@ -127,12 +128,20 @@ def _listeners(cloud: Cloud, outer: Certificate | None) -> tuple[Listener, Liste
     people, gateways = cloud.settings.people, cloud.settings.gateways
     limits = cloud.settings.limits
     bounds = Bounds(connections=limits.connections, of_one=limits.connections_of_one)
+    # A browser checks the name by TLS. Without it, DNS may lead any page here.
+    plain = LOCALHOST | {people.host.lower(), *people.names}
     return (
         Listener(
             people_application(cloud),
             bind("people", people.host, people.port),
             context=None if outer is None else outer.context,
-            bounds=bounds,
+            bounds=replace(
+                bounds,
+                body_bytes=limits.body_bytes,
+                hosts=plain if outer is None else None,
+                proxies=tuple(people.proxies),
+                forwarded=people.forwarded,
+            ),
         ),
         Listener(
             gateway_application(cloud),

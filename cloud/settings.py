@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from ipaddress import IPv4Network, IPv6Network
 from pathlib import Path
+from typing import Annotated, Literal
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, StringConstraints, ValidationInfo, field_validator
 
 from cloud.store.place import Place, read_url, stays_here
 from eskin.errors import SettingsError, shown
@@ -111,6 +113,21 @@ class PeopleSection(Section):
         "on loopback only",
     )
 
+    names: list[Annotated[str, StringConstraints(to_lower=True, min_length=1)]] = Field(
+        default=[],
+        description="names that `Host` may have over plain HTTP, beside addresses, `localhost` and "
+        "`people.host`, such as that of a reverse proxy; others are answered with 421",
+    )
+    proxies: list[IPv4Network | IPv6Network] = Field(
+        default=[],
+        description="networks (CIDR) of reverse proxies, which are believed for whom they ask; "
+        "their connections have no bound of one address",
+    )
+    forwarded: Literal["x-forwarded-for", "forwarded"] = Field(
+        default="x-forwarded-for",
+        description="header in which the proxies name the client; they must set it themselves",
+    )
+
     @field_validator("identity")
     @classmethod
     def _plain_stays_on_loopback(cls, value: Path | None, info: ValidationInfo) -> Path | None:
@@ -199,13 +216,18 @@ class LimitsSection(Section):
         default=65_536, ge=1024, le=16_777_216, description="bytes that a person's request may have"
     )
     connections: int = Field(
-        default=768, ge=1, le=100_000, description="connections open at once, of each listener"
+        default=768,
+        ge=1,
+        le=100_000,
+        description="connections open at once, of each listener; for more, the longest idle is "
+        "closed",
     )
     connections_of_one: int = Field(
         default=256,
         ge=1,
         le=100_000,
-        description="of these, from one address (IPv4, or an IPv6 network of 64 bit)",
+        description="of these, of one token, session or certificate, else from one address (IPv4, "
+        "or an IPv6 network of 64 bit); for more, the longest idle is closed",
     )
 
 

@@ -1,7 +1,7 @@
-"""A listening socket that counts who is inside from the first packet on.
+"""A listening socket that bounds connections before their TLS handshake is over.
 
-A server learns of a connection once its TLS handshake is over. Whoever never begins one would hold
-as many sockets as the process may open.
+A server learns of a connection after it. A client that never begins one would hold as many sockets
+as the process may open.
 """
 
 from __future__ import annotations
@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import os
 import socket
-from collections import Counter
 from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import SettingsError
@@ -19,13 +18,16 @@ if TYPE_CHECKING:
     from eskin.listening import Bounds
 
 _MARGIN: Final = 32
-"""So many more may come as far as being told, by the server, that there are too many."""
+"""So many more may come as far as the protocol, which ends an idle one for each, or refuses."""
 _REFUSED_AT_ONCE: Final = 64
 """Then the others have a turn."""
 
 
 class Doorway(socket.socket):
-    """Accepts as many as there is room for, and closes the others without a word.
+    """Accepts connections, and bounds how many have not ended their TLS handshake.
+
+    Where there are too many of one address, or in all, the one that began first is ended: a client
+    that means it takes a moment only. How many may be open after that the protocol decides.
 
     Only with asyncio's own event loop: uvloop accepts by itself, and asks nobody.
 
@@ -34,14 +36,15 @@ class Doorway(socket.socket):
         bounds: How many there may be, and how long a handshake may take (``head_s``).
 
     Attributes:
-        inside: Connections, by whom they count for, see `source_of`.
+        inside: Connections that are open.
     """
 
     def __init__(self, bound: socket.socket, bounds: Bounds) -> None:
         super().__init__(bound.family, bound.type, bound.proto, fileno=bound.detach())
         self._bounds = bounds
-        self._strangers: dict[int, asyncio.TimerHandle] = {}
-        self.inside: Counter[str] = Counter()
+        self._shaking: dict[int, tuple[_Guest, asyncio.TimerHandle]] = {}
+        self._ended: set[int] = set()
+        self.inside = 0
 
     def accept(self) -> tuple[socket.socket, Any]:
         """Let the next one in for whom there is room; called by the event loop.
@@ -50,14 +53,22 @@ class Doorway(socket.socket):
             BlockingIOError: Nobody waits, or the others shall have a turn.
         """
         for _ in range(_REFUSED_AT_ONCE):
+            if len(self._ended) >= _REFUSED_AT_ONCE:
+                break  # until the event loop has closed them
             arrived, address = super().accept()
             host = source_of(address[0])
-            if (
-                self.inside[host] < self._bounds.of_one + _MARGIN
-                and self.inside.total() < self._bounds.connections + _MARGIN
-            ):
-                return self._let_in(arrived, host), address
-            arrived.close()
+            shaking = [guest for guest, _ in self._shaking.values()]
+            same = (
+                [] if self._bounds.is_proxy(address[0]) else [g for g in shaking if g.host == host]
+            )
+            if len(same) >= self._bounds.of_one:
+                self._end(same[0])
+            elif self.inside - len(self._ended) >= self._bounds.connections + _MARGIN:
+                if not shaking:
+                    arrived.close()
+                    continue
+                self._end(shaking[0])
+            return self._let_in(arrived, host), address
         raise BlockingIOError
 
     def greet(self, number: int) -> None:
@@ -66,22 +77,26 @@ class Doorway(socket.socket):
         Args:
             number: Its file descriptor.
         """
-        waiting = self._strangers.pop(number, None)
+        waiting = self._shaking.pop(number, None)
         if waiting is not None:
-            waiting.cancel()
+            waiting[1].cancel()
 
-    def leave(self, number: int, host: str) -> None:
+    def leave(self, number: int) -> None:
         """Know that a connection is closed."""
         self.greet(number)
-        self.inside[host] -= 1
-        if not self.inside[host]:
-            del self.inside[host]
+        self._ended.discard(number)
+        self.inside -= 1
+
+    def _end(self, guest: _Guest) -> None:
+        self.greet(guest.number)
+        self._ended.add(guest.number)
+        guest.put_out()
 
     def _let_in(self, arrived: socket.socket, host: str) -> socket.socket:
         guest = _Guest(arrived, self, host)
-        self.inside[host] += 1
+        self.inside += 1
         later = asyncio.get_running_loop().call_later
-        self._strangers[guest.number] = later(self._bounds.head_s, guest.put_out)
+        self._shaking[guest.number] = guest, later(self._bounds.head_s, guest.put_out)
         return guest
 
 
@@ -90,7 +105,7 @@ class _Guest(socket.socket):
         super().__init__(arrived.family, arrived.type, arrived.proto, fileno=arrived.detach())
         self.number: Final = self.fileno()
         self._doorway: Doorway | None = doorway
-        self._host = host
+        self.host = host
 
     def put_out(self) -> None:
         """End it: its handshake took too long. The event loop closes it then."""
@@ -104,7 +119,7 @@ class _Guest(socket.socket):
         super().close()
         doorway, self._doorway = self._doorway, None
         if doorway is not None:
-            doorway.leave(self.number, self._host)
+            doorway.leave(self.number)
 
 
 def bind(section: str, host: str, port: int) -> socket.socket:

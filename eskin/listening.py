@@ -1,18 +1,22 @@
-"""HTTP/1.1 with bounds on what a stranger may take: time, bytes, connections.
+"""HTTP/1.1 with bounds on what a client may take: time, bytes, connections.
 
-uvicorn waits for ever for the end of a head or a body, reads heads of any length, and takes as many
-connections as come. The rest of it, and the answers, are its own.
+uvicorn waits for ever for the end of a head or a body, reads heads of any length, takes as many
+connections as come, looks at no ``Host``, and shows no client certificate to the application. The
+rest of it, and the answers, are its own.
 """
 
 from __future__ import annotations
 
 import functools
+import hashlib
 import json
 import socket
 import ssl
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Final
+from ipaddress import IPv4Network, IPv6Network, ip_address
+from typing import TYPE_CHECKING, Any, Final, Literal
+from urllib.parse import urlsplit
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
@@ -23,11 +27,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 _STALLED_S: Final = 30.0
-"""For so long somebody may read nothing of an answer."""
+"""For so long a client may take nothing of a piece of an answer that waits to be sent."""
 _UNSENT_BYTES: Final = 16_384
 """What waits to be sent lies with who makes it, who may still think better of it."""
 _PROMPT_BYTES: Final = 2048
 """The same where what waits grows stale."""
+CALLER: Final = "eskin.caller"
+"""Extension of ASGI: its ``identify`` counts the connection for a caller that proved its name."""
+LOCALHOST: Final = frozenset({"localhost"})
+"""As `Bounds.hosts`: addresses, and the name that no other machine has."""
 PROMPT: Final = "eskin.prompt"
 """Extension of ASGI: an answer that calls its ``begin`` has as little as can be wait to be sent."""
 BARE_HEADERS: Final = (
@@ -40,6 +48,7 @@ _DETAILS: Final = {
     400: "this is no HTTP/1.1 request",
     408: "the request came too slowly",
     413: "the body is too long; send less",
+    421: "Host is no name of this server; ask by its address, or add the name to its settings",
     431: "request line and headers are too long; send less",
     503: "too many connections; come back later",
 }
@@ -47,7 +56,7 @@ _DETAILS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class Bounds:
-    """What a listener gives to strangers.
+    """What a listener gives to clients.
 
     Attributes:
         head_s: Seconds for request line and headers to come, and for the rest of a body that was
@@ -57,9 +66,12 @@ class Bounds:
         body_least: How much of it, in bytes.
         body_bytes: A body's length; ``None`` where the application looks after that.
         connections: Open at once.
-        of_one: Of these, from one address, or one IPv6 network of 64 bit.
-        gives_way: Whether, where there is no room, the connection is ended that has waited longest
-            for a request to come; else, the new one is refused.
+        of_one: Of these, of one caller who proved who it is, else from one address, or one IPv6
+            network of 64 bit.
+        hosts: Names that ``Host`` may have, beside addresses; ``None`` for any, where TLS has
+            clients check the name.
+        proxies: Networks of reverse proxies, which are believed whom they ask for.
+        forwarded: Header in which they say it, by its name in lower case.
     """
 
     head_s: float = 10.0
@@ -69,7 +81,17 @@ class Bounds:
     body_bytes: int | None = None
     connections: int = 768
     of_one: int = 256
-    gives_way: bool = False
+    hosts: frozenset[str] | None = None
+    proxies: tuple[IPv4Network | IPv6Network, ...] = ()
+    forwarded: Literal["x-forwarded-for", "forwarded"] = "x-forwarded-for"
+
+    def is_proxy(self, address: str) -> bool:
+        """Whether an address is one of `proxies`."""
+        try:
+            found = ip_address(address.partition("%")[0].removeprefix("::ffff:"))
+        except ValueError:
+            return False
+        return any(found in network for network in self.proxies)
 
 
 def guarded(bounds: Bounds, *, greet: Callable[[int], None] = lambda _: None) -> Any:
@@ -91,7 +113,9 @@ class GuardedProtocol(HttpToolsProtocol):
         others: As uvicorn gives them.
 
     Attributes:
-        source: Whom it counts for, see `source_of`.
+        source: Whom it counts for: a caller who proved who it is, else see `source_of`; ``None``
+            for a proxy, which asks for many.
+        authenticated: Whether a caller proved who it is.
         idle_since: When it began, or was last answered; the event loop's time.
     """
 
@@ -102,6 +126,9 @@ class GuardedProtocol(HttpToolsProtocol):
         self._timer: asyncio.TimerHandle | None = None
         self._stall: asyncio.TimerHandle | None = None
         self.source: str | None = None
+        self.authenticated = False
+        self._proxied = False
+        self._whole = True  # no request is on its way
         self._silent = True  # so far
         self.idle_since = self.loop.time()
         self._in_head = True
@@ -114,18 +141,18 @@ class GuardedProtocol(HttpToolsProtocol):
         super().connection_made(transport)
         self._greet(transport.get_extra_info("socket").fileno())
         self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
+        address = self.client[0] if self.client else ""
+        self._proxied = self._bounds.is_proxy(address)
+        self.source = None if self._proxied or not address else source_of(address)
         encrypted = transport.get_extra_info("ssl_object")
         if encrypted is not None:
-            self._tls = {"tls": {"client_cert_chain": client_chain(encrypted)}}
-        self.source = source_of(self.client[0]) if self.client else None
-        others = [getattr(other, "source", None) for other in self.connections]
-        same = 0 if self.source is None else others.count(self.source)
-        if len(self.connections) > self._bounds.connections or same > self._bounds.of_one:
-            idle = self._longest_idle() if self._bounds.gives_way else None
-            if idle is None:
-                self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
-                return
-            idle.transport.abort()
+            chain = client_chain(encrypted)
+            self._tls = {"tls": {"client_cert_chain": chain}}
+            if chain:
+                self.source, self.authenticated = _name("certificate", chain[0]), True
+        if not self._make_room():
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
+            return
         self._expect(self._bounds.head_s, self._too_slow)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -150,8 +177,12 @@ class GuardedProtocol(HttpToolsProtocol):
         """A request begins."""
         super().on_message_begin()
         begin = functools.partial(self._limit_unsent, 0, _PROMPT_BYTES)
-        self.scope["extensions"] = {PROMPT: {"begin": begin}, **self._tls}
-        self._in_head, self._body_bytes = True, 0
+        self.scope["extensions"] = {
+            PROMPT: {"begin": begin},
+            CALLER: {"identify": self._identify},
+            **self._tls,
+        }
+        self._in_head, self._whole, self._body_bytes = True, False, 0
         self._expect(self._bounds.head_s, self._too_slow)
 
     def on_headers_complete(self) -> None:
@@ -159,6 +190,9 @@ class GuardedProtocol(HttpToolsProtocol):
         size = len(self.url) + sum(len(name) + len(value) + 4 for name, value in self.headers)
         if size > self._bounds.head_bytes:
             self._stop(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE)
+        self._require_host()
+        if self._proxied and self.client is not None:
+            self.scope["client"] = (self._forwarded_for(self.client[0]), 0)
         self._in_head, self._head_bytes, self._window_bytes = False, 0, 0
         self._expect(self._bounds.body_s, self._look)
         super().on_headers_complete()
@@ -173,6 +207,7 @@ class GuardedProtocol(HttpToolsProtocol):
 
     def on_message_complete(self) -> None:
         """All of it is here."""
+        self._whole = True
         self._expect(None)
         super().on_message_complete()
 
@@ -181,15 +216,17 @@ class GuardedProtocol(HttpToolsProtocol):
         super().on_response_complete()
         self.idle_since = self.loop.time()
         if not self.transport.is_closing() and self.cycle.response_complete:
-            self._expect(self._bounds.head_s, self.transport.abort)
+            # What still waits to be sent has as long as any piece.
+            unsent = self.transport.get_write_buffer_size()
+            self._expect(_STALLED_S if unsent else self._bounds.head_s, self.transport.abort)
 
     def pause_writing(self) -> None:
-        """Nobody reads what we answer."""
+        """The client reads more slowly than we answer: the piece that waits has its time."""
         super().pause_writing()
         self._stall = self.loop.call_later(_STALLED_S, self.transport.abort)
 
     def resume_writing(self) -> None:
-        """Somebody does."""
+        """It has taken that piece."""
         if self._stall is not None:
             self._stall.cancel()
             self._stall = None
@@ -211,15 +248,69 @@ class GuardedProtocol(HttpToolsProtocol):
 
     @property
     def idle(self) -> bool:
-        """Whether it waits for a request, or for the rest of its head."""
-        answering = not self._in_head and not self.cycle.response_complete
-        return not answering and not self.transport.is_closing()
+        """Whether it waits for a request, or for the rest of one by a client that is unknown."""
+        waits = self._in_head or self.cycle.response_complete
+        unknown = not self._whole and not self.authenticated
+        return (waits or unknown) and not self.transport.is_closing()
 
-    def _longest_idle(self) -> GuardedProtocol | None:
-        """Of the other connections, the one that has waited longest for a request to come."""
-        mine = (other for other in self.connections if isinstance(other, GuardedProtocol))
-        idle = [other for other in mine if other is not self and other.idle]
-        return min(idle, key=lambda other: other.idle_since, default=None)
+    def _make_room(self) -> bool:
+        """End the longest idle connection where there are too many; gives whether there is room."""
+        mine = (each for each in self.connections if isinstance(each, GuardedProtocol))
+        others = [each for each in mine if each is not self and not each.transport.is_closing()]
+        same = [each for each in others if each.source == self.source is not None]
+        crowds = (same, self._bounds.of_one), (others, self._bounds.connections)
+        for crowd, most in crowds:
+            idle = [each for each in crowd if each.idle]
+            if len(crowd) >= most:
+                if not idle:
+                    return False
+                # Whoever proved its name goes last.
+                min(idle, key=lambda each: (each.authenticated, each.idle_since)).transport.abort()
+        return True
+
+    def _identify(self, caller: str) -> None:
+        """Count this connection for a caller that proved its name; from any thread."""
+        source = _name("caller", caller)
+        if self.source != source and not self._proxied and not self._tls.get("client_cert_chain"):
+            self.loop.call_soon_threadsafe(self._count_for, source)
+
+    def _count_for(self, source: str) -> None:
+        self.source, self.authenticated = source, True
+        if self.transport.is_closing() or self._make_room():
+            return
+        if self.cycle.response_started:
+            self.transport.abort()
+        else:
+            self._refuse(HTTPStatus.SERVICE_UNAVAILABLE)
+
+    def _require_host(self) -> None:
+        """Refuse a name that is not ours, which a browser sends where DNS leads a page here."""
+        allowed = self._bounds.hosts
+        if allowed is None:
+            return
+        hosts = [value for name, value in self.headers if name == b"host"]
+        if len(hosts) != 1:
+            self._stop(HTTPStatus.BAD_REQUEST)
+        try:
+            name = urlsplit("//" + hosts[0].decode("latin-1")).hostname or ""
+        except ValueError:
+            name = ""
+        if name.removesuffix(".") not in allowed and not _is_address(name):
+            self._stop(HTTPStatus.MISDIRECTED_REQUEST)
+
+    def _forwarded_for(self, peer: str) -> str:
+        """For whom a proxy asks: of the hops that it names, the last one that is no proxy."""
+        wanted = self._bounds.forwarded.encode()
+        said = b",".join(value for name, value in self.headers if name == wanted)
+        last = peer
+        for hop in reversed(said.decode("latin-1").split(",")):
+            found = _hop(hop, named=self._bounds.forwarded == "forwarded")
+            if found is None:
+                break
+            last = found
+            if not self._bounds.is_proxy(found):
+                break
+        return last
 
     def _limit_unsent(self, ours: int, kernel: int) -> None:
         """Have an answer wait when so many bytes do, here or in the kernel."""
@@ -257,6 +348,35 @@ class GuardedProtocol(HttpToolsProtocol):
             self._timer = None
         if seconds is not None and otherwise is not None:
             self._timer = self.loop.call_later(seconds, otherwise)
+
+
+def _name(kind: str, secret: str) -> str:
+    """Whom a connection counts for, with nothing in it that would be a secret."""
+    return f"{kind} {hashlib.sha256(secret.encode('utf-8', 'surrogatepass')).hexdigest()}"
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ip_address(name.partition("%")[0])
+    except ValueError:
+        return False
+    return True
+
+
+def _hop(text: str, *, named: bool) -> str | None:
+    """The address of one hop, of ``X-Forwarded-For`` or of ``Forwarded`` (RFC 7239, section 4)."""
+    text = text.strip()
+    if named:
+        pairs = (part.partition("=") for part in text.split(";"))
+        found = [
+            value.strip().strip('"') for name, _, value in pairs if name.strip().lower() == "for"
+        ]
+        text = found[0] if len(found) == 1 else ""
+    try:
+        host = text if _is_address(text) else urlsplit("//" + text).hostname or ""
+    except ValueError:
+        return None
+    return host if _is_address(host) else None
 
 
 def client_chain(encrypted: Any) -> tuple[str, ...]:

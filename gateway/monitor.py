@@ -15,7 +15,7 @@ from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 from eskin.doorway import bind
 from eskin.limiting import RateLimit
 from eskin.listener import Listener
-from eskin.listening import BARE_HEADERS, Bounds
+from eskin.listening import BARE_HEADERS, LOCALHOST, Bounds
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -55,7 +55,7 @@ class Monitor:
             body_bytes=0,
             connections=settings.connections,
             of_one=settings.connections,
-            gives_way=True,
+            hosts=LOCALHOST,
         )
         pages = _Pages(health, counters, RateLimit.per_second(settings.requests_per_s))
         self._listener = Listener(pages, bound, context=None, bounds=bounds, headers=BARE_HEADERS)

@@ -1,14 +1,12 @@
-"""Floods, long bodies and slow ones are refused, and keep nobody else out."""
+"""Floods are refused, and keep no other client out."""
 
 from __future__ import annotations
 
-import asyncio
 import secrets
 from typing import TYPE_CHECKING
 
 import pytest
 
-from cloud import limits
 from cloud.settings import LimitsSection
 from cloud.store.audit_log import read_deeds
 from eskin.limiting import source_of
@@ -16,7 +14,6 @@ from tests.cloud.clouds import batch, count_blocks, problem, standing
 from tests.cloud.messages import block
 
 if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
     from pathlib import Path
 
     from tests.cloud.clouds import Stand
@@ -73,21 +70,6 @@ async def test_refused_sign_ins_do_not_fill_the_audit_log(
     assert kept == ["token created", "sign in refused", "sign in refused"]
 
 
-async def test_long_body_is_refused(stand: Stand) -> None:
-    most = stand.cloud.settings.limits.body_bytes
-
-    async def pieces() -> AsyncIterator[bytes]:
-        for _ in range(most // 1000 + 1):
-            yield b"x" * 1000
-
-    async with stand.client() as client:
-        for content in (b"x" * (most + 1), pieces()):
-            answer = await client.post("/api/v1/nodes/x/commands", content=content)
-            assert str(most) in problem(answer, 413)
-        answer = await client.post("/api/v1/nodes/x/commands", content=b"x" * most)
-        assert answer.status_code != 413
-
-
 async def test_batches_that_find_no_room_in_memory_are_told_to_come_again(stand: Stand) -> None:
     room, body = stand.cloud.uploads, batch(block(0))
     with room.hold(stand.cloud.settings.gateways.uploads_bytes - len(body)):
@@ -98,18 +80,6 @@ async def test_batches_that_find_no_room_in_memory_are_told_to_come_again(stand:
             assert int(answer.headers["retry-after"]) > 0
     assert room.used == 0
     assert count_blocks(stand) == 1
-
-
-async def test_slow_body_is_refused(stand: Stand, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(limits, "_PATIENCE_S", 0.01)
-    never = asyncio.Event()
-
-    async def pieces() -> AsyncIterator[bytes]:
-        yield b"{"
-        await never.wait()
-
-    async with stand.client() as client:
-        problem(await client.post("/api/v1/nodes/x/commands", content=pieces()), 408)
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import socket
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
@@ -25,15 +26,17 @@ from cloud.ingest.gatekeeper import _GOOD_S
 from cloud.settings import GatewaysSection
 from cloud.store.audit_log import read_deeds
 from eskin.identity import IdentityKind
+from eskin.listening import Bounds
 from eskin.moment import SECOND
 from tests.cloud.clouds import batch, problem, put, standing
 from tests.cloud.messages import CHANNEL, NODE, block, status
 from tests.cloud.orders import order, waiting_gateway
+from tests.eskin.test_listening import GET, listening
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from starlette.types import Message
+    from starlette import types as asgi
 
     from tests.cloud.clouds import Stand
     from tests.identities import Identities
@@ -69,9 +72,9 @@ async def test_revoked_gateway_that_waits_is_given_no_command(
     assert _GOOD_S <= 1.0
 
 
-async def stream_of(stand: Stand, path: str, cookie: str) -> asyncio.Queue[Message | None]:
+async def stream_of(stand: Stand, path: str, cookie: str) -> asyncio.Queue[asgi.Message | None]:
     """What a session is sent, as it comes; ``None`` at the end."""
-    sent: asyncio.Queue[Message | None] = asyncio.Queue()
+    sent: asyncio.Queue[asgi.Message | None] = asyncio.Queue()
     headers = [(b"host", b"cloud"), (b"cookie", f"{cookie_name(stand.cloud)}={cookie}".encode())]
     path, _, query = path.partition("?")
     scope: dict[str, Any] = {
@@ -82,14 +85,14 @@ async def stream_of(stand: Stand, path: str, cookie: str) -> asyncio.Queue[Messa
     }  # fmt: skip
     asked = asyncio.Event()
 
-    async def receive() -> Message:
+    async def receive() -> asgi.Message:
         if not asked.is_set():
             asked.set()
             return {"type": "http.request", "body": b"", "more_body": False}
         await asyncio.Event().wait()
         raise AssertionError
 
-    async def send(message: Message) -> None:
+    async def send(message: asgi.Message) -> None:
         await sent.put(message)
 
     async def run() -> None:
@@ -154,10 +157,10 @@ async def test_long_answer_breaks_off_between_its_pieces(
     monkeypatch.setattr(module, "_ask", ask)
     said = bytearray()
 
-    async def send(message: Message) -> None:
+    async def send(message: asgi.Message) -> None:
         said.extend(message.get("body", b""))
 
-    async def receive() -> Message:
+    async def receive() -> asgi.Message:
         return {"type": "http.request", "body": b"", "more_body": False}
 
     headers = [(b"host", b"cloud"), (b"authorization", f"Bearer {stand.token}".encode())]
@@ -198,3 +201,31 @@ async def test_range_is_ignored(stand: Stand, asked: str) -> None:
     async with stand.client() as client:
         answer = await client.get("/", headers={"Range": asked})
     assert (answer.status_code, answer.text) == (200, "<p>whole</p>")
+
+
+async def test_slow_reader_of_a_long_body_is_served_to_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("eskin.listening._STALLED_S", 2.0)
+    size = 4_000_000
+
+    async def long(scope: asgi.Scope, receive: asgi.Receive, send: asgi.Send) -> None:
+        del scope, receive
+        head = [(b"content-length", str(size).encode())]
+        await send({"type": "http.response.start", "status": 200, "headers": head})
+        await send({"type": "http.response.body", "body": bytes(size)})
+
+    loop = asyncio.get_running_loop()
+    async with listening(Bounds(head_s=2.0), module.RecheckMiddleware(long)) as port:
+        with socket.socket() as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            client.setblocking(False)  # noqa: FBT003 - its only parameter
+            await loop.sock_connect(client, ("127.0.0.1", port))
+            await loop.sock_sendall(client, GET)
+            taken = 0
+            while part := await loop.sock_recv(client, 8192):
+                taken += len(part)
+                if taken >= size:
+                    break
+                await asyncio.sleep(0.02)
+    assert taken >= size

@@ -199,6 +199,28 @@ def test_people_cannot_ingest_and_gateways_cannot_ask(standing: Service) -> None
         assert client.post("/api/v1/ingest").status_code == 405
 
 
+@pytest.mark.parametrize("path", ["/metrics", "/healthz", "/login", "/api/v1/nodes"])
+def test_name_that_dns_led_here_is_told_nothing(standing: Service, path: str) -> None:
+    with standing.people(standing.token()) as client:
+        assert client.get(path, headers={"Host": "evil.example"}).status_code == 421
+        for host in ("localhost", "127.0.0.1:8080", "[::1]:8080"):
+            assert client.get(path, headers={"Host": host}).status_code == 200
+
+
+def test_address_that_a_proxy_names_is_not_loopback(tmp_path: Path, identities: Identities) -> None:
+    more = 'names = ["skin.example"]\nproxies = ["127.0.0.0/8"]\n'
+    with Service(tmp_path, identities, more=more) as service, service.people("x") as client:
+        named = {"Host": "Skin.example", "X-Forwarded-For": "127.0.0.1, 192.0.2.1"}
+        assert client.get("/metrics", headers=named).status_code == 403
+        assert client.get("/metrics").status_code == 200
+
+
+def test_body_of_a_person_is_bounded(standing: Service) -> None:
+    with standing.people(standing.token()) as client:
+        assert client.post("/api/v1/nodes/x/commands", content=b"x" * 65_537).status_code == 413
+        assert client.post("/api/v1/nodes/x/commands", content=b"x" * 65_536).status_code != 413
+
+
 def test_renewed_certificate_is_taken_without_a_restart(
     service: Service, identities: Identities
 ) -> None:

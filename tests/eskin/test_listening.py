@@ -5,14 +5,16 @@ from __future__ import annotations
 import asyncio
 import json
 import socket
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
+from ipaddress import ip_network
 from typing import TYPE_CHECKING
 
 import pytest
 
 from eskin.doorway import bind
 from eskin.listener import Listener
-from eskin.listening import PROMPT, Bounds
+from eskin.listening import CALLER, LOCALHOST, PROMPT, Bounds
 from tests.eskin.passing import LONG_S, outlast
 
 if TYPE_CHECKING:
@@ -172,21 +174,9 @@ async def test_no_http_is_refused() -> None:
         assert await status(port, b"\x16\x03\x01\x00 hello\r\n\r\n") == 400
 
 
-async def test_one_address_gets_so_many_connections() -> None:
-    async with listening(Bounds(of_one=2)) as port:
-        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
-        assert await status(port) == 503
-        for _, writer in held:
-            writer.close()
-            await writer.wait_closed()
-        last = GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
-        while not (said := await say(port, last)).startswith(b"HTTP/1.1 200"):
-            assert b"503" in said or not said  # until the listener has noticed
-
-
-async def test_where_the_idle_give_way_the_newest_is_answered() -> None:
+async def test_longest_idle_connection_gives_way() -> None:
     last = GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
-    async with listening(Bounds(of_one=2, gives_way=True)) as port:
+    async with listening(Bounds(of_one=2)) as port:
         held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
         (oldest, _), (younger, writer) = held
         assert (await say(port, last)).startswith(b"HTTP/1.1 200")
@@ -206,7 +196,7 @@ async def test_whoever_is_being_answered_does_not_give_way() -> None:
         await end.wait()
         await application(scope, receive, send)
 
-    async with listening(Bounds(of_one=2, gives_way=True), slow) as port:
+    async with listening(Bounds(of_one=2), slow) as port:
         held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
         for _, writer in held:
             writer.write(GET)
@@ -216,6 +206,171 @@ async def test_whoever_is_being_answered_does_not_give_way() -> None:
         for reader, writer in held:
             assert (await asyncio.wait_for(reader.readline(), 20.0)).startswith(b"HTTP/1.1 200")
             writer.close()
+
+
+async def ended(reader: asyncio.StreamReader) -> bool:
+    """Wait until a connection is ended without a word."""
+    with suppress(ConnectionResetError):
+        return await asyncio.wait_for(reader.read(), 20.0) == b""
+    return True
+
+
+LAST = GET.replace(b"\r\n\r\n", b"\r\nConnection: close\r\n\r\n")
+
+
+async def test_connection_whose_body_never_ends_gives_way() -> None:
+    post = b"POST / HTTP/1.1\r\nHost: here\r\nContent-Length: 50\r\n\r\nabc"
+    async with listening(replace(PATIENT, of_one=2)) as port:
+        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
+        for _, writer in held:
+            writer.write(post)
+        assert (await say(port, LAST)).startswith(b"HTTP/1.1 200")
+        assert await ended(held[0][0])
+        for _, writer in held:
+            writer.close()
+
+
+async def test_caller_who_proved_its_name_does_not_count_for_its_address() -> None:
+    async def identifying(scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["path"] != "/path":
+            scope["extensions"][CALLER]["identify"](scope["path"])
+        await application(scope, receive, send)
+
+    async def known(name: bytes) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        await again(reader, writer, name)
+        return reader, writer
+
+    async def again(
+        reader: asyncio.StreamReader, writer: asyncio.StreamWriter, name: bytes
+    ) -> None:
+        writer.write(GET.replace(b"/path", name))
+        assert (await asyncio.wait_for(reader.readuntil(b"\r\n\r\n"), 20.0))[9:12] == b"200"
+
+    async with listening(replace(PATIENT, of_one=2, connections=5), identifying) as port:
+        ada = await known(b"/ada")
+        crowd = [await asyncio.open_connection("127.0.0.1", port) for _ in range(8)]
+        bo = [await known(b"/bo") for _ in range(3)]
+        assert await ended(bo[0][0]), "of one caller the longest idle gives way, too"
+        await again(*ada, b"/ada")
+        await again(*bo[1], b"/bo")
+        for _, writer in (*crowd, *bo, ada):
+            writer.close()
+
+
+@pytest.mark.parametrize(
+    ("host", "expected"),
+    [
+        (b"localhost", 200), (b"LOCALHOST:80", 200), (b"127.0.0.1:8080", 200), (b"[::1]:80", 200),
+        (b"192.0.2.7", 200), (b"evil.example", 421), (b"localhost.evil.example", 421),
+        (b"[::1", 421), (b"", 421), (b"a\r\nHost: localhost", 400), (b"127.0.0.1.nip.io", 421),
+    ],
+)  # fmt: skip
+async def test_host_that_is_no_name_of_ours_is_refused(host: bytes, expected: int) -> None:
+    async with listening(replace(PATIENT, hosts=LOCALHOST)) as port:
+        said = await say(port, LAST.replace(b"here", host))
+        assert said.split()[1] == str(expected).encode()
+        if expected != 200:
+            assert status_of(said) == expected
+        assert status_of(await say(port, b"GET / HTTP/1.1\r\n\r\n")) == 400
+
+
+PROXIES = (ip_network("127.0.0.0/8"), ip_network("10.0.0.0/8"))
+
+
+@pytest.mark.parametrize(
+    ("header", "client"),
+    [
+        (b"", "127.0.0.1"),
+        (b"X-Forwarded-For: 192.0.2.1\r\n", "192.0.2.1"),
+        (b"X-Forwarded-For: 198.51.100.9, 192.0.2.1\r\n", "192.0.2.1"),
+        (b"X-Forwarded-For: 198.51.100.9\r\nX-Forwarded-For: 192.0.2.1, 10.1.2.3\r\n", "192.0.2.1"),
+        (b"X-Forwarded-For: 192.0.2.1:4711\r\n", "192.0.2.1"),
+        (b"X-Forwarded-For: [2001:db8::1]:4711\r\n", "2001:db8::1"),
+        (b"X-Forwarded-For: 2001:db8::1\r\n", "2001:db8::1"),
+        (b"X-Forwarded-For: 192.0.2.1, nonsense, 10.1.2.3\r\n", "10.1.2.3"),
+        (b"X-Forwarded-For: ,\r\n", "127.0.0.1"),
+        (b"Forwarded: for=192.0.2.1\r\n", "127.0.0.1"),
+    ],
+)  # fmt: skip
+async def test_proxy_is_believed_for_whom_it_asks(header: bytes, client: str) -> None:
+    assert await client_of(replace(PATIENT, proxies=PROXIES), header) == client
+    assert await client_of(PATIENT, header) == "127.0.0.1", "no other client is"
+
+
+@pytest.mark.parametrize(
+    ("header", "client"),
+    [
+        (b'Forwarded: for="[2001:db8::1]:4711";proto=https\r\n', "2001:db8::1"),
+        (b"Forwarded: for=198.51.100.9, For=192.0.2.1;by=10.0.0.1\r\n", "192.0.2.1"),
+        (b"Forwarded: for=unknown\r\n", "127.0.0.1"),
+        (b"X-Forwarded-For: 192.0.2.1\r\n", "127.0.0.1"),
+    ],
+)
+async def test_forwarded_is_read_where_it_is_chosen(header: bytes, client: str) -> None:
+    bounds = replace(PATIENT, proxies=PROXIES, forwarded="forwarded")
+    assert await client_of(bounds, header) == client
+
+
+async def client_of(bounds: Bounds, header: bytes) -> str:
+    """Whom an application is told that a request comes from."""
+    clients: list[str] = []
+
+    async def noting(scope: Scope, receive: Receive, send: Send) -> None:
+        clients.append(scope["client"][0])
+        await application(scope, receive, send)
+
+    async with listening(bounds, noting) as port:
+        await say(port, LAST.replace(b"\r\n\r\n", b"\r\n" + header + b"\r\n"))
+    return clients[0]
+
+
+async def test_connections_of_a_proxy_have_no_bound_of_one_address() -> None:
+    async with listening(replace(PATIENT, of_one=2, proxies=PROXIES)) as port:
+        held = [await asyncio.open_connection("127.0.0.1", port) for _ in range(6)]
+        for reader, writer in held:
+            writer.write(LAST)
+            assert (await asyncio.wait_for(reader.read(), 20.0)).startswith(b"HTTP/1.1 200")
+            writer.close()
+
+
+@pytest.mark.parametrize("close", [b"", b"Connection: close\r\n"])
+async def test_slow_reader_is_served_to_the_end_and_one_that_stops_is_not(
+    monkeypatch: pytest.MonkeyPatch, close: bytes
+) -> None:
+    monkeypatch.setattr("eskin.listening._STALLED_S", 0.5)
+    size, piece = 400_000, 16_384
+
+    async def long(scope: Scope, receive: Receive, send: Send) -> None:
+        del scope, receive
+        head = [(b"content-length", str(size).encode())]
+        await send({"type": "http.response.start", "status": 200, "headers": head})
+        for at in range(0, size, piece):
+            body = bytes(min(piece, size - at))
+            more = at + piece < size
+            await send({"type": "http.response.body", "body": body, "more_body": more})
+
+    async def slow(pause: float) -> int:
+        with socket.socket() as client:
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            client.setblocking(False)  # noqa: FBT003 - its only parameter
+            loop = asyncio.get_running_loop()
+            await loop.sock_connect(client, ("127.0.0.1", port))
+            asked = GET.replace(b"\r\n\r\n", b"\r\n" + close + b"\r\n")
+            await loop.sock_sendall(client, asked)
+            taken = 0
+            with suppress(ConnectionResetError):
+                while taken < size:
+                    await asyncio.sleep(pause)
+                    part = await loop.sock_recv(client, 4096)
+                    if not part:
+                        break
+                    taken += len(part)
+            return taken
+
+    async with listening(replace(PATIENT, head_s=0.5), long) as port:
+        assert await slow(0.02) >= size, "two seconds, of which none is without progress"
+        assert await slow(1.5) < size
 
 
 async def test_requests_one_behind_the_other_are_answered() -> None:

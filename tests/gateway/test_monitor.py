@@ -109,8 +109,17 @@ def test_each_answer_keeps_browsers_from_harm(
         assert answer.json()["status"] == status
 
 
+@pytest.mark.parametrize("path", ["/healthz", "/metrics"])
+def test_name_that_dns_led_here_is_told_nothing(monitor: Monitor, path: str) -> None:
+    url = f"http://127.0.0.1:{monitor.port}{path}"
+    answer = httpx.get(url, headers={"Host": f"evil.example:{monitor.port}"})
+    assert answer.status_code == 421
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert httpx.get(url, headers={"Host": "localhost:1"}).status_code == 200
+
+
 def test_body_and_long_head_are_refused(monitor: Monitor) -> None:
-    posted = b"POST /healthz HTTP/1.1\r\nHost: here\r\nContent-Length: 4\r\n\r\nbody"
+    posted = b"POST /healthz HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4\r\n\r\nbody"
     with socket.create_connection(("127.0.0.1", monitor.port), timeout=20) as connection:
         connection.sendall(posted)
         assert connection.recv(4096).startswith(b"HTTP/1.1 413 ")
