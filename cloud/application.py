@@ -18,6 +18,7 @@ from cloud.routes import (
     audit_log,
     commands,
     comparison,
+    confirmed,
     dashboard,
     deliveries,
     events,
@@ -68,7 +69,7 @@ def gateway_application(cloud: Cloud) -> FastAPI:
         "refusal": HTTPStatus.FORBIDDEN,
     }
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
-    for resource in (ingest, deliveries, notices):
+    for resource in (ingest, confirmed, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     return app
 

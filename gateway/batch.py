@@ -10,11 +10,13 @@ if TYPE_CHECKING:
 
 
 class Entry(NamedTuple):
-    """One accepted message: the node's name, when it came (UTC ns), and the plaintext."""
+    """One accepted message: the node's name, when it came (UTC ns), plaintext and position."""
 
     node: str
     received: int
     body: bytes
+    boot: int | None = None
+    sequence: int | None = None
 
 
 class DeadLetter(NamedTuple):

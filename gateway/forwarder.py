@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from gateway.backoff import Backoff
     from gateway.cloud import Answer, Cloud
+    from gateway.confirmations import Confirmations
     from gateway.counters import Counters
     from gateway.settings import CloudSection
     from gateway.spool import Spool, Stored
@@ -28,6 +29,8 @@ log = logging.getLogger(__name__)
 _TOO_LARGE: Final = httpx.codes.REQUEST_ENTITY_TOO_LARGE
 _TICK_S: Final = 0.25
 _DRAIN_S: Final = 5.0
+_COMPARE_S: Final = 300.0
+_COMPARE_AGAIN_S: Final = 30.0
 _FEW: Final = range(4, 64)
 """Such requests cost more for each message than to let some more of them come would. With fewer,
 messages come too seldom for that."""
@@ -44,6 +47,7 @@ class Forwarder:
         cloud: Where they go.
         backoff: Between failures.
         counters: What is counted.
+        confirmations: Ask the cloud for what it confirmed; ``None``: nothing is compared.
         now: UTC ns.
     """
 
@@ -55,6 +59,7 @@ class Forwarder:
         cloud: Cloud,
         backoff: Backoff,
         counters: Counters,
+        confirmations: Confirmations | None = None,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._settings = settings
@@ -63,6 +68,9 @@ class Forwarder:
         self._backoff = backoff
         self._counters = counters
         self._now = now
+        self._confirmations = confirmations
+        self._compare_at = 0.0
+        self._missing: list[tuple[str, int, int, int]] = []
         self._most = settings.batch_messages
         self._deferred = DeferredMessages()
         self._alone = False
@@ -98,6 +106,8 @@ class Forwarder:
             try:
                 sent = self.forward()
                 failed = False
+                if not ending:
+                    self._compare()
             except (CloudError, SpoolError) as error:
                 sent, failed = 0, True
                 self._stopping.wait(self._note_failure(error))
@@ -115,6 +125,34 @@ class Forwarder:
             elif not sent and not failed:
                 self._thrift.take(0)
                 self._spool.filled.wait(_TICK_S)
+
+    def _compare(self) -> None:
+        """After a start or a failure, and now and then: has the cloud still what it confirmed?"""
+        now = time.monotonic()
+        if self._confirmations is None or now < self._compare_at:
+            return
+        self._compare_at = now + _COMPARE_S
+        try:
+            missing = self._confirmations.compare(self._spool.confirmed())
+        except (CloudError, SpoolError) as error:
+            self._compare_at = now + _COMPARE_AGAIN_S
+            log.warning("what the cloud confirmed is not compared yet: error=%s", error)
+            return
+        for node, boot, first, last in missing:
+            if (node, boot, first, last) not in self._missing:
+                log.error(
+                    "cloud lost what it had confirmed: node=%s boot=%d first=%d last=%d",
+                    node,
+                    boot,
+                    first,
+                    last,
+                )
+        self._missing = missing
+
+    @property
+    def missing(self) -> int:
+        """Messages that the cloud confirmed and no longer has, by the latest comparison."""
+        return sum(last - first + 1 for _, _, first, last in self._missing)
 
     def forward(self) -> int:
         """Send the oldest messages once; gives how many were settled.
@@ -180,7 +218,8 @@ class Forwarder:
         pairs = list(zip(stored, answers, strict=True))
         rejected = [(m, a.reason or "no reason given") for m, a in pairs if a.result == "rejected"]
         letters = [self._letter(message, reason) for message, reason in rejected]
-        self._spool.settle(stored, letters)
+        confirmed = [m for m, a in pairs if a.result != "rejected"]
+        self._spool.settle(stored, letters, confirmed=confirmed)
         for message, reason in rejected[:3]:
             log.warning("cloud rejected a message: node=%s reason=%r", message.node, reason[:200])
         count = [answer.result for answer in answers].count
@@ -203,6 +242,7 @@ class Forwarder:
     def _note_failure(self, error: CloudError | SpoolError) -> float:
         """Tell once per change; gives the seconds to wait."""
         self._counters.cloud_failures.inc()
+        self._compare_at = 0.0
         if not self._failing:
             log.warning("forwarding: %s; messages wait in the spool", error)
         self._failing = True

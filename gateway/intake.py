@@ -176,7 +176,7 @@ class Intake:
         else:
             body = self._veiling.guard(node, personal, opened.plaintext)
             record.add(position)
-            outcome.batch.entries.append(Entry(node, received, body))
+            outcome.batch.entries.append(Entry(node, received, body, *position))
             # It may have been said long ago, and be forgotten here: the cloud knows.
             if position.boot >= record.held.boot:
                 outcome.messages.append((node, message, not arrival.retained))

@@ -1,7 +1,4 @@
-"""The spool's tables, and the way from each version to the next.
-
-A migration and its record (``user_version``) share a transaction.
-"""
+"""The spool's tables; a spool of another version is refused."""
 
 from __future__ import annotations
 
@@ -15,58 +12,66 @@ if TYPE_CHECKING:
 
 _CHECKPOINT_PAGES: Final = 1000
 
-MIGRATIONS: Final = (
-    (
-        # AUTOINCREMENT: an id never comes back, so that order of ids is order of acceptance.
-        """CREATE TABLE messages (
-            id INTEGER PRIMARY KEY AUTOINCREMENT,
-            node TEXT NOT NULL,
-            received INTEGER NOT NULL,
-            body BLOB NOT NULL
-        ) STRICT""",
-        """CREATE TABLE nodes (
-            node TEXT PRIMARY KEY,
-            held_boot INTEGER NOT NULL,
-            held_sequence INTEGER NOT NULL,
-            ranges BLOB NOT NULL,
-            status BLOB,
-            thumbprint BLOB
-        ) STRICT, WITHOUT ROWID""",
-        """CREATE TABLE senders (
-            thumbprint BLOB PRIMARY KEY,
-            expires INTEGER NOT NULL,
-            leaf BLOB NOT NULL,
-            issuer BLOB NOT NULL
-        ) STRICT, WITHOUT ROWID""",
-        """CREATE TABLE dead_letters (
-            id INTEGER PRIMARY KEY AUTOINCREMENT,
-            at INTEGER NOT NULL,
-            node TEXT NOT NULL,
-            reason TEXT NOT NULL,
-            body BLOB NOT NULL,
-            digest BLOB NOT NULL UNIQUE
-        ) STRICT""",
-    ),
+VERSION: Final = 1
+_TABLES: Final = (
+    # AUTOINCREMENT: an id never comes back, so that order of ids is order of acceptance.
+    """CREATE TABLE messages (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        node TEXT NOT NULL,
+        received INTEGER NOT NULL,
+        body BLOB NOT NULL,
+        boot INTEGER,
+        sequence INTEGER
+    ) STRICT""",
+    """CREATE TABLE nodes (
+        node TEXT PRIMARY KEY,
+        held_boot INTEGER NOT NULL,
+        held_sequence INTEGER NOT NULL,
+        ranges BLOB NOT NULL,
+        status BLOB,
+        thumbprint BLOB
+    ) STRICT, WITHOUT ROWID""",
+    # The greatest number of each boot that the cloud has confirmed.
+    """CREATE TABLE confirmed (
+        node TEXT NOT NULL,
+        boot INTEGER NOT NULL,
+        last INTEGER NOT NULL,
+        PRIMARY KEY (node, boot)
+    ) STRICT, WITHOUT ROWID""",
+    """CREATE TABLE senders (
+        thumbprint BLOB PRIMARY KEY,
+        expires INTEGER NOT NULL,
+        leaf BLOB NOT NULL,
+        issuer BLOB NOT NULL
+    ) STRICT, WITHOUT ROWID""",
+    """CREATE TABLE dead_letters (
+        id INTEGER PRIMARY KEY AUTOINCREMENT,
+        at INTEGER NOT NULL,
+        node TEXT NOT NULL,
+        reason TEXT NOT NULL,
+        body BLOB NOT NULL,
+        digest BLOB NOT NULL UNIQUE
+    ) STRICT""",
 )
 
 
-def migrate(connection: sqlite3.Connection) -> None:
-    """Bring a spool to the present version.
+def prepare(connection: sqlite3.Connection) -> None:
+    """Make the tables where there are none, in one transaction.
 
     Raises:
-        SpoolError: It was written by a newer gateway.
+        SpoolError: The spool is of another version.
     """
     version: int = connection.execute("PRAGMA user_version").fetchone()[0]
-    if version > len(MIGRATIONS):
+    if version not in {0, VERSION}:
         raise SpoolError(
-            f"spool has version {version}, this gateway knows {len(MIGRATIONS)}; "
-            "run the newer gateway, or choose another spool.path"
+            f"spool has version {version}, this gateway knows {VERSION}; "
+            "run the gateway that made it, or choose another spool.path"
         )
-    for number, statements in enumerate(MIGRATIONS[version:], start=version + 1):
+    if version == 0:
         connection.execute("BEGIN IMMEDIATE")
-        for statement in statements:
+        for statement in _TABLES:
             connection.execute(statement)
-        connection.execute(f"PRAGMA user_version = {number}")
+        connection.execute(f"PRAGMA user_version = {VERSION}")
         connection.execute("COMMIT")
 
 

@@ -22,6 +22,7 @@ from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
 from gateway.commands import Commands
 from gateway.condition import Condition
+from gateway.confirmations import HttpsConfirmations
 from gateway.counters import Counters
 from gateway.courier import Courier
 from gateway.deliveries import HttpsDeliveries
@@ -134,6 +135,7 @@ class Gateway:
             "timeout_s": settings.cloud.timeout_s,
         }
         self.cloud = HttpsCloud(settings.cloud.url, onlookers=self._onlookers, **reach)
+        self.confirmations = HttpsConfirmations(settings.cloud.url, **reach)
         self.forwarder = self._make_forwarder()
         self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
         self.notices = HttpsNotices(settings.cloud.url, **reach)
@@ -151,6 +153,11 @@ class Gateway:
             "erasures_pending",
             "erasures that the cloud has not confirmed",
             lambda: self.steward.pending,
+        )
+        self.counters.gauge(
+            "confirmed_missing",
+            "messages that the cloud had confirmed and no longer has",
+            lambda: self.forwarder.missing,
         )
         self.monitor = self._make_monitor()
 
@@ -220,6 +227,7 @@ class Gateway:
             cloud=self.cloud,
             backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
             counters=self.counters,
+            confirmations=self.confirmations,
         )
 
     def _make_courier(self, deliveries: HttpsDeliveries) -> Courier:
@@ -268,6 +276,7 @@ class Gateway:
         self.monitor.stop()
         self.cloud.close()
         self.notices.close()
+        self.confirmations.close()
         self.left = self.spool.statistics.messages
         self.spool.close()
         self.keyring.stop()

@@ -24,7 +24,7 @@ from eskin.wholeness import UNREADABLE, require_whole, why
 from gateway.batch import DeadLetter, Sender
 from gateway.record import NodeRecord
 from gateway.reserve import Reserve
-from gateway.schema import connect, migrate
+from gateway.schema import connect, prepare
 from gateway.spool_statistics import SpoolStatistics
 
 if TYPE_CHECKING:
@@ -37,10 +37,17 @@ log = logging.getLogger(__name__)
 
 RESERVE: Final = 8_000_000
 """Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
-_ADD_MESSAGE: Final = "INSERT INTO messages (node, received, body) VALUES (?, ?, ?)"
-_OLDEST: Final = """SELECT id, node, received, body FROM messages
+_ADD_MESSAGE: Final = """INSERT INTO messages (node, received, body, boot, sequence)
+    VALUES (?, ?, ?, ?, ?)"""
+_OLDEST: Final = """SELECT id, node, received, body, boot, sequence FROM messages
     WHERE id NOT IN (SELECT value FROM json_each(?)) ORDER BY id LIMIT ?"""
 _FORGET: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
+_CONFIRM: Final = """INSERT INTO confirmed VALUES (?, ?, ?)
+    ON CONFLICT (node, boot) DO UPDATE SET last = max(last, excluded.last)"""
+_TRIM_CONFIRMED: Final = """DELETE FROM confirmed WHERE ? < (SELECT count(*)
+    FROM confirmed AS later WHERE later.node = confirmed.node AND later.boot >= confirmed.boot)"""
+_MOST_BOOTS: Final = 16
+"""Of a node: what the cloud confirmed of the latest ones is kept."""
 _KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?)"
 _KEEP_SENDER: Final = "INSERT OR REPLACE INTO senders VALUES (?, ?, ?, ?)"
 _ADD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters (at, node, reason, body, digest)
@@ -56,6 +63,8 @@ class Stored(NamedTuple):
     node: str
     received: int
     body: bytes
+    boot: int | None = None
+    sequence: int | None = None
 
 
 class Spool:
@@ -93,7 +102,8 @@ class Spool:
         self._owner = opened.enter_context(LockFile(path))
         self._intake = opened.enter_context(closing(connect(path, "FULL")))
         require_whole(self._intake)
-        migrate(self._intake)
+        prepare(self._intake)
+        self._intake.execute(_TRIM_CONFIRMED, (_MOST_BOOTS,))
         self._outlet = opened.enter_context(closing(connect(path, "NORMAL")))
         # Their nodes show new ones with each status.
         self._intake.execute("DELETE FROM senders WHERE expires < ?", (int(time.time()),))
@@ -165,20 +175,31 @@ class Spool:
             raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
         return taken
 
-    def settle(self, stored: Sequence[Stored], dead: Sequence[DeadLetter] = ()) -> None:
+    def settle(
+        self,
+        stored: Sequence[Stored],
+        dead: Sequence[DeadLetter] = (),
+        *,
+        confirmed: Sequence[Stored] = (),
+    ) -> None:
         """Forget messages that the cloud answered for; what it rejected stays as dead letters.
+
+        Args:
+            stored: All that it answered for.
+            dead: What it rejected.
+            confirmed: What it says that it has: where that ends in each boot is remembered.
 
         Raises:
             SpoolError: The file cannot be written; nothing is forgotten.
         """
         with self._lock:
             try:
-                buried = self._forget(stored, dead)
+                buried = self._forget(stored, dead, confirmed)
             except SpoolError:
                 if not self._reserve.release():
                     raise
                 log.warning("disk full, reserve given up to empty the spool: path=%s", self._path)
-                buried = self._forget(stored, dead)
+                buried = self._forget(stored, dead, confirmed)
             self._messages -= len(stored)
             self._used -= sum(len(message.body) for message in stored)
             self._count_letters(*buried)
@@ -199,6 +220,15 @@ class Spool:
             return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
         except MessageError as error:
             raise SpoolError(f"spool {self._path} is damaged: {name}: {error}") from error
+
+    def confirmed(self) -> list[tuple[str, int, int]]:
+        """Node, boot, and the greatest number of it that the cloud confirmed, of latest boots.
+
+        Raises:
+            SpoolError: The file cannot be read.
+        """
+        rows = self._rows("SELECT node, boot, last FROM confirmed ORDER BY node, boot")
+        return [(node, boot, last) for node, boot, last in rows]
 
     def nodes(self) -> list[str]:
         """Names of all nodes ever accepted.
@@ -250,8 +280,19 @@ class Spool:
         except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
 
-    def _forget(self, stored: Sequence[Stored], dead: Sequence[DeadLetter]) -> tuple[int, int]:
+    def _forget(
+        self,
+        stored: Sequence[Stored],
+        dead: Sequence[DeadLetter],
+        confirmed: Sequence[Stored],
+    ) -> tuple[int, int]:
+        ends: dict[tuple[str, int], int] = {}
+        for message in confirmed:
+            if message.boot is not None and message.sequence is not None:
+                place = message.node, message.boot
+                ends[place] = max(message.sequence, ends.get(place, 0))
         with self._transaction(self._outlet) as connection:
+            connection.executemany(_CONFIRM, [(*place, last) for place, last in ends.items()])
             for first, last in SequenceRanges((message.id, message.id) for message in stored):
                 connection.execute(_FORGET, (first, last))
             return self._bury(connection, dead)

@@ -307,6 +307,21 @@ class IngestDocument(BaseModel):
     )
 
 
+class ConfirmedItem(BaseModel):
+    """Numbers of a boot that are not stored here; the last one included."""
+
+    node: str
+    boot: int
+    first: int
+    last: int
+
+
+class ConfirmedDocument(BaseModel):
+    """What of that which a gateway was told is stored is not stored here."""
+
+    items: list[ConfirmedItem]
+
+
 class SubjectDocument(BaseModel):
     """A subject, by pseudonym: the nodes it wore, the sealed messages held, when it was erased."""
 

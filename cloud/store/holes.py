@@ -176,6 +176,30 @@ def _behind() -> Select[Any]:
     return select(e.node, e.boot, begin, e.last).where(e.last >= begin).order_by(e.node, e.boot)
 
 
+def find_tails(
+    connection: Connection, confirmed: Sequence[tuple[str, int, int]]
+) -> list[tuple[str, int, int, int]]:
+    """What lies behind the last stored number of a boot, up to where it is said to end.
+
+    Args:
+        connection: Of the store.
+        confirmed: Node, boot, and the greatest number of it.
+
+    Returns:
+        Node, boot, first and last number, where something is missing.
+    """
+    s = sequences.c
+    stored: dict[Boot, int] = {}
+    keys = [(node, boot) for node, boot, _ in confirmed]
+    query = select(s.node, s.boot, func.max(s.last)).group_by(s.node, s.boot)
+    for begin in range(0, len(keys), _MOST_ASKED):
+        here = tuple_(s.node, s.boot).in_(keys[begin : begin + _MOST_ASKED])
+        for node, boot, last in connection.execute(query.where(here)):
+            stored[node, boot] = last
+    found = [(node, boot, stored.get((node, boot), -1) + 1, last) for node, boot, last in confirmed]
+    return [each for each in found if each[2] <= each[3]]
+
+
 def _explained(connection: Connection, keys: Sequence[Boot]) -> dict[Boot, list[Span]]:
     told: dict[Boot, list[Span]] = defaultdict(list)
     o = lost.c

@@ -43,6 +43,14 @@ def see(
     return event_row(node, "status", position, (min(last, now), now), detail="online again")
 
 
+def note_absent(
+    connection: Connection, cache: WriteCache, node: str, place: tuple[int, int], *, now: int
+) -> None:
+    """Note a node that this store does not know, though another one knew it: it is offline."""
+    if cache.row(connection, nodes, node) is None:
+        cache.create(nodes, (node,), _fresh(node, Position(*place), now) | {"online": 0})
+
+
 def note_blocks(
     connection: Connection, cache: WriteCache, rows: Sequence[Row], *, now: int
 ) -> tuple[int, int]:

@@ -6,6 +6,7 @@ import json
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
+import cbor2
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -157,6 +158,29 @@ async def test_flash_that_lacks_what_is_stored_is_named(
     await bring(stand, block(0), block(1), block(2), status(3, boot=0))
     await bring(stand, replace(status(0, boot=2), ended=ended))
     assert any("flash" in each for each in await details(stand)) is lost
+
+
+async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(stand: Stand) -> None:
+    await bring(stand, *(block(number) for number in range(4)))
+    async with stand.ingest_client() as gateway:
+
+        async def ask(*confirmed: tuple[str, int, int]) -> list[tuple[str, int, int, int]]:
+            body = cbor2.dumps([list(each) for each in confirmed])
+            headers = {"Content-Type": "application/cbor"}
+            answer = await gateway.post("/api/v1/confirmed", content=body, headers=headers)
+            assert answer.status_code == 200
+            return [tuple(item.values()) for item in answer.json()["items"]]
+
+        assert await ask((NODE, 1, 3), (NODE, 1, 2)) == []
+        assert await ask((NODE, 1, 9), ("palm", 4, 0)) == [(NODE, 1, 4, 9), ("palm", 4, 0, 0)]
+    await look(stand.cloud)
+    stand.clock.turn(PATIENCE_S)
+    await look(stand.cloud)
+    found = (await stand.get("/api/v1/nodes")).json()["items"]
+    assert {node["id"]: ranges(node["missing"]) for node in found} == {
+        NODE: [(1, 4, 9)],
+        "palm": [(4, 0, 0)],
+    }
 
 
 async def test_number_of_holes_of_a_node_is_bounded(stand: Stand) -> None:

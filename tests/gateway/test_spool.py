@@ -19,7 +19,7 @@ from eskin.errors import SpoolError
 from eskin.messages import Position
 from gateway.batch import Batch, DeadLetter, Entry, Sender
 from gateway.record import NodeRecord
-from gateway.schema import MIGRATIONS
+from gateway.schema import VERSION
 from gateway.spool import Spool
 from tests.processes import Running
 
@@ -237,13 +237,26 @@ def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
         Spool(tmp_path / "file" / "spool.db", capacity=10**7, letters=3)
 
 
-def test_spool_of_newer_gateway_is_refused(tmp_path: Path) -> None:
+def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
     opened(tmp_path).close()
     connection = sqlite3.connect(tmp_path / "spool.db")
-    connection.execute(f"PRAGMA user_version = {len(MIGRATIONS) + 1}")
+    connection.execute(f"PRAGMA user_version = {VERSION + 1}")
     connection.close()
-    with pytest.raises(SpoolError, match="newer gateway"):
+    with pytest.raises(SpoolError, match="version"):
         opened(tmp_path)
+
+
+def test_end_of_what_the_cloud_confirmed_is_kept_for_the_latest_boots(tmp_path: Path) -> None:
+    spool = opened(tmp_path)
+    entries = [Entry("n", 1, b"x", boot, k) for boot in range(20) for k in (3, 1)]
+    spool.commit(Batch([*entries, Entry("m", 1, b"y", 7, 5), Entry("m", 1, b"z", 7, 6)]))
+    stored = spool.take(100, 10**6)
+    spool.settle(stored, [DeadLetter(1, "m", "no", b"z")], confirmed=stored[:-1])
+    assert spool.confirmed() == [("m", 7, 5), *(("n", boot, 3) for boot in range(20))]
+    spool.close()
+    again = opened(tmp_path)
+    assert again.confirmed() == [("m", 7, 5), *(("n", boot, 3) for boot in range(4, 20))]
+    again.close()
 
 
 def test_expired_senders_are_forgotten_at_the_start(tmp_path: Path) -> None:

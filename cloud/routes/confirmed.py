@@ -1,0 +1,60 @@
+"""What gateways were told is stored: whether it still is, after a store was restored."""
+
+import asyncio
+import logging
+from collections import defaultdict
+
+from fastapi import APIRouter, Request
+from sqlalchemy import Connection
+from starlette.responses import Response
+
+from cloud.dependencies import CloudState
+from cloud.ingest.confirmed import read_confirmed
+from cloud.ingest.reception import received
+from cloud.problems import documented
+from cloud.routes.answers import as_json
+from cloud.routes.documents import CBOR_BODY, ConfirmedDocument
+from cloud.store.holes import find_tails, note_ends
+from cloud.store.presence import note_absent
+
+log = logging.getLogger(__name__)
+
+router = APIRouter(tags=["ingest"])
+
+
+@router.post(
+    "/confirmed",
+    response_model=ConfirmedDocument,
+    responses=documented(403, 413, 415, 422, 503),
+    openapi_extra=CBOR_BODY,
+)
+async def post_confirmed(cloud: CloudState, request: Request) -> Response:
+    """Compare: CBOR array of ``[node, boot, last]``; answered is what this store does not have."""
+    async with received(cloud, request) as posted:
+        confirmed = await asyncio.to_thread(read_confirmed, posted.body)
+
+        def find() -> list[tuple[str, int, int, int]]:
+            with cloud.store.read() as connection:
+                return find_tails(connection, confirmed)
+
+        missing = await asyncio.to_thread(find)
+
+        def keep(connection: Connection) -> None:
+            ends = defaultdict(list)
+            for node, boot, _, last in missing:
+                ends[node].append((boot, last))
+            for node, stated in ends.items():
+                note_absent(connection, cloud.store.cache, node, max(stated), now=cloud.clock())
+                note_ends(connection, node, stated)
+
+        if missing:
+            log.error(
+                "store lacks what a gateway was told is stored: gateway=%s ranges=%d messages=%d",
+                posted.gateway.name,
+                len(missing),
+                sum(last - first + 1 for _, _, first, last in missing),
+                extra={"source": posted.gateway.name},
+            )
+            await asyncio.wrap_future(cloud.store.write(keep))
+    names = ("node", "boot", "first", "last")
+    return as_json({"items": [dict(zip(names, each, strict=True)) for each in missing]})
