@@ -30,6 +30,7 @@ class ChannelUnit:
         calibrating: Whether the next frame that is bounded becomes its rest.
         detector: Its search for peaks; ``None`` where there are none.
         first: Number of its next sample.
+        since: Number of the first sample that smoothing may remember.
         silent: Frames since an adaptive channel sent one.
         smoothing: What smooths the samples in which peaks are sought.
         filled: Samples of its last frame, which stand in its buffers.
@@ -67,7 +68,7 @@ class ChannelUnit:
         self.away = False
         self.filled = 0
         self._schedule = schedule
-        self.first = 0
+        self.first = self.since = 0
         self.restart(schedule, threshold, 0.0)
 
     def restart(self, schedule: "Schedule", threshold: float, smoothing: float) -> None:
@@ -75,7 +76,7 @@ class ChannelUnit:
         if schedule is not self._schedule:
             self._schedule, self.first = schedule, 0
         self.threshold = threshold
-        self.smoothing = Smoothing(smoothing)
+        self.smoothing, self.since = Smoothing(smoothing), self.first
         self.channel.dt = schedule.dt
         longest = max(2, self._longest // schedule.dt)
         self.detector = PeakDetector(threshold, longest, self.first) if threshold > 0.0 else None
@@ -115,6 +116,7 @@ class ChannelUnit:
         if self.detector is not None:
             self._tell_peaks(records, self.detector.gap(samples))
         self.smoothing.reset()
+        self.since = self.first
         return records
 
     def _speaks(self, *, at_rest: bool) -> bool:
@@ -125,7 +127,9 @@ class ChannelUnit:
         for event in events:
             earliest, _ = self._clock.enclosure(self._schedule.ticks(event.first))
             _, latest = self._clock.enclosure(self._schedule.ticks(event.last))
-            coverage = union_coverage(self.channel.coverage, event.last - event.first + 1)
+            # A smoothed sample holds only if all of those that it remembers do.
+            first = self.since if self.smoothing.weight > 0.0 else event.first
+            coverage = union_coverage(self.channel.coverage, event.last - first + 1)
             records.append(self._scribe.peak(self.channel, event, (earliest, latest), coverage))
 
 

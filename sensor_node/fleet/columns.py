@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 REST: Final = np.dtype(
     [
         *((name, np.float64) for name in ("lo", "hi", "past_lo", "past_hi")),
-        *((name, np.int64) for name in ("known", "calibrating", "silent", "fresh")),
+        *((name, np.int64) for name in ("known", "calibrating", "silent", "fresh", "since")),
     ]
 )
-"""A channel's rest, what smoothing remembers, and since how many frames it was not sent."""
+"""A channel's rest, what smoothing remembers, since which sample, and frames it was not sent."""
 _NOWHERE: Final = (NONE, 0, inf, -inf, inf, -inf, -inf)
 
 
@@ -54,7 +54,7 @@ class Columns(NamedTuple):
         )  # fmt: skip
         rest["past_lo"], rest["past_hi"] = unit.smoothing.lo, unit.smoothing.hi
         rest["fresh"], rest["silent"] = unit.smoothing.fresh, unit.silent
-        rest["calibrating"] = unit.calibrating
+        rest["calibrating"], rest["since"] = unit.calibrating, unit.since + before
         detector = unit.detector
         if detector is None:
             return
@@ -76,7 +76,7 @@ class Columns(NamedTuple):
         unit.baseline.known = bool(rest["known"])
         unit.smoothing.lo, unit.smoothing.hi = float(rest["past_lo"]), float(rest["past_hi"])
         unit.smoothing.fresh, unit.silent = bool(rest["fresh"]), int(rest["silent"])
-        unit.calibrating = bool(rest["calibrating"])
+        unit.calibrating, unit.since = bool(rest["calibrating"]), int(rest["since"])
         if unit.detector is not None:
             self._resume(k, row, unit.detector)
 

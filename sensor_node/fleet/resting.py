@@ -88,7 +88,7 @@ def smooth(lows: Floats, highs: Floats, weight: float, rest: Any) -> None:
 
 
 @part
-def forget(rest: Any) -> None:
-    """Smoothing begins anew."""
+def forget(rest: Any, index: int) -> None:
+    """Smoothing begins anew, with the sample of a number."""
     rest.past_lo = rest.past_hi = 0.0
-    rest.fresh = 1
+    rest.fresh, rest.since = 1, index

@@ -144,7 +144,7 @@ def _seek(
     threshold = design.prominences[k]
     _, found = search(lows, highs, threshold, progress, passes, regions, output.events)
     at, count = place
-    channel = _channel(design, k)
+    channel, since = _channel(design, k), columns.rests[k, row].since
     node = group.numbers[row]
     boot, reading = group.nodes.boots[node], group.nodes.readings[node]
     for number in range(found):
@@ -155,7 +155,8 @@ def _seek(
         sequence, record = _next(group, row), output.records[count]
         _note(record, row, k, PEAK, sequence, time, 0)
         record.begin = at
-        at = peak(output.content, at, boot, sequence, channel, time, event, room)
+        samples = event.last - (since if design.smoothing > 0.0 else event.first) + 1
+        at = peak(output.content, at, boot, sequence, channel, time, event, samples, room)
         record.end = at
         count += 1
     return Place(at, count)
@@ -285,5 +286,5 @@ def skip(samples: int, design: Design, group: Group, columns: Columns, output: O
             continue
         for k in range(design.prominences.size):
             place = _pause(samples, row, k, design, group, columns, output, place, room)
-            forget(columns.rests[k, row])
+            forget(columns.rests[k, row], columns.progress[k, row].index)
     return place

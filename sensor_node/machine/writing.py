@@ -229,9 +229,13 @@ def peak(
     channel: Channel,
     time: Span,
     event: Any,
+    samples: int,
     room: Scratch,
 ) -> int:
-    """A peak, or a region of possible ones; ``event``: a row of `eskin.peaks.table.EVENT`."""
+    """A peak, or a region of possible ones.
+
+    ``event`` is a row of `eskin.peaks.table.EVENT`; it holds if so many ``samples`` do.
+    """
     at = begun(out, at, PEAK, 11, boot, sequence)
     at = copied(out, at, channel.names)
     at = pair(out, at, 6, time.earliest, time.latest)
@@ -241,6 +245,5 @@ def peak(
     at = reals(out, at, 10, event.prominence_inf, event.prominence_sup, room)
     coverage = channel.coverage
     if coverage != 1.0:
-        samples = event.last - event.first + 1
         coverage = max(0.0, _down(1.0 - _up(samples * (1.0 - coverage))))
     return real(out, integer(out, at, 11), coverage, room)

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from eskin.coverage import union_coverage
 from eskin.messages import Block, Peak, decode_message
 from sensor_node.firmware.baseline import Baseline
 from sensor_node.firmware.channel import ADAPTIVE, PEAKS
@@ -138,6 +139,19 @@ def test_smoothing_changes_peaks_and_never_the_samples(tmp_path: Path) -> None:
         assert np.array_equal(a.tube.values.sup, b.tube.values.sup)
     assert len(calm) < len(rough)
     assert sum(peak.count[0] for peak in calm) == 8
+
+
+def test_coverage_of_a_smoothed_peak_counts_all_that_smoothing_remembers(bench: Bench) -> None:
+    """Of the touched area with Gaussian noise: a smoothed sample holds if all before it do."""
+    first(bench).control_unit.smooth(0.9)
+    bench.run_to(10.0)
+    tube = blocks(bench, "t01.area")[0].tube
+    found = peaks(bench, "t01.area")
+    assert len(found) > 3
+    for peak in found:
+        before = (peak.time[0] - tube.time[1]) // tube.dt
+        assert peak.coverage <= union_coverage(tube.coverage, n=before) < 1.0
+    assert found[-1].coverage < found[0].coverage
 
 
 def test_threshold_above_the_swing_finds_no_peak(bench: Bench) -> None:

@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 SEED = 5
 NAMES = ["skin-0001", "skin-0002", "skin-0003"]
 BOOT = 3
+GAUSSIAN = {"kind": "gaussian", "sigma": 1e-7, "k": 6.0}
 DESIGN: dict[str, Any] = {
     "taxel": [
         table("capacitive", sampling_Hz=100.0),
-        table("touch", id="t09", sampling_Hz=50.0),
+        table("touch", id="t09", sampling_Hz=50.0, noise=GAUSSIAN),
     ],
     "sampling": {"overrun_s": 1000.0, "block_samples": 25},
 }

@@ -35,6 +35,7 @@ def unit_of(detector: PeakDetector) -> Any:
         silent=0,
         calibrating=False,
         first=0,
+        since=0,
     )
 
 

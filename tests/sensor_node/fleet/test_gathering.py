@@ -21,7 +21,7 @@ ROWS = range(len(NAMES))
 COMMANDS: list[tuple[str, dict[str, Any]]] = [
     ("set", {"threshold": 2e-12, "channel": "t01.capacitance"}),
     ("set", {"gain": 1.5}),
-    ("set", {"smoothing": 0.6, "taxel": "t01"}),
+    ("set", {"smoothing": 0.6, "taxel": "t09"}),
     ("set", {"rate": 20.0}),
     ("set", {"mode": "peaks", "taxel": "t09"}),
     ("set", {"mode": "adaptive"}),
