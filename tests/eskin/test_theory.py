@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from itertools import product
@@ -109,3 +110,9 @@ def test_thin_responses_are_as_narrow_as_the_page_says() -> None:
     assert np.percentile(apart, 50.0) <= 1.0
     assert np.percentile(apart, 98.0) <= 3.0
     assert "one float apart at the median, and at most three in 98 of 100" in PAGE.read_text()
+
+
+def test_misses_within_six_deviations_are_as_rare_as_the_page_on_intervals_says() -> None:
+    page = (PAGE.parent / "intervals.md").read_text()
+    assert "for k = 6 one in 500 million misses" in " ".join(page.split())
+    assert 4.5e8 < 1.0 / math.erfc(6.0 / math.sqrt(2.0)) < 5.5e8
