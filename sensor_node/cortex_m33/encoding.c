@@ -4,14 +4,20 @@
 enum { UNBOUNDED = 65535, MOST_CODE = 65534 };
 static const double FAR = 0x1p+1000, MOST_F32 = 0x1.fffffep+127;
 
+/* A difference of infinities is no number, and widens nothing. */
+static double wider(double widening, double more)
+{
+    return less(widening, more) && !less(INFINITY, more) ? more : widening;
+}
+
 static void note(written_t *written, double lo, double hi, double low, double high)
 {
     written->lowest = least_of(written->lowest, low);
     written->highest = most_of(written->highest, high);
     if (less(-INFINITY, low))
-        written->widening = most_of(written->widening, lo - low);
+        written->widening = wider(written->widening, lo - low);
     if (less(high, INFINITY))
-        written->widening = most_of(written->widening, high - hi);
+        written->widening = wider(written->widening, high - hi);
 }
 
 static written_t nothing(void) { return (written_t){INFINITY, -INFINITY, 0.0, 0, 0}; }
@@ -70,9 +76,9 @@ written_t write_f32(const double *lows, const double *highs, int n, uint8_t *lo,
         memcpy(hi + 4 * k, &high, 4);
         lowest = low < lowest ? low : lowest, highest = high > highest ? high : highest;
         if (low > -INFINITY)
-            widening = most_of(widening, lows[k] - low);
+            widening = wider(widening, lows[k] - low);
         if (high < INFINITY)
-            widening = most_of(widening, high - highs[k]);
+            widening = wider(widening, high - highs[k]);
     }
     return (written_t){lowest, highest, widening, 0, 0};
 }

@@ -43,6 +43,10 @@ def channels() -> Iterator[Count]:
             yield Count(f"encode_{name}", [_encoded(encoding, name, width, lows, highs)], SAMPLES)
             yield Count(f"block_{name}", [_block(encoding, width, lows, highs, k)], 1)
         yield from (Count("peak", [case], 1) for case in _peak_messages(lows, highs))
+    for lows, highs in _any_signals():
+        for encoding, (name, width) in _ENCODINGS.items():
+            case = _encoded(encoding, name, width, lows, highs)
+            yield Count(f"encode_{name}_any", [case], SAMPLES)
     for one, other in pairwise(map(_sealed, _TEXTS)):
         more = len(other.expected[3]) - len(one.expected[3])
         yield Count("seal_byte", [other], more, [one])
@@ -62,6 +66,23 @@ def _signals() -> Iterator[tuple[array[float], array[float]]]:
     for k in range(40, 60):
         lows[k], highs[k + 5] = -np.inf, np.inf
     yield lows, highs
+
+
+def _any_signals() -> Iterator[tuple[array[float], array[float]]]:
+    """Bounds of any size and sign, small ones of both signs, subnormal ones, and infinite ones."""
+    random = np.random.default_rng(12)
+    patterns = random.integers(0, 0x7FF0 << 48, (2, SAMPLES), dtype=np.uint64).view(np.float64)
+    yield _ordered(patterns * random.choice([-1.0, 1.0], patterns.shape))
+    yield _ordered(random.normal(0.0, 5.0, (2, SAMPLES)))
+    whole = random.integers(-9, 10, (2, SAMPLES)).astype(np.float64)
+    yield _ordered(whole)
+    yield _ordered(whole * 5e-324)
+    yield _ordered(whole * 1e-310)
+    yield _ordered(np.where(whole > 6.0, np.inf, np.where(whole < -6.0, -np.inf, whole * 0.1)))
+
+
+def _ordered(pairs: NDArray[np.float64]) -> tuple[array[float], array[float]]:
+    return reals(np.minimum(*pairs)), reals(np.maximum(*pairs))
 
 
 def _tube(middle: NDArray[np.float64], half: float) -> tuple[array[float], array[float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -20,8 +21,6 @@ from tests.sensor_node.designs import Bench, settings
 from tests.sensor_node.flashes import open_flash
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from sensor_node.settings import NodeSettings
 
 PROFILES = ["fingertip", "palm", "forearm", "hand", "sole", "sock"]
@@ -76,6 +75,15 @@ def test_load_follows_what_is_asked_for(tmp_path: Path) -> None:
     around = measured_around(hand.taxel)
     alone = processor_load(hand, dict.fromkeys(around, 0))
     assert alone.inversion < load_of(hand).inversion
+
+
+def test_page_of_the_node_shows_the_load_of_each_profile(tmp_path: Path) -> None:
+    loads = [load_of(settings(tmp_path, profile)) for profile in PROFILES[:5]]
+    page = (Path(__file__).parents[3] / "docs" / "node.md").read_text()
+    for name in loads[0].parts():
+        row = " | ".join(f"{load.parts()[name] / 1e6:.1f}" for load in loads)
+        assert f"| {name} | {row} |" in page, name
+    assert f"| **all** | {' | '.join(f'{load.total / 1e6:.1f}' for load in loads)} |" in page
 
 
 @pytest.mark.parametrize("profile", PROFILES)
