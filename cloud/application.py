@@ -68,13 +68,16 @@ def gateway_application(cloud: Cloud) -> FastAPI:
         "rate_limits": RateLimits(cloud.settings.limits),
         "refusal": HTTPStatus.FORBIDDEN,
     }
-    app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits)
+    # Good ones are not counted: a batch may be a heartbeat.
+    app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits, least_status=300)
     for resource in (ingest, confirmed, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     return app
 
 
-def _application(cloud: Cloud, title: str, *, secure: bool, limits: dict[str, Any]) -> FastAPI:
+def _application(
+    cloud: Cloud, title: str, *, secure: bool, limits: dict[str, Any], least_status: int = 0
+) -> FastAPI:
     options: dict[str, Any] = {"openapi_url": None, "docs_url": None, "redoc_url": None}
     app = FastAPI(title=title, version=_VERSION, redirect_slashes=False, **options)
     app.state.cloud = cloud
@@ -83,6 +86,8 @@ def _application(cloud: Cloud, title: str, *, secure: bool, limits: dict[str, An
     app.add_middleware(RecheckMiddleware)
     app.add_middleware(BrokenOffMiddleware)
     app.add_middleware(LimitsMiddleware, **limits)
-    app.add_middleware(HeadersMiddleware, secure=secure, requests=cloud.metrics.requests)
+    app.add_middleware(
+        HeadersMiddleware, secure=secure, requests=cloud.metrics.requests, least_status=least_status
+    )
     answer_problems(app)
     return app

@@ -38,7 +38,8 @@ SCHEMA: Final = pa.schema(
 )
 """A row is a sample: taken between ``earliest`` and ``latest``, enclosed by ``lo`` and ``hi`` with
 ``coverage``. Both are null where nothing is known. ``boot`` and ``sequence`` name the block that
-brought it, ``dt`` is the block's sampling period in ns.
+brought it; ``sequence`` is another number, which counts nothing, where the node has biometric
+channels and the reader lacks the scope. ``dt`` is the block's sampling period in ns.
 """
 _PLAIN: Final = pa.schema(
     [field.with_type(pa.string()) if field.type in {_WORD, _MOMENT} else field for field in SCHEMA]
@@ -100,7 +101,7 @@ def as_table(part: Part, window: Window) -> Any:
         pa.array(each([tube.coverage for tube in tubes], np.float64)),
         pa.array(each([tube.dt for tube in tubes], np.int64)),
         pa.array(each([block.position.boot for block, _ in kept], np.int64)),
-        pa.array(each([block.position.sequence for block, _ in kept], np.int64)),
+        pa.array(each([part.number(block.position) for block, _ in kept], np.int64)),
     ]
     return pa.Table.from_arrays(columns, schema=SCHEMA)
 

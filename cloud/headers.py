@@ -31,10 +31,14 @@ class HeadersMiddleware:
         app: The application inside.
         secure: Whether it is served by HTTPS.
         requests: Counts answers by method and status.
+        least_status: Of answers that are counted.
     """
 
-    def __init__(self, app: ASGIApp, *, secure: bool, requests: Counter) -> None:
+    def __init__(
+        self, app: ASGIApp, *, secure: bool, requests: Counter, least_status: int = 0
+    ) -> None:
         self._app = app
+        self._least_status = least_status
         self._headers = _ALWAYS | ({"Strict-Transport-Security": _HSTS} if secure else {})
         self._requests = requests
 
@@ -51,7 +55,8 @@ class HeadersMiddleware:
                     headers[name] = value
                 headers.setdefault("Cache-Control", "no-store")
                 method = scope["method"] if scope["method"] in _METHODS else "other"
-                self._requests.labels(method, str(message["status"])).inc()
+                if message["status"] >= self._least_status:
+                    self._requests.labels(method, str(message["status"])).inc()
             await send(message)
 
         await self._app(scope, receive, sending)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
 
 from cloud.clock_check import count_wrong_clocks
+from cloud.query.listing import sealed_nodes
 from cloud.store.disk import measure_disk
 from cloud.store.holes import count_missing
+from eskin.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,16 +42,17 @@ class Metrics:
     def __init__(self, store: Store, feed: Feed, board: Board, *, clock_error: int) -> None:
         self._registry = CollectorRegistry()
         self._store = store
-        self._use = measure_disk(store)
+        self._sealed = False
+        self._look()
         self.items = Counter(
             "eskin_cloud_items",
-            "Messages that gateways brought.",
+            "Messages that gateways brought, without sealed ones: a peak may be a heartbeat.",
             ["result"],
             registry=self._registry,
         )
         self.ingest_seconds = Histogram(
             "eskin_cloud_ingest_seconds",
-            "From a batch's last byte to its commit.",
+            "From a batch's last byte to its commit, of batches with more than sealed messages.",
             registry=self._registry,
         )
         self.buried = Counter(
@@ -76,7 +80,6 @@ class Metrics:
         )
         self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
         self._gauge("waiting", "Gateways that wait for commands.", lambda: board.waiting)
-        self._gauge("feed_cursor", "Latest place in the feed.", lambda: feed.last)
         self._gauge(
             "wrong_clocks",
             "Nodes whose latest status proves that their clock is beyond its bound.",
@@ -91,8 +94,18 @@ class Metrics:
 
     def write(self) -> bytes:
         """All figures in Prometheus' text format."""
-        self._use = measure_disk(self._store)
+        self._look()
         return generate_latest(self._registry)
+
+    def _look(self) -> None:
+        self._use = measure_disk(self._store)
+        try:
+            with self._store.read() as connection:
+                self._sealed = bool(sealed_nodes(connection))
+        except StoreError:
+            self._sealed = True
+        if self._sealed:
+            self._use = self._use.coarse()
 
     def _watch(self, store: Store) -> None:
         self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
@@ -108,7 +121,11 @@ class Metrics:
             "Bytes a sample, of what is taken and not free.",
             lambda: self._use.each or 0.0,
         )
-        self._gauge("commits", "Commits since the start.", lambda: store.writer.commits)
+        self._gauge(
+            "commits",
+            "Commits since the start; NaN where biometric channels are, whose beats it would show.",
+            lambda: math.nan if self._sealed else store.writer.commits,
+        )
         self._gauge(
             "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)
         )

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from sqlalchemy import RowMapping
 
     from cloud.query.occupancy import Occupancy
+    from cloud.query.opaque import OpaqueIds
     from cloud.query.runs import Run
     from cloud.query.series import Series
     from cloud.query.window import Window
@@ -34,6 +35,8 @@ if TYPE_CHECKING:
 MOST_RANGES: Final = 16
 """Of what is missing of a node, in an answer."""
 Json: TypeAlias = dict[str, Any]
+MINUTE: Final = 60 * SECOND
+"""ns."""
 Row: TypeAlias = "RowMapping | dict[str, Any]"
 
 
@@ -83,10 +86,10 @@ def block_shape(node: str, block: Block) -> Json:
     }
 
 
-def event_shape(row: Row) -> Json:
-    """An event."""
+def event_shape(row: Row, ids: OpaqueIds) -> Json:
+    """An event; without its sequence number, which would count what is sealed."""
     return {
-        "id": str(row["cursor"]),
+        "id": ids.write(row["cursor"]),
         "node": row["node"],
         "channel": row["channel"],
         "kind": row["kind"],
@@ -98,7 +101,6 @@ def event_shape(row: Row) -> Json:
         "unit": row["unit"],
         "coverage": row["coverage"],
         "boot": row["boot"],
-        "sequence": row["sequence"],
         "detail": row["detail"],
     }
 
@@ -144,10 +146,15 @@ def seconds(nanoseconds: int, side: float) -> float:
     return math.nextafter(nearest, side) if wrong else nearest
 
 
-def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
-    """A channel; ``removed`` is how many messages went, and before when."""
+def channel_shape(row: Row, removed: tuple[int, int] | None, *, counted: bool = True) -> Json:
+    """A channel; ``removed`` is how many messages went, and before when.
+
+    Unless ``counted``, counts and times of a biometric channel are null, and bytes of all: a
+    message is longer if its sequence number is.
+    """
     taxel, _, quantity = row["channel"].partition(".")
     biometric = is_biometric(row["channel"])
+    hidden = biometric and not counted
     return {
         "id": row["channel"],
         "taxel": taxel,
@@ -155,23 +162,34 @@ def channel_shape(row: Row, removed: tuple[int, int] | None) -> Json:
         "unit": row["unit"],
         "coverage": row["coverage"],
         "dt": row["dt"],
-        "blocks": row["blocks"],
-        "samples": row["samples"],
-        "bytes": None if biometric else row["bytes"],
-        "first": _moment(row["t_first"]),
-        "last": _moment(row["t_last"]),
+        "blocks": None if hidden else row["blocks"],
+        "samples": None if hidden else row["samples"],
+        "bytes": None if biometric or not counted else row["bytes"],
+        "first": None if hidden else _moment(row["t_first"]),
+        "last": None if hidden else _moment(row["t_last"]),
         "bounds": _interval(row["lo"], row["hi"]),
         "biometric": biometric,
         "removed": None
-        if removed is None
+        if removed is None or hidden
         else {"messages": removed[0], "before": format_moment(removed[1])},
     }
 
 
+def whole_minute(moment: int) -> int:
+    """A time as what is sealed may be known by: its minute (docs/privacy.md)."""
+    return moment - moment % MINUTE
+
+
 def node_shape(
-    row: Row, *, channels: int, health: str, clock_error_s: float, holes: Sequence[Hole] = ()
+    row: Row,
+    *,
+    channels: int,
+    health: str,
+    clock_error_s: float,
+    holes: Sequence[Hole] = (),
+    counted: bool = True,
 ) -> Json:
-    """A node."""
+    """A node; unless ``counted``, without what would tell when its sealed messages come."""
     outbox = {
         "messages": row["messages"],
         "bytes": row["used"],
@@ -180,18 +198,18 @@ def node_shape(
     return {
         "id": row["node"],
         "health": health,
-        "last_seen": format_moment(row["last_seen"]),
+        "last_seen": format_moment(row["last_seen"] if counted else whole_minute(row["last_seen"])),
         "boot": row["boot"],
-        "sequence": row["sequence"],
+        "sequence": row["sequence"] if counted else None,
         "profile": row["profile"],
         "description": row["description"],
         "uptime_ns": row["uptime"],
-        "outbox": None if row["messages"] is None else outbox,
+        "outbox": None if row["messages"] is None or not counted else outbox,
         "gaps": row["gaps"] or 0,
         "energy": None if row["shedding"] is None else _energy_shape(row),
         "faults": None if row["faults"] is None else json.loads(row["faults"]),
         "channels": channels,
-        "lag": lag_shape(row),
+        "lag": lag_shape(row) if counted else None,
         "clock": clock_shape(row, clock_error_s),
         "missing": missing_shape(holes),
     }

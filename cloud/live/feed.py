@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import select
 
 from cloud.live.printing import Press
+from cloud.query.opaque import OpaqueIds
 from cloud.store.entry import Entry
 from cloud.store.schema import blocks, events, feed
 from cloud.store.sealed import veiled
@@ -39,6 +40,7 @@ class Feed:
         recent_bytes: Their bytes, at most.
 
     Attributes:
+        ids: Writes and reads cursors.
         press: Writes entries for all streams.
         closed: Whether streams should end.
         subscribers: How many streams there are.
@@ -51,9 +53,10 @@ class Feed:
         self._used = 0
         with store.read() as connection:
             self._last = self._floor = last_cursor(connection)
+            self.ids = OpaqueIds.of(connection)
         self._recent: deque[Entry] = deque()
         self._news = asyncio.Event()
-        self.press = Press()
+        self.press = Press(self.ids)
         self.closed = False
         self.subscribers = 0
 
@@ -140,14 +143,58 @@ class Feed:
             return False
         return True
 
-    async def after(self, cursor: int, most: int) -> tuple[Sequence[Entry], int]:
-        """Entries after a cursor, and the cursor up to which these are all."""
+    async def after(
+        self, cursor: int, most: int, *, sealed: bool = True
+    ) -> tuple[Sequence[Entry], int]:
+        """Entries after a cursor, and the cursor up to which these are all.
+
+        Args:
+            cursor: The place.
+            most: How many.
+            sealed: Whether sealed ones count, and are given; else nothing depends on them.
+        """
         if cursor >= self._floor:
             newer = takewhile(lambda entry: entry.cursor > cursor, reversed(self._recent))
-            found = list(newer)[: -most - 1 : -1]
+            found = [entry for entry in newer if sealed or entry.veiled is None][: -most - 1 : -1]
             return found, found[-1].cursor if found else self._last
+        if not sealed:
+            return await asyncio.to_thread(self._read_open, cursor, most)
         end = min(cursor + most, self._floor)
         return await asyncio.to_thread(self._read, cursor, end), end
+
+    async def open_before(self, cursor: int) -> int:
+        """The latest place up to a cursor, or at it, of something that is not sealed."""
+
+        def look() -> int:
+            with self._store.read() as connection:
+                return max((_open_places(connection, 0, cursor, 1)), default=0)
+
+        return await asyncio.to_thread(look)
+
+    async def open_backlog(self, cursor: int, most: int) -> tuple[int, int]:
+        """Where a stream goes on that is behind by more than ``most`` entries that are not sealed.
+
+        Returns:
+            The cursor, the same if it is not so far behind; and the last place up to which it
+            cannot be.
+        """
+
+        def look() -> tuple[int, int]:
+            with self._store.read() as connection:
+                last = last_cursor(connection)
+                places = _open_places(connection, cursor, last, most + 1)
+            if len(places) > most:
+                return places[-1], last
+            return cursor, last + most - len(places)
+
+        return await asyncio.to_thread(look)
+
+    def _read_open(self, cursor: int, most: int) -> tuple[Sequence[Entry], int]:
+        with self._store.read() as connection:
+            places = _open_places(connection, cursor, self._floor, most, latest=False)
+            end = places[-1] if len(places) == most else max(self._floor, cursor)
+            found = read_entries(connection, cursor, end)
+        return [entry for entry in found if entry.veiled is None], end
 
     def _read(self, cursor: int, end: int) -> Sequence[Entry]:
         with self._store.read() as connection:
@@ -157,6 +204,18 @@ class Feed:
 def last_cursor(connection: Connection) -> int:
     """The latest place in the feed."""
     return int(connection.execute(select(feed.c.cursor)).scalar_one())
+
+
+def _open_places(
+    connection: Connection, after: int, end: int, most: int, *, latest: bool = True
+) -> list[int]:
+    """The first or latest places in ``(after, end]`` of what is not sealed, in that order."""
+    places: list[int] = []
+    for column in (blocks.c.cursor, events.c.cursor):
+        query = select(column).where(column > after, column <= end)
+        query = query.order_by(column.desc() if latest else column).limit(most)
+        places += connection.execute(query).scalars()
+    return sorted(places, reverse=latest)[:most]
 
 
 def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry]:

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from cloud.live.selection import Selection
+    from cloud.query.opaque import OpaqueIds
     from cloud.shapes import Json
     from cloud.store.entry import Entry
 
@@ -30,10 +31,14 @@ class Press:
     """Prints entries, and keeps the latest ones for the next who asks for the same.
 
     What was sealed is not kept.
+
+    Args:
+        ids: Writes cursors.
     """
 
-    def __init__(self) -> None:
-        self._kept = lru_cache(_KEPT)(_of_block)
+    def __init__(self, ids: OpaqueIds) -> None:
+        self.ids = ids
+        self._kept = lru_cache(_KEPT)(self._of_block)
         self._pages: dict[tuple[int, int, Selection], bytes] = {}
 
     def page(self, found: Sequence[Entry], selection: Selection) -> bytes:
@@ -64,23 +69,43 @@ class Press:
 
     def _event(self, entry: Entry, points: int, grain: int, *, keep: bool) -> bytes:
         if entry.block is None:
-            return _of_row(entry.cursor, entry.event or {})
-        write = self._kept if keep else _of_block
+            return self.of_row(entry.cursor, entry.event or {})
+        write = self._kept if keep else self._of_block
         return write(entry.cursor, entry.node, entry.block, points, grain, entry.received)
 
+    def of_row(self, cursor: int, row: dict[str, Any]) -> bytes:
+        """An event's row as an event of the stream."""
+        return self.event(str(row["kind"]), cursor, event_shape(row, self.ids))
 
-def event(kind: str, cursor: int, data: object) -> bytes:
-    """One event of a stream."""
-    return b"event: %b\nid: %d\ndata: %b\n\n" % (kind.encode(), cursor, dump(data))
+    def event(self, kind: str, cursor: int, data: object) -> bytes:
+        """One event of a stream."""
+        said = kind.encode(), self.ids.write(cursor).encode(), dump(data)
+        return b"event: %b\nid: %b\ndata: %b\n\n" % said
 
+    def _of_block(
+        self, cursor: int, node: str, data: bytes, points: int, grain: int, received: int
+    ) -> bytes:
+        series = reduce_block(node, Block.decode(data), points, grain)
+        return self.event("block", cursor, _shape(series, received))
 
-def _of_row(cursor: int, row: dict[str, Any]) -> bytes:
-    return event(str(row["kind"]), cursor, event_shape(row))
+    def join(self, entries: Sequence[Entry], begun: int) -> bytes:
+        """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
+        Blocks of a channel that follow each other without a gap become one hull; all else is told
+        as it is. Only the last event carries the last entry's cursor, so that whoever breaks off
+        before it is told all of them again.
 
-def _of_block(cursor: int, node: str, data: bytes, points: int, grain: int, received: int) -> bytes:
-    series = reduce_block(node, Block.decode(data), points, grain)
-    return event("block", cursor, _shape(series, received))
+        Args:
+            entries: In order of their cursors, at least one.
+            begun: The cursor before them.
+        """
+        told = [("block", _shape(run.series, run.received)) for run in _runs(entries)]
+        rows = [entry.event for entry in entries if entry.block is None and entry.event]
+        told += [(str(row["kind"]), event_shape(row, self.ids)) for row in rows]
+        cursors = [begun] * (len(told) - 1) + [entries[-1].cursor]
+        return b"".join(
+            self.event(kind, at, data) for (kind, data), at in zip(told, cursors, strict=True)
+        )
 
 
 def _shape(series: Series, received: int) -> Json:
@@ -119,24 +144,6 @@ def reduce_block(node: str, block: Block, points: int, grain: int = 0) -> Series
         dt=tube.dt * stride,
         time_error=tube.time_error,
     )
-
-
-def print_joined(entries: Sequence[Entry], begun: int) -> bytes:
-    """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
-
-    Blocks of a channel that follow each other without a gap become one hull; all else is told as
-    it is. Only the last event carries the last entry's cursor, so that whoever breaks off before it
-    is told all of them again.
-
-    Args:
-        entries: In order of their cursors, at least one.
-        begun: The cursor before them.
-    """
-    told = [("block", _shape(run.series, run.received)) for run in _runs(entries)]
-    rows = [entry.event for entry in entries if entry.block is None and entry.event]
-    told += [(str(row["kind"]), event_shape(row)) for row in rows]
-    cursors = [begun] * (len(told) - 1) + [entries[-1].cursor]
-    return b"".join(event(kind, at, data) for (kind, data), at in zip(told, cursors, strict=True))
 
 
 @dataclass(frozen=True, slots=True)

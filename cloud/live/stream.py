@@ -8,7 +8,6 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from cloud.live.pace import Pace
-from cloud.live.printing import event, print_joined
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -34,6 +33,7 @@ async def stream(
     backlog: int,
     heartbeat: float,
     reveal: Callable[[Entry], Entry | None],
+    sealed: bool,
 ) -> AsyncIterator[bytes]:
     """Tell what comes after a cursor until the feed closes.
 
@@ -45,18 +45,29 @@ async def stream(
         backlog: How far behind a stream may be; beyond, it is told ``lagging`` and moved on.
         heartbeat: Seconds between signs of life.
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
+        sealed: Whether the one who asked may know when something sealed comes; else nothing that is
+            told, ids too, depends on it.
     """
     present, pace = feed.last, Pace(time.monotonic)
     try:
         with feed.subscribed(), onlookers.looking(selection.looked_at):
-            yield b"retry: 2000\n" + _sign(cursor, b"connected")
+            place = cursor if sealed else await feed.open_before(cursor)
+            near = 0
+            yield b"retry: 2000\n" + _sign(feed, place, b"connected")
             due = time.monotonic() + heartbeat
             while not feed.closed:
-                if feed.last - cursor > backlog:
-                    missed, cursor = cursor, feed.last - backlog
-                    yield event("lagging", cursor, {"after": str(missed), "resumed": str(cursor)})
-                begun = cursor
-                found, cursor = await feed.after(cursor, _JOINED if pace.slow else _AT_ONCE)
+                if feed.last - cursor > backlog and (sealed or feed.last > near):
+                    resumed = feed.last - backlog
+                    if not sealed:
+                        resumed, near = await feed.open_backlog(cursor, backlog)
+                    if resumed > cursor:
+                        ids = {"after": feed.ids.write(place), "resumed": feed.ids.write(resumed)}
+                        cursor = place = resumed
+                        yield feed.press.event("lagging", cursor, ids)
+                begun = place
+                most = _JOINED if pace.slow else _AT_ONCE
+                found, cursor = await feed.after(cursor, most, sealed=sealed)
+                place = cursor if sealed else found[-1].cursor if found else place
                 said = _print(feed, found, selection, reveal, begun if pace.slow else None)
                 if said:
                     yield said
@@ -66,16 +77,16 @@ async def stream(
                         pace.note(time.monotonic() - asked)
                         await asyncio.sleep(pace.pause)
                 if time.monotonic() >= due:
-                    yield _sign(cursor, b"heartbeat")
+                    yield _sign(feed, place, b"heartbeat")
                     due = time.monotonic() + heartbeat
                 await feed.wait(cursor, max(0.0, due - time.monotonic()))
     except StoreError as error:  # whoever listens comes back, and then is told
         log.warning("live stream ended: reason=%s", error)
 
 
-def _sign(cursor: int, said: bytes) -> bytes:
+def _sign(feed: Feed, cursor: int, said: bytes) -> bytes:
     """A sign of life, and where to go on should the stream break off before the next event."""
-    return b"id: %d\n: %b\n\n" % (cursor, said)
+    return b"id: %b\n: %b\n\n" % (feed.ids.write(cursor).encode(), said)
 
 
 def _print(
@@ -94,7 +105,7 @@ def _print(
     said = _choose(found, selection, reveal)
     if slow_since is None:
         return feed.press.print(said, selection)
-    return print_joined([entry for entry, _ in said], slow_since) if said else b""
+    return feed.press.join([entry for entry, _ in said], slow_since) if said else b""
 
 
 def _choose(

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
-from cloud.query.cursors import read_numbers
 from cloud.store.events import peak_row
 from cloud.store.sealed import veiled
 from eskin.errors import NoKeyError
@@ -26,13 +25,12 @@ def find_peaks(
     """The first sealed peaks that answer a question, in its order; one more than its limit.
 
     Raises:
-        QueryError: The cursor is none.
         PrivacyError: Something was changed on the disk.
     """
     if question.kind not in {None, "peak"} or question.is_of_no_time:
         return []
     rising = question.order == "asc"
-    after = None if question.cursor is None else tuple(read_numbers(question.cursor, 2))
+    after = question.cursor
     found: list[dict[str, Any]] = []
     for row in connection.execute(_select(question, after)).mappings():
         if len(found) > question.limit and _sure(found, question.limit, row, rising=rising):

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Literal
 
 from sqlalchemy import false, select, tuple_
 
-from cloud.query.cursors import read_numbers, write_cursor
 from cloud.store.schema import events
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ class EventQuestion:
     start: int | None
     end: int | None
     limit: int
-    cursor: str | None
+    cursor: tuple[int, int] | None
     order: Literal["asc", "desc"]
 
     @property
@@ -52,16 +51,13 @@ class EventQuestion:
 
 def find_events(
     connection: Connection, question: EventQuestion, opened: Sequence[Row] = ()
-) -> tuple[list[RowMapping | Row], str | None]:
-    """One page of events, and the cursor of the next.
+) -> tuple[list[RowMapping | Row], tuple[int, int] | None]:
+    """One page of events, and where the next goes on.
 
     Args:
         connection: Reads one state of the store.
         question: Which.
         opened: More events that answer the question: its first in its order, from elsewhere.
-
-    Raises:
-        QueryError: The cursor is none.
     """
     found: list[RowMapping | Row] = [*connection.execute(_select(question)).mappings(), *opened]
     if opened:
@@ -69,7 +65,7 @@ def find_events(
     page = found[: question.limit]
     if len(found) <= question.limit:
         return page, None
-    return page, write_cursor(page[-1]["t_lo"], page[-1]["cursor"])
+    return page, (page[-1]["t_lo"], page[-1]["cursor"])
 
 
 def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
@@ -91,7 +87,7 @@ def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
         query = query.where(e.t_lo < question.end)
     place = tuple_(e.t_lo, e.cursor)
     if question.cursor is not None:
-        after = tuple_(*read_numbers(question.cursor, 2))
+        after = tuple_(*question.cursor)
         query = query.where(place > after if question.order == "asc" else place < after)
     if question.order == "asc":
         query = query.order_by(e.t_lo, e.cursor)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, RowMapping, Select
 
     from cloud.query.window import Window
+    from eskin.messages import Position
 
 _AT_ONCE: Final = 128
 """Blocks in one part: 128,000 samples at most; rows that are read for it."""
@@ -49,6 +50,11 @@ class Mark(NamedTuple):
     sequence: int
 
 
+def sequence_of(position: Position) -> int:
+    """A block's sequence number, as its node gave it."""
+    return position.sequence
+
+
 @dataclass(frozen=True, slots=True)
 class Source:
     """A channel, and where its blocks are read.
@@ -56,10 +62,12 @@ class Source:
     Attributes:
         channel: The channel's row.
         open: Gives a connection, for one part.
+        number: What is told as a block's sequence number.
     """
 
     channel: RowMapping
     open: Callable[[], AbstractContextManager[Connection]]
+    number: Callable[[Position], int] = sequence_of
 
 
 class Part(NamedTuple):
@@ -67,6 +75,7 @@ class Part(NamedTuple):
 
     channel: RowMapping
     blocks: Sequence[Block]
+    number: Callable[[Position], int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +126,8 @@ class Export:
                     decoded = [
                         Block.decode(decompress(found.data)) for found in page[k : k + _AT_ONCE]
                     ]
-                    yield Part(self.sources[index].channel, decoded)
+                    source = self.sources[index]
+                    yield Part(source.channel, decoded, source.number)
 
     def _pages(
         self, index: int, after: Mark | None, until: Mark | None, *, whole: bool

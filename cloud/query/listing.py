@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import func, select
+from sqlalchemy import func, or_, select
 
 from cloud.query.cursors import read_texts, write_cursor
 from cloud.store.schema import channels, nodes
 from cloud.store.sealed import removals
+from eskin.privacy.biometric import BIOMETRIC, MARK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -44,6 +45,16 @@ def count_channels(connection: Connection, names: Sequence[str]) -> dict[str, in
     """How many channels each of these nodes has."""
     query = select(channels.c.node, func.count()).where(channels.c.node.in_(names))
     return {row[0]: row[1] for row in connection.execute(query.group_by(channels.c.node))}
+
+
+def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> set[str]:
+    """Those of these nodes, or of all, that have a biometric channel."""
+    c = channels.c
+    named = or_(c.channel.like(f"{MARK}%"), *(c.channel.like(f"%.{q}") for q in BIOMETRIC))
+    query = select(c.node).distinct().where(named)
+    if names is not None:
+        query = query.where(c.node.in_(names))
+    return set(connection.execute(query).scalars())
 
 
 def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:

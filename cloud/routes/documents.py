@@ -141,7 +141,7 @@ class NodeDocument(BaseModel):
     health: Literal["online", "late", "offline"]
     last_seen: Moment
     boot: int
-    sequence: int
+    sequence: int | None
     profile: str | None
     description: str | None
     uptime_ns: int | None
@@ -178,8 +178,8 @@ class ChannelDocument(BaseModel):
     unit: str
     coverage: float
     dt: int
-    blocks: int
-    samples: int
+    blocks: int | None
+    samples: int | None
     bytes: int | None
     first: Moment | None
     last: Moment | None
@@ -203,7 +203,6 @@ class EventDocument(BaseModel):
     unit: str | None
     coverage: float | None
     boot: int
-    sequence: int
     detail: str | None
 
 

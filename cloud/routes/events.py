@@ -47,6 +47,11 @@ def get_events(
         cloud.keyholder.require(scopes)
     start, end = read_moment("start", query.start), read_moment("end", query.end)
     require_order(start, end)
+    ids = cloud.feed.ids
+    cursor = None
+    if query.cursor is not None:
+        t, place = ids.read(query.cursor, 2)
+        cursor = t, place
     question = EventQuestion(
         node=query.node,
         channel=query.channel,
@@ -55,7 +60,7 @@ def get_events(
         start=start,
         end=end,
         limit=query.limit,
-        cursor=query.cursor,
+        cursor=cursor,
         order=query.order,
     )
     with cloud.store.read() as connection:
@@ -65,4 +70,5 @@ def get_events(
             find_node(connection, query.node)
         peaks = [] if reader is None else find_peaks(connection, reader, question)
         rows, following = find_events(connection, question, peaks)
-    return as_json(page([event_shape(row) for row in rows], following))
+    answer = [event_shape(row, ids) for row in rows]
+    return as_json(page(answer, None if following is None else ids.write(*following)))

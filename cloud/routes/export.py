@@ -15,10 +15,10 @@ from cloud.export_formats import WRITERS, write
 from cloud.negotiation import choose
 from cloud.privacy.memory import unveiled
 from cloud.problems import ProblemError, documented
-from cloud.query.cursors import read_numbers, write_cursor
 from cloud.query.export import Export, Mark, Source
 from cloud.query.places import find_channel, read_place
 from cloud.query.window import Window, make_window, read_moment
+from cloud.routes.counted import uncounted
 from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, Place, Time
 from cloud.state import Cloud
 from eskin.errors import QueryError
@@ -84,7 +84,9 @@ def get_export(
         if query.cursor is None:
             headers["Eskin-Samples"] = str(export.samples())
         if until is not None:
-            headers["Link"] = f'<{_following(request, query, export.window, until)}>; rel="next"'
+            headers["Link"] = (
+                f'<{_following(cloud, request, query, export.window, until)}>; rel="next"'
+            )
         opened = stack.pop_all()
     return StreamingResponse(
         stream_file(export, until, media, access, opened), media_type=media, headers=headers
@@ -106,7 +108,9 @@ def _open(cloud: Cloud, access: Access, query: ExportQuery, stack: ExitStack) ->
     places = [read_place(text) for text in query.channel]
     with cloud.store.read() as connection:
         rows = [find_channel(connection, *place) for place in places]
-        window, after = _whole(rows, query) if query.cursor is None else _resume(query, len(rows))
+        window, after = (
+            _whole(rows, query) if query.cursor is None else _resume(cloud, query, len(rows))
+        )
         sources = [_source(cloud, access, connection, row, window, stack) for row in rows]
     return Export(sources, window, after)
 
@@ -121,7 +125,11 @@ def _source(
 ) -> Source:
     """Where a channel is read: what tells of a person is opened in memory, for the whole export."""
     if not is_biometric(row["channel"]):
-        return Source(row, cloud.store.read)
+        node = row["node"]
+        if not uncounted(connection, access, [node]):
+            return Source(row, cloud.store.read)
+        ids = cloud.feed.ids
+        return Source(row, cloud.store.read, lambda p: ids.number(node, p.boot, p.sequence))
     reader = cloud.keyholder.reader(access.holder.scopes, connection, access.opened)
     memory, known = stack.enter_context(unveiled(connection, reader, row, window))
     return Source(known, lambda: nullcontext(memory))
@@ -136,17 +144,19 @@ def _whole(rows: list[RowMapping], query: ExportQuery) -> tuple[Window, None]:
     return make_window(begin, max(begin, last + 1) if end is None else end), None
 
 
-def _resume(query: ExportQuery, channels: int) -> tuple[Window, Mark]:
+def _resume(cloud: Cloud, query: ExportQuery, channels: int) -> tuple[Window, Mark]:
     """A cursor holds the window, too: new data must not move an open one."""
-    start, end, *place = read_numbers(query.cursor or "", 6)
+    start, end, *place = cloud.feed.ids.read(query.cursor or "", 6)
     after = Mark(*place)
     if not 0 <= after.channel < channels:
         raise QueryError("cursor", "belongs to other channels; name the same, in the same order")
     return make_window(start, end), after
 
 
-def _following(request: Request, query: ExportQuery, window: Window, until: Mark) -> str:
-    cursor = write_cursor(window.start, window.end, *until)
+def _following(
+    cloud: Cloud, request: Request, query: ExportQuery, window: Window, until: Mark
+) -> str:
+    cursor = cloud.feed.ids.write(window.start, window.end, *until)
     known = [("channel", each) for each in query.channel]
     return f"{request.scope['path']}?" + urlencode(
         [*known, ("limit", query.limit or 0), ("cursor", cursor)]

@@ -1,7 +1,6 @@
 """The live stream."""
 
 import asyncio
-import re
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Header, Query
@@ -9,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from starlette.responses import Response, StreamingResponse
 from starlette.types import Receive, Scope, Send
 
+from cloud.access import Scope as AccessScope
 from cloud.dependencies import CloudState, Reader
 from cloud.live.selection import Selection
 from cloud.live.stream import stream
@@ -75,7 +75,7 @@ async def get_live(
 ) -> Response:
     """What is stored, as it comes; resumes after ``Last-Event-ID`` without holes."""
     feed, live = cloud.feed, cloud.settings.live
-    cursor = _cursor(last_event_id, feed.last)
+    cursor = _cursor(cloud, last_event_id)
     selection = Selection(
         frozenset(query.node),
         frozenset(read_place(text) for text in query.channel),
@@ -95,6 +95,7 @@ async def get_live(
         backlog=live.backlog,
         heartbeat=live.heartbeat_s,
         reveal=cloud.keyholder.reveal(reader.holder.scopes),
+        sealed=AccessScope.BIOMETRIC in reader.holder.scopes,
     )
     return EventStream(told, headers={"X-Accel-Buffering": "no"})
 
@@ -106,9 +107,14 @@ def _require_known(cloud: Cloud, selection: Selection) -> None:
                 find_node(connection, node)
 
 
-def _cursor(text: str | None, last: int) -> int:
+def _cursor(cloud: Cloud, text: str | None) -> int:
+    last = cloud.feed.last
     if text is None or not text:
         return last
-    if re.fullmatch(r"[0-9]{1,18}", text) is None:
-        raise QueryError("Last-Event-ID", f"{text!r} is no id of this stream; leave it out")
-    return min(int(text), last)
+    try:
+        (cursor,) = cloud.feed.ids.read(text, 1)
+    except QueryError as error:
+        raise QueryError(
+            "Last-Event-ID", f"{text!r} is no id of this stream; leave it out"
+        ) from error
+    return min(cursor, last)

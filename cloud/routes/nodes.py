@@ -12,6 +12,7 @@ from cloud.dependencies import CloudState, Reader
 from cloud.query.listing import count_channels, list_channels, list_nodes, list_removed
 from cloud.query.places import find_node
 from cloud.routes.answers import as_json
+from cloud.routes.counted import uncounted
 from cloud.routes.documents import (
     REFUSALS,
     REFUSALS_OF_PLACE,
@@ -38,26 +39,37 @@ class ListQuery(BaseModel):
 
 
 @router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
-def get_nodes(cloud: CloudState, _: Reader, query: Annotated[ListQuery, Query()]) -> Response:
+def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Query()]) -> Response:
     """All nodes, by name."""
     with cloud.store.read() as connection:
         rows, following = list_nodes(connection, query.cursor)
         names = [row["node"] for row in rows]
         counts, holes = count_channels(connection, names), list_holes(connection, names)
-    items = [_node(cloud, row, counts.get(row["node"], 0), holes[row["node"]]) for row in rows]
+        sealed = uncounted(connection, access, names)
+    items = [
+        _node(
+            cloud,
+            row,
+            counts.get(row["node"], 0),
+            holes[row["node"]],
+            counted=row["node"] not in sealed,
+        )
+        for row in rows
+    ]
     return as_json(page(items, following))
 
 
 @router.get("/nodes/{node}", response_model=NodeDocument, responses=REFUSALS_OF_PLACE)
 def get_node(
-    cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
+    cloud: CloudState, access: Reader, node: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
     """One node."""
     del query
     with cloud.store.read() as connection:
         row = find_node(connection, node)
         counts, holes = count_channels(connection, [node]), list_holes(connection, [node])
-    return as_json(_node(cloud, row, counts.get(node, 0), holes[node]))
+        counted = not uncounted(connection, access, [node])
+    return as_json(_node(cloud, row, counts.get(node, 0), holes[node], counted=counted))
 
 
 @router.get(
@@ -66,14 +78,15 @@ def get_node(
     responses=REFUSALS_OF_PLACE,
 )
 def get_channels(
-    cloud: CloudState, _: Reader, node: str, query: Annotated[ListQuery, Query()]
+    cloud: CloudState, access: Reader, node: str, query: Annotated[ListQuery, Query()]
 ) -> Response:
     """A node's channels, by name."""
     with cloud.store.read() as connection:
         find_node(connection, node)
         rows, following = list_channels(connection, node, query.cursor)
         gone = list_removed(connection, node)
-    items = [channel_shape(row, gone.get(row["channel"])) for row in rows]
+        counted = not uncounted(connection, access, [node])
+    items = [channel_shape(row, gone.get(row["channel"]), counted=counted) for row in rows]
     return as_json(page(items, following))
 
 
@@ -92,7 +105,9 @@ def get_taxels(
     return as_json(page(taxel_shapes(row), None))
 
 
-def _node(cloud: Cloud, row: RowMapping, channels: int, holes: Sequence[Hole]) -> dict[str, Any]:
+def _node(
+    cloud: Cloud, row: RowMapping, channels: int, holes: Sequence[Hole], *, counted: bool
+) -> dict[str, Any]:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
     health = health_shape(cloud.settings.nodes, silence, ahead=-silence)
     return node_shape(
@@ -100,5 +115,7 @@ def _node(cloud: Cloud, row: RowMapping, channels: int, holes: Sequence[Hole]) -
         channels=channels,
         health=health,
         clock_error_s=cloud.settings.nodes.clock_error_s,
-        holes=holes,
+        # They name sequence numbers.
+        holes=holes if counted else (),
+        counted=counted,
     )

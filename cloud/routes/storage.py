@@ -9,6 +9,7 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState, Reader
 from cloud.routes.answers import as_json
+from cloud.routes.counted import uncounted
 from cloud.routes.documents import REFUSALS, NoQuery
 from cloud.store.disk import measure_disk
 from eskin.errors import StoreError
@@ -20,7 +21,8 @@ class StorageDocument(BaseModel):
     """What the store takes; what is free in it (where the server tells) is for what comes next.
 
     ``bytes_per_sample`` is all that is taken and not free, by the samples kept: blocks, packs,
-    indices, pyramid, events and all else.
+    indices, pyramid, events and all else. Without the scope `biometric`, where anything is sealed,
+    both are told in steps of 16 MiB.
     """
 
     bytes: int
@@ -30,12 +32,16 @@ class StorageDocument(BaseModel):
 
 
 @router.get("/storage", response_model=StorageDocument, responses=REFUSALS)
-def get_storage(cloud: CloudState, _: Reader, query: Annotated[NoQuery, Query()]) -> Response:
+def get_storage(cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]) -> Response:
     """What the store takes now."""
     del query
     use = measure_disk(cloud.store)
     if math.isnan(use.taken):
         raise StoreError("the store cannot be read now; try again in a moment")
+    with cloud.store.read() as connection:
+        counted = not uncounted(connection, access)
+    if not counted:
+        use = use.coarse()
     return as_json(
         {
             "bytes": int(use.taken),

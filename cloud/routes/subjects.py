@@ -101,12 +101,13 @@ def stream_lines(cloud: Cloud, access: Access, reader: Reader, subject: str) -> 
         for row in rows:
             if not access.lasts():
                 raise ProblemError(401, "the token was revoked while it was used")
-            yield dump(_line(reader, dict(row))) + b"\n"
+            yield dump(_line(cloud, reader, dict(row))) + b"\n"
         last = rows[-1]["cursor"]
 
 
-def _line(reader: Reader, row: dict[str, Any]) -> dict[str, Any]:
+def _line(cloud: Cloud, reader: Reader, row: dict[str, Any]) -> dict[str, Any]:
     message, data = reader.read(row["node"], Veiled.decode(row["data"]))
     if isinstance(message, Peak):
-        return event_shape(peak_row(row["node"], message, data) | {"cursor": row["cursor"]})
+        known = peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
+        return event_shape(known, cloud.feed.ids)
     return block_shape(row["node"], message)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 from sqlalchemy import func, select, text
 
@@ -12,6 +12,9 @@ from eskin.errors import StoreError
 
 if TYPE_CHECKING:
     from cloud.store.store import Store
+
+
+_COARSE: Final = 2**24
 
 
 class DiskUse(NamedTuple):
@@ -31,6 +34,13 @@ class DiskUse(NamedTuple):
     def each(self) -> float | None:
         """Bytes a sample, of what is taken and not free; ``None`` where there is no sample."""
         return (self.taken - self.free) / self.samples if self.samples else None
+
+    def coarse(self) -> DiskUse:
+        """The same in steps of 16 MiB, so that no single message shows."""
+        if math.isnan(self.taken):
+            return self
+        taken, free = math.ceil(self.taken / _COARSE), math.floor(self.free / _COARSE)
+        return DiskUse(taken * _COARSE, free * _COARSE, self.samples)
 
 
 def measure_disk(store: Store) -> DiskUse:

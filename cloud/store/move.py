@@ -89,8 +89,8 @@ def move(
             with writing.begin() as after:
                 for table in TABLES:
                     _compare(before, after, table, steps)
-                cursor = before.execute(select(feed.c.cursor)).scalar_one()
-                after.execute(update(feed).values(cursor=cursor, writer=None))
+                cursor, ids = before.execute(select(feed.c.cursor, feed.c.ids)).one()
+                after.execute(update(feed).values(cursor=cursor, ids=ids, writer=None))
             return counts
     except SQLAlchemyError as error:
         raise StoreError(

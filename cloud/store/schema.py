@@ -33,8 +33,11 @@ feed = Table(
     Column("name", Words(16), primary_key=True),
     Column("cursor", BigInteger, nullable=False),
     Column("writer", Words(32)),
+    Column("ids", LargeBinary),
 )
 """The last cursor given out; it never runs backwards, whatever is removed later.
+
+``ids`` is the key under which cursors leave the cloud (`cloud.query.opaque`).
 
 ``writer`` is who gave it out: what others remember of the store is then no longer all.
 """

@@ -6,6 +6,7 @@ write lock, so that of several clouds that start at once one does it, and the ot
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, insert, inspect, select, text
@@ -35,7 +36,7 @@ def prepare(connection: Connection, *, now: int) -> None:
     if not inspect(connection).has_table(versions.name):
         metadata.create_all(connection)
         _keep_whole(connection)
-        connection.execute(insert(feed).values(name="feed", cursor=0))
+        connection.execute(insert(feed).values(name="feed", cursor=0, ids=os.urandom(32)))
         connection.execute(insert(versions).values(version=VERSION, applied=now))
     require_current(connection)
 

@@ -51,7 +51,7 @@ A table in double brackets, such as `[[taxel]]`, may stand more than once, and i
 - `gateway/gateway.toml`, `cloud/cloud.toml` and `access.json` are the demo's: written anew at each
   start, as ports change. What you change there is lost.
 
-Relative paths in a file are relative to its folder, so all of `eskin-data` can be moved while the demo
+Relative paths in a file are relative to its folder: all of `eskin-data` can be moved while the demo
 does not run.
 
 To change gateway or cloud, or all processes at once, set variables before the start, as in

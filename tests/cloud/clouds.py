@@ -17,12 +17,14 @@ from sqlalchemy import delete, func, select, update
 from cloud.access import Scope, create_token
 from cloud.application import gateway_application, people_application
 from cloud.ingest.condition import HEADER
+from cloud.query.opaque import OpaqueIds
 from cloud.service import make_cloud
 from cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from cloud.store import Store
 from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
 from cloud.store.schema import audit_log, blocks, feed, metadata, versions
+from eskin.errors import QueryError
 from eskin.identity import IdentityKind
 from eskin.moment import SECOND
 from tests.cloud.messages import NODE, START
@@ -153,6 +155,22 @@ class Stand:
             return await client.get(path, params=params)
 
 
+class PlainIds(OpaqueIds):
+    """Ids as the plain numbers that they name, so that tests can count; `OpaqueIds` has its own."""
+
+    def write(self, *numbers: int) -> str:
+        return ".".join(map(str, numbers))
+
+    def read(self, text: str, count: int) -> list[int]:
+        try:
+            numbers = [int(part) for part in text.split(".")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != count:
+            raise QueryError("cursor", "is none of ours")
+        return numbers
+
+
 @contextmanager
 def standing(
     folder: Path, identities: Identities, *, place: Place | None = None, **sections: Any
@@ -167,6 +185,7 @@ def standing(
     clock = Clock(START + 3600 * SECOND)
     with Store(place or settings.store.place, clock=clock) as store:
         cloud = make_cloud(settings, store, clock=clock, dashboard=folder / "dashboard")
+        cloud.feed.ids = cloud.feed.press.ids = PlainIds(bytes(32))
         token = create_token(store, scopes=[Scope.READ], name="test", lifetime=timedelta(hours=1))
         yield Stand(cloud, clock, identities.gateway, token)
 

@@ -40,6 +40,7 @@ def listen(
     """A stream on a cloud's feed."""
     chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
     chosen["reveal"] = lambda entry: entry
+    chosen["sealed"] = True
     chosen["onlookers"] = stand.cloud.onlookers
     chosen |= options
     return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)

@@ -67,7 +67,7 @@ class Stack:
 
     def up(self) -> None:
         """Start everything, and wait until all is healthy."""
-        self.compose("up", "--detach", "--no-build", seconds=300)
+        self.compose("up", "--detach", "--no-build", seconds=900)
         for service in SERVICES:
             self.wait_healthy(service)
 

@@ -179,7 +179,7 @@ function event(ms: number, kind: "peak" | "gap" = "peak"): EventItem {
   const nothing = { height: null, prominence: null, count: null, unit: null, coverage: null, detail: null };
   const time = { lo: iso(ms), hi: iso(ms + 1) };
   const verdict = kind === "peak" ? "certain" : null;
-  return { id: `${kind}${ms}`, node: "n", channel: "c", kind, verdict, time, boot: 1, sequence: ms, ...nothing };
+  return { id: `${kind}${ms}`, node: "n", channel: "c", kind, verdict, time, boot: 1, ...nothing };
 }
 
 describe("history", () => {

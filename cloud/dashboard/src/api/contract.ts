@@ -46,9 +46,10 @@ export interface GatewayItem {
     readonly oldest_ns: number | null;
     readonly dead_letters: number;
   } | null;
-  readonly stored: number;
-  readonly duplicate: number;
-  readonly rejected: number;
+  /** Null, as are spool and lag, where they would count what is sealed, and the reader lacks the scope. */
+  readonly stored: number | null;
+  readonly duplicate: number | null;
+  readonly rejected: number | null;
   readonly lag: LagJson | null;
 }
 
@@ -65,7 +66,8 @@ export interface NodeItem {
   readonly health: Health;
   readonly last_seen: string;
   readonly boot: number;
-  readonly sequence: number;
+  /** Null where it would count what is sealed, and the reader lacks the scope. */
+  readonly sequence: number | null;
   readonly profile: string | null;
   readonly description: string | null;
   readonly uptime_ns: number | null;
@@ -99,8 +101,8 @@ export interface ChannelItem {
   readonly unit: string;
   readonly coverage: number;
   readonly dt: number;
-  readonly blocks: number;
-  readonly samples: number;
+  readonly blocks: number | null;
+  readonly samples: number | null;
   /** What its blocks take in the store, without indices and hulls; null for a sealed channel. */
   readonly bytes: number | null;
   readonly first: string | null;
@@ -184,7 +186,6 @@ export interface EventItem {
   readonly unit: string | null;
   readonly coverage: number | null;
   readonly boot: number;
-  readonly sequence: number;
   readonly detail: string | null;
 }
 

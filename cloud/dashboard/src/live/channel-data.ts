@@ -102,7 +102,7 @@ export class ChannelData {
   set channel(channel: ChannelItem) {
     this.latest = channel;
     const end = this.storedEnd();
-    if (channel.first === null || end === null) return;
+    if (channel.first === null || channel.samples === null || end === null) return;
     const length = end - this.options.timeline.toX(parseInstant(channel.first));
     this.facts.bursts = channel.samples * channel.dt < BURST_SHARE * length;
   }

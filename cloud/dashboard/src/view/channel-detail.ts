@@ -29,7 +29,7 @@ export function crumbs(context: Context, node: string, channel: string): HTMLEle
 /** What a channel's blocks take in the store, whole and for each sample, rounded up. */
 export function storedText({ bytes, samples }: Pick<ChannelItem, "bytes" | "samples">): string {
   if (bytes === null) return "sealed";
-  if (samples === 0) return formatBytes(bytes);
+  if (samples === null || samples === 0) return formatBytes(bytes);
   return `${formatBytes(bytes)} · ${(Math.ceil((bytes / samples) * 100) / 100).toFixed(2)} B a sample`;
 }
 
@@ -37,8 +37,8 @@ export function storedText({ bytes, samples }: Pick<ChannelItem, "bytes" | "samp
 export function channelFacts(channel: ChannelItem): HTMLElement {
   const facts: readonly (readonly [string, string])[] = [
     ["sampled every", formatDuration(channel.dt)],
-    ["samples", channel.samples.toLocaleString("en")],
-    ["blocks", channel.blocks.toLocaleString("en")],
+    ["samples", channel.samples?.toLocaleString("en") ?? "–"],
+    ["blocks", channel.blocks?.toLocaleString("en") ?? "–"],
     ["in the store", storedText(channel)],
     ["bounds", channel.bounds ? formatInterval(readInterval(channel.bounds), channel.unit) : "–"],
     ["coverage", formatCoverage(channel.coverage)],

@@ -21,14 +21,14 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
   const health = reachable ? gateway.health : "unknown";
   const { stored, duplicate, rejected, spool } = gateway;
   const head = element("div", { class: "card-head" }, healthSymbol(health), element("strong", {}, gateway.id.replace(".", " ")), element("span", { class: `badge ${health}` }, health));
-  const refused = rejected > 0 ? element("span", { class: "warn" }, rejected.toLocaleString("en")) : "0";
+  const refused = rejected === null ? "–" : rejected > 0 ? element("span", { class: "warn" }, rejected.toLocaleString("en")) : "0";
   const facts = element(
     "dl",
     { class: "facts" },
     ...fact("heard", heardAgo(gateway.last_heard, now)),
     ...fact("lag", element("span", { "data-testid": "gateway-lag" }, formatLag(gateway.lag))),
     ...spoolFacts(gateway),
-    ...fact("stored", element("span", { title: `${duplicate} came again` }, stored.toLocaleString("en"))),
+    ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} came again` }, stored?.toLocaleString("en") ?? "–")),
     ...fact("refused", refused),
   );
   const told = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, told ${spool.told}`;
