@@ -149,7 +149,8 @@ def sincospi_of_product(a: float, b: float) -> tuple[float, float]:
     product = a * b
     sine, cosine = sincospi_of_two(product, fma(a, b, -product))
     vanished = (product == 0.0) & (a != 0.0) & (b != 0.0)
-    return _LEAST if vanished else sine, cosine
+    least = -_LEAST if (a < 0.0) != (b < 0.0) else _LEAST
+    return least if vanished else sine, cosine
 
 
 @part

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from eskin.models.parameters import Floats
 
     Sample: TypeAlias = tuple[float, Two, Two, Two, bool]
+    Amplitude: TypeAlias = tuple[Two, Two, float]
+    """Least and greatest, and what underflow may have taken from either."""
     Terms: TypeAlias = tuple[Two, Two, Two, Two, Two, Two]
 
 ERROR: Final = 2.0**-60
@@ -129,10 +131,12 @@ def _sample_of(table: Floats, i: int) -> Sample:
 
 
 @inlined
-def _bounds(h: Two, error: float, least: Two, most: Two) -> tuple[float, float]:
+def _bounds(h: Two, error: float, amplitude: Amplitude) -> tuple[float, float]:
     """Least and greatest product with an amplitude, rounded outward once."""
+    least, most, lost = amplitude
     one, other = two_words.mul(h, least), two_words.mul(h, most)
-    one_error, other_error = error * abs(least[0]) + _LEAST, error * abs(most[0]) + _LEAST
+    spare = lost * (abs(h[0]) + error) + _LEAST
+    one_error, other_error = error * abs(least[0]) + spare, error * abs(most[0]) + spare
     lo = min(add_down(one[0], one[1] - one_error), add_down(other[0], other[1] - other_error))
     hi = max(add_up(one[0], one[1] + one_error), add_up(other[0], other[1] + other_error))
     return lo, hi
@@ -140,7 +144,7 @@ def _bounds(h: Two, error: float, least: Two, most: Two) -> tuple[float, float]:
 
 @part
 def _evaluate(
-    frequency: float, phase: float, over: Two, under: Two, amplitude: tuple[Two, Two],
+    frequency: float, phase: float, over: Two, under: Two, amplitude: Amplitude,
     table: Floats, lo: Floats, hi: Floats,
 ) -> None:  # fmt: skip
     """Bounds over a row: first all that two words can do, then what they cannot."""
@@ -151,7 +155,7 @@ def _evaluate(
     for i in range(lo.size):
         h, size = respond_in_two_words(terms, _sample_of(table, i))
         error = ERROR * size + UNDERFLOW * _SLACK
-        low, high = _bounds(h, error, amplitude[0], amplitude[1])
+        low, high = _bounds(h, error, amplitude)
         silent = table[0, i] == 0.0
         lo[i], hi[i] = (0.0 if silent else low), (0.0 if silent else high)
     for i in range(lo.size):
@@ -160,7 +164,7 @@ def _evaluate(
             of = branch(frequency, over[0] / under[0])
             h_plain, _, size, _, _ = respond(of, phase_parts(phase), sample_at(frequency, t))
             error = ROUNDING * size + UNDERFLOW * _SLACK
-            lo[i], hi[i] = _bounds((h_plain, 0.0), error, amplitude[0], amplitude[1])
+            lo[i], hi[i] = _bounds((h_plain, 0.0), error, amplitude)
 
 
 @part
@@ -181,7 +185,10 @@ def _rows(
                 _fill(given[2], times[clock, start:stop], table)
             under = (given[6], 0.0) if coil else ONE
             over = (given[8], 0.0) if coil else two_words.product_of(given[6], given[8])
-            amplitude = two_words.div((given[0], 0.0), under), two_words.div((given[1], 0.0), under)
+            least = two_words.div((given[0], 0.0), under)
+            most = two_words.div((given[1], 0.0), under)
+            silent = (given[0] == 0.0) & (given[1] == 0.0)
+            amplitude = least, most, (0.0 if silent else _LEAST / under[0])
             place = lo[row, start:stop], hi[row, start:stop]
             _evaluate(given[2], given[4], over, under, amplitude, table, place[0], place[1])
 

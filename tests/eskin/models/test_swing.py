@@ -155,3 +155,11 @@ def test_current_alone_is_that_of_the_chain() -> None:
     )
     assert np.array_equal(alone.inf, chain.current.inf)
     assert np.array_equal(alone.sup, chain.current.sup)
+
+
+def test_a_swing_too_small_for_a_float_keeps_its_sign() -> None:
+    """``f·t`` may be less than half of the least float, and negative."""
+    got = models.oscillation_paper(-1e-310, voltage=1.0, frequency=Interval(0.0, 1e-36))
+    assert got.inf < 0.0
+    assert got.sup == 0.0
+    assert models.oscillation_paper(1e-310, voltage=1.0, frequency=Interval(0.0, 1e-36)).sup > 0.0

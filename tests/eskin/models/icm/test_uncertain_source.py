@@ -202,3 +202,21 @@ def test_a_source_keeps_its_phase_beside_any_number_of_turns(
     angle = 2 * arb.pi() * arb(frequency) * arb(time) + arb(phase)
     got = source_voltage(time, amplitude=amplitude, frequency=frequency, phase=phase)
     assert reference.inside(float(got.inf), float(got.sup), arb(amplitude) * angle.sin())
+
+
+@pytest.mark.parametrize(
+    ("amplitude", "f", "psi", "t", "r", "inductance"),
+    [
+        (1e-310, 0.0, 0.2560328368344471, 0.00053, 1e-40, 6.728477246859797e-25),
+        (2.3e-308, 111.7, 8.84e-15, 1.85, 2.2044426025875987e-09, 1e-40),
+        (3e-310, 50.0, 0.3, 1e-3, 1e-40, 1e-38),
+    ],
+)
+def test_an_amplitude_below_all_normal_floats_is_enclosed(
+    amplitude: float, f: float, psi: float, t: float, r: float, inductance: float
+) -> None:
+    flint.ctx.prec = 2000
+    source: dict[str, Any] = {"amplitude": amplitude, "frequency": f, "phase": psi}
+    got = magfes_current(t, **source, coil_resistance=r, inductance=inductance)
+    truth = flint.arb(amplitude) * reference.current(f, psi, t, r, inductance)
+    assert reference.inside(float(got.inf), float(got.sup), truth)
