@@ -29,7 +29,7 @@ def clock() -> Clock:
 
 ALONE: Final = {f"tests.cloud.test_{room}" for room in (
     "access", "chore", "client", "compared", "description", "gatekeeper", "http", "limits",
-    "onlookers", "pyramid_rates", "subject_export", "withheld",
+    "odd_requests", "onlookers", "pyramid_rates", "subject_export", "withheld",
 )}  # fmt: skip
 """Asked of a cloud on SQLite alone: how it is asked and answers, and what others ask of both."""
 
