@@ -1,4 +1,7 @@
-"""Interval arithmetic on bounds, IEEE 1788-2015 clause 10.5: tightest, empty is ``[inf, -inf]``.
+"""Interval arithmetic on bounds, IEEE 1788-2015 clause 10.5; empty is ``[inf, -inf]``.
+
+Tightest, but for one float on each side in `multiply_add`, in products, squares and quotients below
+`eskin.kernels.rounding.EXACT_PRODUCT`, and in roots of what is below it.
 
 Loops take flat arrays; an operand with step 0 is one interval for all elements. They go block by
 block, in which every operand is contiguous, so that the compiler makes vector instructions of them.
@@ -198,7 +201,7 @@ def sqrt(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
 def multiply_add(
     a: Floats, b: Floats, c: Floats, d: Floats, e: Floats, f: Floats, lo: Floats, hi: Floats
 ) -> None:
-    """``x·y + z``, one float wider than the tightest."""
+    """``x·y + z``, each bound at most one float from the tightest."""
     for k in range(lo.size):
         most = next_up(greatest_fma(a[k], b[k], c[k], d[k], f[k]))
         least = -next_up(greatest_fma(-b[k], -a[k], c[k], d[k], -e[k]))

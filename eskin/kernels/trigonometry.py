@@ -1,4 +1,6 @@
-"""Sine, cosine and tangent of intervals, IEEE 1788-2015 clause 10.5.3: at most a float too wide.
+"""Sine, cosine and tangent of intervals, IEEE 1788-2015 clause 10.5.3.
+
+Up to 2⁴⁸ rad each bound is at most one float from the tightest.
 
 An angle is reduced to whole quarter turns and a rest whose sign is certain
 (`eskin.kernels.circular`). So a turning point lies inside exactly where its number lies between
