@@ -123,8 +123,12 @@ class Steward:
             self._tell_worn(worn[begin : begin + _MOST_AT_ONCE])
 
     def _tell_worn(self, worn: Sequence[tuple[str, str, bytes | None]]) -> None:
-        self._notices.send(worn, [])
-        self._told.update((node, pseudonym) for pseudonym, node, _ in worn)
+        results = self._notices.send(worn, [])
+        for pseudonym, node, _ in worn:
+            self._told.add((node, pseudonym))
+            # A key store from a backup brings the key back; the cloud remembers the erasure.
+            if results.get(pseudonym) == "erased" and self._vault.bury(pseudonym):
+                log.warning("key destroyed again, as the cloud says: subject=%s", pseudonym)
 
     def _tell_erased(self, pending: Sequence[Tombstone]) -> None:
         results = self._notices.send([], [grave.pseudonym for grave in pending])

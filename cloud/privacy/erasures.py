@@ -12,6 +12,7 @@ from cloud.chore import repeat
 from cloud.store.sealed import erased_subjects
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
     from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection
@@ -34,6 +35,12 @@ async def hear(cloud: Cloud, stopping: asyncio.Event) -> None:
     if cloud.keyholder.vault is not None:
         work = partial(asyncio.to_thread, look, cloud)
         await repeat("erasures", work, cloud=cloud, stopping=stopping, every_s=_INTERVAL_S)
+
+
+def find_erased(connection: Connection, subjects: Collection[str]) -> set[str]:
+    """Which of some subjects the store says were erased."""
+    e = erased_subjects.c.subject
+    return set(connection.execute(select(e).where(e.in_(sorted(subjects)))).scalars())
 
 
 def look(cloud: Cloud) -> None:

@@ -7,7 +7,7 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState
 from cloud.ingest.reception import received
-from cloud.privacy.erasures import look
+from cloud.privacy.erasures import find_erased, look
 from cloud.privacy.notice import Notice, note
 from cloud.problems import documented
 from cloud.routes.answers import as_json
@@ -43,6 +43,14 @@ def _keep(cloud: Cloud, notice: Notice) -> list[dict[str, str]]:
         cloud.keyholder.erase(subject)
     if notice.worn:
         look(cloud)
-    told = [(worn.subject, cloud.keyholder.keep(worn.subject, worn.key)) for worn in notice.worn]
+    with cloud.store.read() as connection:
+        buried = find_erased(connection, {worn.subject for worn in notice.worn})
+    told = [
+        (
+            worn.subject,
+            "erased" if worn.subject in buried else cloud.keyholder.keep(worn.subject, worn.key),
+        )
+        for worn in notice.worn
+    ]
     told += [(subject, "erased") for subject in notice.erased]
     return [{"id": subject, "result": result} for subject, result in told]

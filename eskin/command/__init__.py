@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, NoReturn
 
 import typer
 
+from eskin.command.backup import backup
 from eskin.command.cloud import cloud
 from eskin.command.demo import audit, demo
 from eskin.command.energy import energy
@@ -34,6 +35,7 @@ app.command()(audit)
 app.command()(figures)
 app.command()(export)
 app.command()(energy)
+app.command()(backup)
 app.command()(node)
 app.command()(gateway)
 app.add_typer(cloud, name="cloud")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import shutil
 from typing import TYPE_CHECKING
 
 import pytest
@@ -43,10 +44,13 @@ class Site:
         self.sizes.append(max(len(worn), len(erased)))
         for pseudonym in erased:
             self.cloud.bury(pseudonym)
+        results = dict.fromkeys(erased, "erased")
         for pseudonym, _, key in worn:
-            if key is not None:
+            if self.cloud.grave(pseudonym) is not None:
+                results[pseudonym] = "erased"
+            elif key is not None:
                 self.cloud.keep(pseudonym, key)
-        return dict.fromkeys(erased, "erased")
+        return results
 
     def start(self, *, share: bool = True) -> Steward:
         """A gateway starts, perhaps again."""
@@ -102,6 +106,25 @@ def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
     with pytest.raises(NoKeyError, match="destroyed"):
         site.cloud.find(ada.pseudonym)
     assert site.start().pending == 0
+
+
+@pytest.mark.parametrize("share", [False, True])
+def test_key_store_from_a_backup_does_not_bring_an_erased_subject_back(
+    site: Site, tmp_path: Path, *, share: bool
+) -> None:
+    ada = site.vault.create("Ada")
+    site.assignments.assign(NODE, ada, since=10)
+    site.start(share=share).tend()
+    shutil.copytree(tmp_path / "site", tmp_path / "backup")
+    site.vault.erase(ada.pseudonym)
+    site.start(share=share).tend()
+    shutil.rmtree(tmp_path / "site")
+    shutil.copytree(tmp_path / "backup", tmp_path / "site")
+    site.vault = Vault(tmp_path / "site", FileMaster(tmp_path / "site.key"))
+    assert site.vault.find(ada.pseudonym).key == ada.key
+    site.start(share=share).tend()
+    with pytest.raises(NoKeyError, match="destroyed"):
+        site.vault.find(ada.pseudonym)
 
 
 def test_cloud_that_may_not_have_keys_is_told_who_wore_what_alone(site: Site) -> None:
