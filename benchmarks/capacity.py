@@ -27,6 +27,7 @@ from rich.table import Table
 from benchmarks.said import say
 from eskin.identity import client_context
 from eskin.messages import Encoding
+from tests.cloud.clouds import named_in
 from tests.cloud.service import Service
 from tests.identities import Identities
 from tests.postgresql import Cluster
@@ -141,6 +142,7 @@ async def find_capacity(
         while not refused and len(found.steps) < steps:
             step = Step(rate)
             bodies = _bodies(max(1, round(rate * seconds / _BATCH)), boot=len(found.steps) + 1)
+            service.admit(*{node for body in bodies for node in named_in(body)})
             refused = await gateways.bring(bodies, step, every_s=_BATCH / rate)
             found.steps.append(step)
             found.sent += len(bodies) * _BATCH

@@ -127,6 +127,8 @@ class Posted:
             for at in range(0, len(said), _BATCH)
         ]
 
+        self._service.admit(*{node for node, _ in said})
+
         def work() -> None:
             assert {answer.status_code for answer in self._pool.map(self._post, bodies)} == {200}
 

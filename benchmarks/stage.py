@@ -94,6 +94,7 @@ class Stage:
     def _feed(self) -> None:
         span = self._block * _DT
         first = time.time_ns()
+        self.service.admit(LIVE)
         with self.service.gateway_client() as client:
             for number in count():
                 start = first + number * span

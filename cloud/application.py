@@ -7,6 +7,7 @@ from fastapi import FastAPI
 from starlette.responses import Response
 
 from cloud.broken_off import BrokenOffMiddleware
+from cloud.damaged_header import DamagedHeaderMiddleware
 from cloud.dependencies import Reader
 from cloud.erasure_guard import ErasureGuardMiddleware
 from cloud.headers import HeadersMiddleware
@@ -16,6 +17,7 @@ from cloud.rate_limits import RateLimits
 from cloud.recheck import RecheckMiddleware
 from cloud.routes import (
     audit_log,
+    certificates,
     commands,
     comparison,
     confirmed,
@@ -70,7 +72,7 @@ def gateway_application(cloud: Cloud) -> FastAPI:
     }
     # Good ones are not counted: a batch may be a heartbeat.
     app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits, least_status=300)
-    for resource in (ingest, confirmed, deliveries, notices):
+    for resource in (ingest, certificates, confirmed, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     return app
 
@@ -84,6 +86,7 @@ def _application(
     # The last one added is outermost: refusals carry the headers, too, and are counted.
     app.add_middleware(ErasureGuardMiddleware, cloud=cloud)
     app.add_middleware(RecheckMiddleware)
+    app.add_middleware(DamagedHeaderMiddleware)
     app.add_middleware(BrokenOffMiddleware)
     app.add_middleware(LimitsMiddleware, **limits)
     app.add_middleware(

@@ -39,13 +39,13 @@ class Access:
         holder: Who, and what they may do.
         address: From where.
         lasts: Whether they still may; asked again by what goes on for long.
-        opened: Subjects whose sealed messages were opened for this request.
+        opened: Sites and subjects whose sealed messages were opened for this request.
     """
 
     holder: Holder
     address: str
     lasts: Callable[[], bool]
-    opened: set[str] = field(default_factory=set)
+    opened: set[tuple[str, str]] = field(default_factory=set)
 
     def require(self) -> None:
         """Judge again.

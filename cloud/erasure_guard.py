@@ -34,7 +34,7 @@ class ErasureGuardMiddleware:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Pass a request on."""
-        opened: set[str] = set()
+        opened: set[tuple[str, str]] = set()
         scope[OPENED] = opened
         slow = False
 
@@ -55,6 +55,6 @@ class ErasureGuardMiddleware:
 
         await self._app(scope, receive, sending)
 
-    def _require_unerased(self, subjects: tuple[str, ...]) -> None:
+    def _require_unerased(self, subjects: tuple[tuple[str, str], ...]) -> None:
         with self._cloud.store.read() as connection:
             self._cloud.keyholder.require_unerased(connection, subjects)

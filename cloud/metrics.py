@@ -9,6 +9,7 @@ from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, gene
 
 from cloud.clock_check import count_wrong_clocks
 from cloud.query.listing import sealed_nodes
+from cloud.store.damage import damages
 from cloud.store.disk import measure_disk
 from cloud.store.holes import count_missing
 from eskin.errors import StoreError
@@ -33,6 +34,7 @@ class Metrics:
     Attributes:
         items: Messages that gateways brought, by result.
         ingest_seconds: From a batch's last byte to its commit.
+        conflicts: Messages that differ from those stored under their boot and sequence.
         buried: Dead letters that had to make room.
         removed: Messages removed, by reason.
         requests: Answered requests, by method and status.
@@ -53,6 +55,11 @@ class Metrics:
         self.ingest_seconds = Histogram(
             "eskin_cloud_ingest_seconds",
             "From a batch's last byte to its commit, of batches with more than sealed messages.",
+            registry=self._registry,
+        )
+        self.conflicts = Counter(
+            "eskin_cloud_conflicts",
+            "Messages that differ from those stored under their boot and sequence.",
             registry=self._registry,
         )
         self.buried = Counter(
@@ -120,6 +127,11 @@ class Metrics:
             "store_bytes_per_sample",
             "Bytes a sample, of what is taken and not free.",
             lambda: self._use.each or 0.0,
+        )
+        self._gauge(
+            "damaged_rows",
+            "Rows met since the start that are not as they were written; the log names them.",
+            lambda: len(damages),
         )
         self._gauge(
             "commits",

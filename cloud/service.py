@@ -104,6 +104,7 @@ def make_cloud(
         onlookers=_make_onlookers(settings),
         board=board,
         gatekeeper=Gatekeeper(trust, revocations=own.revocations),
+        trust=trust,
         uploads=Uploads(own.uploads_bytes),
         metrics=metrics,
         rate_limits=rate_limits,

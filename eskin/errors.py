@@ -147,6 +147,14 @@ class PrivacyError(EskinError):
     """What tells of a person and cannot be sealed or read; its text never holds what it tells."""
 
 
+class BrokenSealError(PrivacyError):
+    """What was sealed is not what lies there: a bit flipped, or somebody changed or moved it."""
+
+
+class KeyConflictError(PrivacyError):
+    """A subject's key that is given is another one than the one that is kept."""
+
+
 class NoKeyError(PrivacyError):
     """A subject whose key is not here: it was erased, or never given.
 

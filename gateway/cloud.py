@@ -26,14 +26,16 @@ class Answer(NamedTuple):
     """What the cloud did with one message; a tuple, because there are many.
 
     Attributes:
-        result: Both ``stored`` and ``duplicate`` mean that it is durable there.
+        result: Both ``stored`` and ``duplicate`` mean that it is durable there; ``unknown_node``,
+            that nothing is kept of it before the node's certificate is presented.
         reason: Why it was rejected.
     """
 
-    result: Literal["stored", "duplicate", "rejected"]
+    result: Literal["stored", "duplicate", "rejected", "unknown_node"]
     reason: str | None
 
 
+_RESULTS: Final = {"stored", "duplicate", "rejected", "unknown_node"}
 _STORED: Final = {"result": "stored", "reason": None}
 _KEPT: Final = Answer("stored", None)
 
@@ -148,6 +150,6 @@ def _answer(item: dict[str, Any]) -> Answer:
     if item == _STORED:
         return _KEPT
     result, reason = item["result"], item.get("reason")
-    if result not in {"stored", "duplicate", "rejected"} or not isinstance(reason, str | None):
+    if result not in _RESULTS or not isinstance(reason, str | None):
         raise TypeError(f"no result: {item!r}")
     return Answer(result, reason)

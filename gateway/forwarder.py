@@ -13,11 +13,13 @@ from eskin.errors import CloudError, SpoolError
 from eskin.memory import Thrift
 from gateway.batch import DeadLetter
 from gateway.deferred import DeferredMessages
+from gateway.unknown_nodes import UnknownNodes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from gateway.backoff import Backoff
+    from gateway.certificates import Certificates
     from gateway.cloud import Answer, Cloud
     from gateway.confirmations import Confirmations
     from gateway.counters import Counters
@@ -45,6 +47,7 @@ class Forwarder:
         settings: Sizes of a request.
         spool: Where messages wait.
         cloud: Where they go.
+        certificates: Has the cloud know the nodes.
         backoff: Between failures.
         counters: What is counted.
         confirmations: Ask the cloud for what it confirmed; ``None``: nothing is compared.
@@ -57,6 +60,7 @@ class Forwarder:
         *,
         spool: Spool,
         cloud: Cloud,
+        certificates: Certificates,
         backoff: Backoff,
         counters: Counters,
         confirmations: Confirmations | None = None,
@@ -73,6 +77,7 @@ class Forwarder:
         self._missing: list[tuple[str, int, int, int]] = []
         self._most = settings.batch_messages
         self._deferred = DeferredMessages()
+        self._unknown = UnknownNodes(certificates)
         self._alone = False
         self._thrift = Thrift()
         self._failing = False
@@ -186,7 +191,8 @@ class Forwarder:
             CloudError: Nothing else is there to tell whose fault it is that it failed.
         """
         size = self._settings.batch_bytes
-        stored = self._spool.take(self._most, size, besides=self._deferred.ids)
+        aside = self._unknown.waiting()
+        stored = self._spool.take(self._most, size, besides=self._deferred.ids, without=aside)
         if not stored and self._deferred.release_suspects():
             raise CloudError("the cloud fails at each message that waits")
         return stored
@@ -215,7 +221,11 @@ class Forwarder:
         raise error
 
     def _settle(self, stored: list[Stored], answers: list[Answer]) -> None:
-        pairs = list(zip(stored, answers, strict=True))
+        both = list(zip(stored, answers, strict=True))
+        unknown = {message.node for message, answer in both if answer.result == "unknown_node"}
+        pairs = [(message, answer) for message, answer in both if message.node not in unknown]
+        stored, answers = [m for m, _ in pairs], [a for _, a in pairs]
+        self._unknown.known({message.node for message in stored})
         rejected = [(m, a.reason or "no reason given") for m, a in pairs if a.result == "rejected"]
         letters = [self._letter(message, reason) for message, reason in rejected]
         confirmed = [m for m, a in pairs if a.result != "rejected"]
@@ -226,7 +236,11 @@ class Forwarder:
         self._counters.stored.inc(count("stored"))
         self._counters.cloud_duplicate.inc(count("duplicate"))
         self._counters.cloud_rejected.inc(len(rejected))
-        self._counters.latency.observe(max(0.0, (self._now() - stored[0].received) / 1e9))
+        if stored:
+            self._counters.latency.observe(max(0.0, (self._now() - stored[0].received) / 1e9))
+        if unknown:
+            self._unknown.present(unknown)
+            self.fault = self.fault or self._unknown.fault
 
     def _letter(self, message: Stored, reason: str) -> DeadLetter:
         return DeadLetter(self._now(), message.node, f"cloud: {reason[:500]}", message.body)
@@ -237,7 +251,7 @@ class Forwarder:
             log.info("cloud reached: %s", self._settings.url)
         self.reachable = True
         self._failing = False
-        self.fault = self._deferred.fault
+        self.fault = self._deferred.fault or self._unknown.fault
 
     def _note_failure(self, error: CloudError | SpoolError) -> float:
         """Tell once per change; gives the seconds to wait."""

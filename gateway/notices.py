@@ -22,7 +22,10 @@ class Notices(Protocol):
     def send(
         self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
     ) -> dict[str, str]:
-        """Tell, and learn what became of each subject's key: kept, declined or erased.
+        """Tell, and learn what became of each subject's key.
+
+        It is kept, declined or erased; in ``conflict`` with another one that is kept; or not taken,
+        as the cloud has no certificate of the node (``unknown_node``).
 
         Args:
             worn: Pseudonym, node, and the key if the cloud may have it.
@@ -68,7 +71,11 @@ class HttpsNotices:
             headers = self._headers()
             answer = self._client.post(self._url, content=body, headers=headers)
             require_ok(answer)
-            return {item["id"]: item["result"] for item in orjson.loads(answer.content)["items"]}
+            items = orjson.loads(answer.content)["items"]
+            # Of a subject at several nodes, what keeps one of them from being told is told.
+            found: dict[str, str] = {item["id"]: item["result"] for item in items}
+            hindered = [item for item in items if item["result"] in {"conflict", "unknown_node"}]
+            return found | {item["id"]: item["result"] for item in hindered}
         except httpx.HTTPError as error:
             raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
         except (orjson.JSONDecodeError, KeyError, TypeError) as error:

@@ -19,6 +19,7 @@ from gateway.acknowledger import Acknowledger
 from gateway.answers import Answers
 from gateway.assignments import Assignments
 from gateway.backoff import Backoff
+from gateway.certificates import HttpsCertificates
 from gateway.cloud import HttpsCloud
 from gateway.commands import Commands
 from gateway.condition import Condition
@@ -136,6 +137,7 @@ class Gateway:
         }
         self.cloud = HttpsCloud(settings.cloud.url, onlookers=self._onlookers, **reach)
         self.confirmations = HttpsConfirmations(settings.cloud.url, **reach)
+        self.certificates = HttpsCertificates(settings.cloud.url, spool=self.spool, **reach)
         self.forwarder = self._make_forwarder()
         self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
         self.notices = HttpsNotices(settings.cloud.url, **reach)
@@ -144,6 +146,7 @@ class Gateway:
             self.assignments,
             veiling=self.veiling,
             notices=self.notices,
+            certificates=self.certificates,
             share=settings.keys.share,
             backoff=Backoff(
                 settings.cloud.retry_s, settings.cloud.retry_most_s, random=SystemRandom()
@@ -225,6 +228,7 @@ class Gateway:
             cloud,
             spool=self.spool,
             cloud=self.cloud,
+            certificates=self.certificates,
             backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
             counters=self.counters,
             confirmations=self.confirmations,
@@ -277,6 +281,7 @@ class Gateway:
         self.cloud.close()
         self.notices.close()
         self.confirmations.close()
+        self.certificates.close()
         self.left = self.spool.statistics.messages
         self.spool.close()
         self.keyring.stop()

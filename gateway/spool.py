@@ -40,7 +40,8 @@ RESERVE: Final = 8_000_000
 _ADD_MESSAGE: Final = """INSERT INTO messages (node, received, body, boot, sequence)
     VALUES (?, ?, ?, ?, ?)"""
 _OLDEST: Final = """SELECT id, node, received, body, boot, sequence FROM messages
-    WHERE id NOT IN (SELECT value FROM json_each(?)) ORDER BY id LIMIT ?"""
+    WHERE id NOT IN (SELECT value FROM json_each(?))
+    AND node NOT IN (SELECT value FROM json_each(?)) ORDER BY id LIMIT ?"""
 _FORGET: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
 _CONFIRM: Final = """INSERT INTO confirmed VALUES (?, ?, ?)
     ON CONFLICT (node, boot) DO UPDATE SET last = max(last, excluded.last)"""
@@ -105,8 +106,12 @@ class Spool:
         prepare(self._intake)
         self._intake.execute(_TRIM_CONFIRMED, (_MOST_BOOTS,))
         self._outlet = opened.enter_context(closing(connect(path, "NORMAL")))
-        # Their nodes show new ones with each status.
-        self._intake.execute("DELETE FROM senders WHERE expires < ?", (int(time.time()),))
+        # Nodes show new ones with each status; the last one says to which site each belongs.
+        self._intake.execute(
+            "DELETE FROM senders WHERE expires < ? AND thumbprint NOT IN "
+            "(SELECT thumbprint FROM nodes WHERE thumbprint IS NOT NULL)",
+            (int(time.time()),),
+        )
         self._messages, self._used = self._intake.execute(
             "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
         ).fetchone()
@@ -149,13 +154,21 @@ class Spool:
         if batch.entries:
             self.filled.set()
 
-    def take(self, most: int, most_bytes: int, *, besides: Collection[int] = ()) -> list[Stored]:
+    def take(
+        self,
+        most: int,
+        most_bytes: int,
+        *,
+        besides: Collection[int] = (),
+        without: Collection[str] = (),
+    ) -> list[Stored]:
         """The oldest messages, in order; they stay until they are settled.
 
         Args:
             most: Most messages.
             most_bytes: Most bytes; one message is given in any case.
             besides: Ids of messages that are left out.
+            without: Nodes whose messages are left out.
 
         Raises:
             SpoolError: The file cannot be read.
@@ -164,7 +177,9 @@ class Spool:
         taken: list[Stored] = []
         size = 0
         try:
-            cursor = self._outlet.execute(_OLDEST, (json.dumps(list(besides)), most))
+            cursor = self._outlet.execute(
+                _OLDEST, (json.dumps([*besides]), json.dumps([*without]), most)
+            )
             for row in cursor:
                 size += len(row[3])
                 if taken and size > most_bytes:

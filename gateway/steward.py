@@ -7,7 +7,7 @@ import math
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import CloudError, NoKeyError, PrivacyError
+from eskin.errors import CloudError, NoKeyError, PrivacyError, SpoolError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from eskin.privacy import Tombstone, Vault
     from gateway.assignments import Assignments
     from gateway.backoff import Backoff
+    from gateway.certificates import Certificates
     from gateway.notices import Notices
     from gateway.veiling import Veiling
 
@@ -36,6 +37,7 @@ class Steward:
         assignments: Who wears what.
         veiling: Holds keys derived from the subjects'.
         notices: The way to the cloud.
+        certificates: Has the cloud know the nodes.
         share: Whether the cloud may have the keys.
         backoff: Between failures.
     """
@@ -47,6 +49,7 @@ class Steward:
         *,
         veiling: Veiling,
         notices: Notices,
+        certificates: Certificates,
         share: bool,
         backoff: Backoff,
     ) -> None:
@@ -54,6 +57,7 @@ class Steward:
         self._assignments = assignments
         self._veiling = veiling
         self._notices = notices
+        self._certificates = certificates
         self._share = share
         self._backoff = backoff
         self._told: set[tuple[str, str]] = set()
@@ -77,7 +81,7 @@ class Steward:
         while not self._stopping.wait(wait):
             try:
                 self.tend()
-            except (CloudError, PrivacyError, OSError) as error:
+            except (CloudError, PrivacyError, SpoolError, OSError) as error:
                 patience = error.retry_after if isinstance(error, CloudError) else None
                 wait = self._backoff.failed(at_least=patience)
                 if self.fault is None:
@@ -108,6 +112,7 @@ class Steward:
         Raises:
             CloudError: The cloud did not answer as agreed.
             PrivacyError: The key store cannot be read or written.
+            SpoolError: The spool cannot be read.
         """
         self._vault.finish()
         graves = self._vault.graves()
@@ -124,11 +129,19 @@ class Steward:
 
     def _tell_worn(self, worn: Sequence[tuple[str, str, bytes | None]]) -> None:
         results = self._notices.send(worn, [])
-        for pseudonym, node, _ in worn:
-            self._told.add((node, pseudonym))
+        unknown = {node for subject, node, _ in worn if results.get(subject) == "unknown_node"}
+        for subject, node, _ in worn:
+            if node not in unknown:
+                self._told.add((node, subject))
             # A key store from a backup brings the key back; the cloud remembers the erasure.
-            if results.get(pseudonym) == "erased" and self._vault.bury(pseudonym):
-                log.warning("key destroyed again, as the cloud says: subject=%s", pseudonym)
+            if results.get(subject) == "erased" and self._vault.bury(subject):
+                log.warning("key destroyed again, as the cloud says: subject=%s", subject)
+            if results.get(subject) == "conflict":
+                log.error("subject's key differs from the cloud's: subject=%s", subject)
+        refused = self._certificates.present(unknown) if unknown else {}
+        if refused:
+            node, reason = next(iter(refused.items()))
+            raise CloudError(f"the cloud refuses the certificate of {node}: {reason}")
 
     def _tell_erased(self, pending: Sequence[Tombstone]) -> None:
         results = self._notices.send([], [grave.pseudonym for grave in pending])
@@ -139,8 +152,8 @@ class Steward:
 
     def _untold(self) -> Iterator[tuple[str, str, bytes | None]]:
         for node, pseudonym in self._assignments.worn():
-            if (node, pseudonym) in self._told:
-                continue
+            if (node, pseudonym) in self._told or not self._certificates.has(node):
+                continue  # of a node that was never heard there is nothing
             try:
                 key = self._key(pseudonym)
             except NoKeyError:  # of whom is erased, the erasure is all that is told

@@ -10,12 +10,13 @@ from sqlalchemy import func, select, update
 
 from cloud.ingest.errors import MalformedBatchError
 from cloud.store.commands import find_command
+from cloud.store.node_sites import node_sites
 from cloud.store.schema import commands
 from eskin.errors import MessageError
 from eskin.messages.fields import MOST_COUNT, integer, items, load_any, real
 
 if TYPE_CHECKING:
-    from sqlalchemy import Connection
+    from sqlalchemy import ColumnElement, Connection
 
 MOST_HELD: Final = 10_000
 MOST_GIVEN: Final = 500
@@ -75,14 +76,16 @@ class Changes:
         )
 
 
-def find_changes(connection: Connection, holding: Holding, *, now: int) -> Changes:
+def find_changes(connection: Connection, holding: Holding, *, site: str, now: int) -> Changes:
     """Compare what a gateway has with what it should have.
 
-    Commands of a node are given one by one, so that they are done in the order of their ids.
+    Commands of a node are given one by one, so that they are done in the order of their ids, and to
+    gateways of its site alone.
     """
     c = commands.c
     waiting = select(c.node, func.min(c.id)).where(c.outcome.is_(None), c.expires > now)
-    current = {(row[0], row[1]) for row in connection.execute(waiting.group_by(c.node))}
+    waiting = waiting.where(_is_of(site)).group_by(c.node)
+    current = {(row[0], row[1]) for row in connection.execute(waiting)}
     room = max(0, min(MOST_GIVEN, MOST_HELD - len(holding.held & current)))
     give = []
     for node, number in sorted(current - holding.held)[:room]:
@@ -92,10 +95,10 @@ def find_changes(connection: Connection, holding: Holding, *, now: int) -> Chang
     return Changes(give, sorted(holding.held - current))
 
 
-def find_unmarked(connection: Connection, holding: Holding) -> list[tuple[str, int]]:
+def find_unmarked(connection: Connection, holding: Holding, *, site: str) -> list[tuple[str, int]]:
     """Which commands a gateway has handed on that are not known to be."""
     c = commands.c
-    query = select(c.node, c.id).where(c.outcome.is_(None), c.delivered.is_(None))
+    query = select(c.node, c.id).where(c.outcome.is_(None), c.delivered.is_(None), _is_of(site))
     return sorted(holding.sent & {(row[0], row[1]) for row in connection.execute(query)})
 
 
@@ -105,6 +108,11 @@ def mark_delivered(connection: Connection, sent: list[tuple[str, int]], *, now: 
     for node, number in sent:
         here = (c.node == node) & (c.id == number) & c.delivered.is_(None)
         connection.execute(update(commands).where(here).values(delivered=now))
+
+
+def _is_of(site: str) -> ColumnElement[bool]:
+    """Whether a command is for a node of a site."""
+    return commands.c.node.in_(select(node_sites.c.node).where(node_sites.c.site == site))
 
 
 def _load(body: bytes) -> dict[object, object]:

@@ -13,7 +13,7 @@ from cloud.ingest.condition import HEADER, Condition
 from cloud.ingest.errors import BatchTooLargeError, BatchTypeError, UntrustedGatewayError
 from cloud.recheck import recheck
 from eskin.errors import UntrustedCertificateError
-from eskin.identity import common_name
+from eskin.identity import common_name, site_of
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
@@ -37,10 +37,12 @@ class GatewayIdentity:
 
     Attributes:
         name: Common name.
+        site: The site that its certificate names.
         certificate: Verified.
     """
 
     name: str
+    site: str
     certificate: x509.Certificate
 
 
@@ -99,7 +101,7 @@ def identify(cloud: Cloud, request: Request) -> GatewayIdentity:
         certificate = cloud.gatekeeper.verify(_der(tls.get("client_cert_chain", ())))
     except UntrustedCertificateError as error:
         raise UntrustedGatewayError(f"the gateway's certificate is refused: {error}") from error
-    return GatewayIdentity(common_name(certificate), certificate)
+    return GatewayIdentity(common_name(certificate), site_of(certificate), certificate)
 
 
 @lru_cache(64)

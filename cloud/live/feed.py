@@ -16,6 +16,7 @@ from sqlalchemy import select
 
 from cloud.live.printing import Press
 from cloud.query.opaque import OpaqueIds
+from cloud.store.damage import DamagedRow, is_sound
 from cloud.store.entry import Entry
 from cloud.store.schema import blocks, events, feed
 from cloud.store.sealed import veiled
@@ -221,11 +222,12 @@ def _open_places(
 def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry]:
     """Entries with ``after < cursor <= end``."""
     b = blocks.c
-    query = select(b.cursor, b.node, b.channel, b.data, b.received)
+    query = select(b.cursor, b.node, b.channel, b.data, b.received, b.digest, b.boot, b.sequence)
     rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
     found = [
         Entry(cursor, node, channel, decompress(data), None, received)
-        for cursor, node, channel, data, received in rows
+        for cursor, node, channel, data, received, digest, boot, sequence in rows
+        if is_sound(data, digest, DamagedRow(node, boot, sequence, None))
     ]
     e = events.c
     told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()

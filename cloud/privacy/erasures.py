@@ -22,12 +22,14 @@ if TYPE_CHECKING:
 _INTERVAL_S: Final = 1.0
 
 
-def unheard(connection: Connection, known: AbstractSet[str]) -> set[str]:
-    """Erased subjects that are not among the known ones; none is ever taken from the store."""
+def unheard(connection: Connection, known: AbstractSet[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Erased subjects, each with its site, that are not known; the store forgets none."""
     counted = select(func.count()).select_from(erased_subjects)
     if connection.execute(counted).scalar_one() <= len(known):
         return set()
-    return set(connection.execute(select(erased_subjects.c.subject)).scalars()) - known
+    e = erased_subjects.c
+    found = connection.execute(select(e.site, e.subject))
+    return {(row.site, row.subject) for row in found} - known
 
 
 async def hear(cloud: Cloud, stopping: asyncio.Event) -> None:
@@ -37,10 +39,11 @@ async def hear(cloud: Cloud, stopping: asyncio.Event) -> None:
         await repeat("erasures", work, cloud=cloud, stopping=stopping, every_s=_INTERVAL_S)
 
 
-def find_erased(connection: Connection, subjects: Collection[str]) -> set[str]:
-    """Which of some subjects the store says were erased."""
-    e = erased_subjects.c.subject
-    return set(connection.execute(select(e).where(e.in_(sorted(subjects)))).scalars())
+def find_erased(connection: Connection, site: str, subjects: Collection[str]) -> set[str]:
+    """Which of some subjects of a site the store says were erased."""
+    e = erased_subjects.c
+    query = select(e.subject).where(e.site == site, e.subject.in_(sorted(subjects)))
+    return set(connection.execute(query).scalars())
 
 
 def look(cloud: Cloud) -> None:

@@ -5,14 +5,18 @@ from __future__ import annotations
 import logging
 import time
 from threading import Lock
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Final, Self
+
+from sqlalchemy import func, select
 
 from cloud.access import Scope
 from cloud.privacy.erasures import unheard
 from cloud.privacy.errors import ErasedError
 from cloud.problems import ProblemError
 from cloud.store.events import peak_row
-from eskin.errors import NoKeyError, PrivacyError, StoreError
+from cloud.store.node_sites import node_sites
+from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
+from eskin.identity import IdentityKind
 from eskin.messages import Block
 from eskin.privacy import Unveiler, Veiled
 
@@ -27,6 +31,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
+_COUNT: Final = select(func.count()).select_from(node_sites)
 _DEAF_S: Final = 10.0
 """After so long without a look at the store's erasures, the live feed is told nothing sealed."""
 
@@ -35,18 +40,18 @@ class Reader:
     """Opens sealed messages for one request, and notes whose.
 
     Args:
-        unveiler: Opens them.
-        opened: Takes the subjects; the request's answer ends when one of them is erased.
+        keyholder: Opens them.
+        opened: Takes sites and subjects; the request's answer ends when one of them is erased.
     """
 
-    def __init__(self, unveiler: Unveiler, opened: set[str]) -> None:
-        self._unveiler = unveiler
+    def __init__(self, keyholder: Keyholder, opened: set[tuple[str, str]]) -> None:
+        self._keyholder = keyholder
         self._opened = opened
 
     def read(self, node: str, veiled: Veiled) -> tuple[Block | Peak, bytes]:
         """As `Unveiler.read`."""
-        found = self._unveiler.read(node, veiled)
-        self._opened.add(veiled.subject)
+        found = self._keyholder.read(node, veiled)
+        self._opened.add((self._keyholder.site_of(node), veiled.subject))
         return found
 
 
@@ -65,16 +70,52 @@ class Keyholder:
 
     def __init__(self, vault: Vault | None) -> None:
         self.vault = vault
-        self._unveiler = None if vault is None else Unveiler(vault)
-        self._heard: set[str] = set()
+        self._sites: dict[str, str] = {}
+        self._held: dict[str, tuple[Vault, Unveiler]] = {}
+        self._opening = Lock()
+        self._heard: set[tuple[str, str]] = set()
         self._hearing = Lock()
         self._looked: float | None = None
 
+    def of(self, site: str) -> Vault:
+        """The key store of a site: its subjects are others than another site's of the same name.
+
+        Raises:
+            PrivacyError: It cannot be used, or this cloud holds no keys.
+        """
+        return self._open(site)[0]
+
+    def read(self, node: str, sealed: Veiled) -> tuple[Block | Peak, bytes]:
+        """What was sealed, by the key that its node's site gave; see `Unveiler.read`.
+
+        Raises:
+            PrivacyError: It cannot be read.
+        """
+        site = self.site_of(node)
+        if not site or self.vault is None:
+            raise NoKeyError(sealed.subject, erased=False)
+        return self._open(site)[1].read(node, sealed)
+
+    def site_of(self, node: str) -> str:
+        """A node's site, as far as the store told; empty where it has none."""
+        return self._sites.get(node, "")
+
+    def _open(self, site: str) -> tuple[Vault, Unveiler]:
+        if self.vault is None:
+            raise PrivacyError("this cloud holds no keys")
+        with self._opening:
+            if site not in self._held:
+                vault = self.vault.below(f"sites/{IdentityKind.SITE.require_name(site)}")
+                self._held[site] = vault, Unveiler(vault)
+            return self._held[site]
+
     def may(self, scopes: Iterable[Scope]) -> bool:
         """Whether somebody is shown what tells of a person."""
-        return self._unveiler is not None and Scope.BIOMETRIC in scopes
+        return self.vault is not None and Scope.BIOMETRIC in scopes
 
-    def reader(self, scopes: Iterable[Scope], connection: Connection, opened: set[str]) -> Reader:
+    def reader(
+        self, scopes: Iterable[Scope], connection: Connection, opened: set[tuple[str, str]]
+    ) -> Reader:
         """What opens sealed messages of whoever is not erased.
 
         Args:
@@ -86,11 +127,11 @@ class Keyholder:
             ProblemError: 403 without the scope, or where this cloud holds no keys.
             PrivacyError: The key of an erased subject cannot be destroyed.
         """
-        unveiler = self.require(scopes)
+        self.require(scopes)
         self.heed(connection)
-        return Reader(unveiler, opened)
+        return Reader(self, opened)
 
-    def require(self, scopes: Iterable[Scope]) -> Unveiler:
+    def require(self, scopes: Iterable[Scope]) -> Self:
         """Refuse whoever may not be shown what tells of a person.
 
         Raises:
@@ -102,16 +143,16 @@ class Keyholder:
                 "this channel tells of a person, and this token lacks the scope "
                 f"{Scope.BIOMETRIC}; ask for one that has it",
             )
-        if self._unveiler is None:
+        if self.vault is None:
             raise ProblemError(
                 403,
                 "this channel tells of a person, and this cloud holds no keys to read it; its "
                 "site does (keys.directory here, and keys.share at the gateway, would change that)",
             )
-        return self._unveiler
+        return self
 
-    def keep(self, pseudonym: str, key: bytes | None) -> str:
-        """Keep a copy of a subject's key; gives ``kept``, ``declined`` or ``erased``.
+    def keep(self, site: str, pseudonym: str, key: bytes | None) -> str:
+        """Keep a copy of a subject's key; gives ``kept``, ``declined``, ``erased`` or ``conflict``.
 
         Raises:
             PrivacyError: It cannot be written.
@@ -119,12 +160,15 @@ class Keyholder:
         if self.vault is None or key is None:
             return "declined"
         try:
-            self.vault.keep(pseudonym, key)
+            self.of(site).keep(pseudonym, key)
         except NoKeyError:
             return "erased"
+        except KeyConflictError as error:
+            log.error("subject's key differs: site=%s reason=%s", site, error)  # noqa: TRY400 - no fault of ours
+            return "conflict"
         return "kept"
 
-    def erase(self, pseudonym: str) -> bool:
+    def erase(self, site: str, pseudonym: str) -> bool:
         """Destroy the copy of a subject's key, for good, also where there never was one.
 
         Returns:
@@ -133,10 +177,11 @@ class Keyholder:
         Raises:
             PrivacyError: It cannot be destroyed.
         """
-        if self.vault is None or self._unveiler is None:
+        if self.vault is None:
             return False
-        new = self.vault.bury(pseudonym)
-        self._unveiler.forget(pseudonym)
+        vault, unveiler = self._open(site)
+        new = vault.bury(pseudonym)
+        unveiler.forget(pseudonym)
         return new
 
     def heed(self, connection: Connection) -> None:
@@ -149,14 +194,17 @@ class Keyholder:
             return
         begun = time.monotonic()
         with self._hearing:
-            for subject in unheard(connection, self._heard):
-                if self.erase(subject):
-                    log.info("erased, as another cloud was told: subject=%s", subject)
-                self._heard.add(subject)
+            if connection.execute(_COUNT).scalar_one() != len(self._sites):
+                rows = connection.execute(select(node_sites.c.node, node_sites.c.site))
+                self._sites = {row.node: row.site for row in rows}
+            for site, subject in unheard(connection, self._heard):
+                if self.erase(site, subject):
+                    log.info("erased, as another cloud was told: site=%s subject=%s", site, subject)
+                self._heard.add((site, subject))
             self._looked = begun
 
-    def require_unerased(self, connection: Connection, subjects: Iterable[str]) -> None:
-        """Check that none of the subjects was erased, here or at another cloud on this store.
+    def require_unerased(self, connection: Connection, subjects: Iterable[tuple[str, str]]) -> None:
+        """Check that none of some subjects, each with its site, was erased, here or elsewhere.
 
         Raises:
             ErasedError: One was.
@@ -164,9 +212,9 @@ class Keyholder:
         """
         self.heed(connection)
         if self.vault is not None:
-            for subject in subjects:
+            for site, subject in subjects:
                 try:
-                    self.vault.require(subject)
+                    self.of(site).require(subject)
                 except NoKeyError as error:
                     raise ErasedError(error) from error
 
@@ -175,15 +223,15 @@ class Keyholder:
 
         It raises StoreError where nobody has looked for erasures for long: see `hear`.
         """
-        unveiler = self._unveiler if self.may(scopes) else None
+        shown = self.may(scopes)
 
         def revealed(entry: Entry) -> Entry | None:
             if entry.veiled is None:
                 return entry
-            if unveiler is None:
+            if not shown:
                 return None
             self._require_hearing()
-            return _open(unveiler, entry, entry.veiled)
+            return _open(self, entry, entry.veiled)
 
         return revealed
 
@@ -193,10 +241,10 @@ class Keyholder:
             raise StoreError(f"whom other clouds erased was not heard for {_DEAF_S:.0f} s")
 
 
-def _open(unveiler: Unveiler, entry: Entry, sealed: bytes) -> Entry | None:
+def _open(reader: Keyholder, entry: Entry, sealed: bytes) -> Entry | None:
     try:
-        message, data = unveiler.read(entry.node, Veiled.decode(sealed))
-    except PrivacyError:  # erased since, or never given
+        message, data = reader.read(entry.node, Veiled.decode(sealed))
+    except (PrivacyError, MessageError):  # erased since, never given, or damaged
         return None
     if isinstance(message, Block):
         return entry._replace(block=data, veiled=None)

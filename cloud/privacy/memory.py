@@ -13,27 +13,37 @@ from sqlalchemy import create_engine, insert, select
 from sqlalchemy.pool import StaticPool
 
 from cloud.privacy.errors import ErasedError
+from cloud.privacy.sealed_rows import open_row
+from cloud.store.digest import checksum, digest
 from cloud.store.intake import take_in
 from cloud.store.item import Item
-from cloud.store.schema import blocks, channels, events, feed, metadata, nodes, sequences
+from cloud.store.schema import (
+    blocks,
+    channels,
+    digests,
+    events,
+    feed,
+    metadata,
+    nodes,
+    sequences,
+)
 from cloud.store.sealed import veiled
 from cloud.store.tiles import stale, tiles
 from cloud.store.write_cache import WriteCache
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Block, BlockSummary
-from eskin.privacy import Veiled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from sqlalchemy import Connection, Engine, RowMapping
 
-    from cloud.privacy.keyholder import Reader
+    from cloud.privacy.sealed_rows import Reader
     from cloud.query.window import Window
 
 MOST: Final = 20_000
 """Most sealed blocks that are opened for one question."""
-_TABLES: Final = [nodes, channels, blocks, events, sequences, feed, tiles, stale]
+_TABLES: Final = [nodes, channels, blocks, events, sequences, digests, feed, tiles, stale]
 
 
 @contextmanager
@@ -63,33 +73,37 @@ def unveiled(
         engine.dispose()
 
 
-def _sealed(connection: Connection, channel: RowMapping, window: Window) -> Sequence[bytes]:
+def _sealed(connection: Connection, channel: RowMapping, window: Window) -> Sequence[RowMapping]:
     v = veiled.c
-    query = select(v.data).where(
+    query = select(v.node, v.boot, v.sequence, v.data).where(
         v.node == channel["node"],
         v.channel == channel["channel"],
         v.kind == "block",
         v.t_lo < window.end,
         v.t_hi >= window.start,
     )
-    found = connection.execute(query.order_by(v.t_lo, v.cursor).limit(MOST + 1)).scalars().all()
+    found = connection.execute(query.order_by(v.t_lo, v.cursor).limit(MOST + 1)).mappings().all()
     if len(found) > MOST:
         raise QueryError("start", f"to end are over {MOST} sealed blocks; ask for less")
     return found
 
 
-def _open(reader: Reader, node: str, sealed: Sequence[bytes]) -> list[Item]:
+def _open(reader: Reader, node: str, sealed: Sequence[RowMapping]) -> list[Item]:
     """What can be opened; the rest is missing, as a gap is."""
     items: list[Item] = []
     lost: NoKeyError | None = None
-    for data in sealed:
+    for row in sealed:
         try:
-            message, plaintext = reader.read(node, Veiled.decode(data))
+            opened = open_row(reader, row)
         except NoKeyError as error:
             lost = error
             continue
+        if opened is None:
+            continue
+        message, plaintext = opened
         said = message.summary if isinstance(message, Block) else message
-        items.append(Item(node, plaintext, said))
+        own = digest(plaintext), checksum(plaintext)
+        items.append(Item(node, plaintext, said, None, None, *own))
     if lost is not None and not items:
         raise ErasedError(lost)
     return items

@@ -16,6 +16,8 @@ from eskin.messages.fields import items, load_any
 from eskin.privacy.subject import KEY_BYTES, is_pseudonym
 
 if TYPE_CHECKING:
+    from collections.abc import Collection
+
     from sqlalchemy import Connection
 
 MOST: Final = 10_000
@@ -54,8 +56,25 @@ class Notice:
             raise MalformedBatchError("the body is no notice of subjects") from error
 
 
-def note(connection: Connection, notice: Notice, *, gateway: str, now: int) -> None:
-    """Keep what is new of a notice, with the deeds that it tells of, within a transaction."""
+def note(
+    connection: Connection,
+    notice: Notice,
+    *,
+    site: str,
+    gateway: str,
+    now: int,
+    conflicts: Collection[str] = (),
+) -> None:
+    """Keep what is new of a notice, with the deeds that it tells of, within a transaction.
+
+    Args:
+        connection: The writing thread's.
+        notice: Of nodes of the site.
+        site: The gateway's.
+        gateway: Who tells.
+        now: UTC ns.
+        conflicts: Subjects whose key is another one than the one that is kept.
+    """
     for worn in notice.worn:
         here = (wearers.c.node == worn.node) & (wearers.c.subject == worn.subject)
         if connection.execute(select(wearers.c.told).where(here)).first() is None:
@@ -63,11 +82,16 @@ def note(connection: Connection, notice: Notice, *, gateway: str, now: int) -> N
             connection.execute(insert(wearers), row)
             deed = Deed(gateway, "", Action.SUBJECT_ASSIGNED, worn.node, worn.subject)
             record(connection, deed, now=now)
-    known = select(erased_subjects.c.subject)
+    for subject in sorted(set(conflicts)):
+        deed = Deed(gateway, "", Action.KEY_CONFLICT, subject, site)
+        record(connection, deed, now=now)
+    e = erased_subjects.c
     for subject in notice.erased:
-        if connection.execute(known.where(erased_subjects.c.subject == subject)).first() is None:
-            connection.execute(insert(erased_subjects), {"subject": subject, "erased": now})
-            record(connection, Deed(gateway, "", Action.SUBJECT_ERASED, subject), now=now)
+        known = select(e.subject).where(e.site == site, e.subject == subject)
+        if connection.execute(known).first() is None:
+            row = {"site": site, "subject": subject, "erased": now}
+            connection.execute(insert(erased_subjects), row)
+            record(connection, Deed(gateway, "", Action.SUBJECT_ERASED, subject, site), now=now)
 
 
 def _worn(item: object) -> Worn:

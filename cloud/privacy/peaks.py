@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
+from cloud.privacy.sealed_rows import open_row
 from cloud.store.events import peak_row
 from cloud.store.sealed import veiled
 from eskin.errors import NoKeyError
 from eskin.messages import Peak
-from eskin.privacy import Veiled
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, RowMapping, Select
 
-    from cloud.privacy.keyholder import Reader
+    from cloud.privacy.sealed_rows import Reader
     from cloud.query.events import EventQuestion
 
 
@@ -74,9 +74,12 @@ def _sure(found: list[dict[str, Any]], limit: int, row: RowMapping, *, rising: b
 
 def _open(reader: Reader, row: RowMapping) -> dict[str, Any] | None:
     try:
-        message, data = reader.read(row["node"], Veiled.decode(row["data"]))
+        opened = open_row(reader, row)
     except NoKeyError:
         return None
+    if opened is None:
+        return None
+    message, data = opened
     if not isinstance(message, Peak):
         return None
     return peak_row(row["node"], message, data) | {"cursor": row["cursor"]}

@@ -13,6 +13,7 @@ from sqlalchemy import and_, bindparam, func, not_, select
 from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
 from cloud.query.span import TOUCHING, clip, near, touching
 from cloud.query.window import Window
+from cloud.store.damage import DamagedRow, is_sound
 from cloud.store.schema import blocks
 from eskin.messages.pack import Pack, is_pack
 from eskin.messages.stored import read_bounds
@@ -26,8 +27,14 @@ if TYPE_CHECKING:
     from cloud.pyramid.pieces import Integers
     from eskin.interval import Floats
 
-DECODED: Final = tuple(blocks.c[name] for name in ("t", "dt", "n", "error", "coverage", "data"))
-"""What of a block's row tells of its samples."""
+DECODED: Final = tuple(
+    blocks.c[name]
+    for name in (
+        *("t", "dt", "n", "error", "coverage", "data"),
+        *("digest", "node", "boot", "sequence", "packed"),
+    )
+)
+"""What of a block's row tells of its samples, and whether it is as it was written."""
 _IN_ORDER: Final = select(*DECODED).order_by(blocks.c.t, blocks.c.boot, blocks.c.sequence)
 _TOUCHING: Final = _IN_ORDER.where(TOUCHING)
 _COUNTS: Final = select(blocks.c.n).where(TOUCHING).limit(bindparam("most"))
@@ -98,8 +105,16 @@ def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Pieces:
 
 
 def _holding(rows: Sequence[Any], window: Window) -> list[Any]:
-    """Those of whose samples any lies in a window: slow ones may reach over it without."""
-    return [row for row in rows if le(*clip(row[0], row[1], row[2], window))]
+    """The heads and bytes of those of whose samples any lies in a window, and that are sound.
+
+    Slow ones may reach over it without; what a damaged one held is a gap.
+    """
+    return [
+        row[:6]
+        for row in rows
+        if le(*clip(row[0], row[1], row[2], window))
+        and is_sound(row[5], row[6], DamagedRow(*row[7:]))
+    ]
 
 
 class _Head(NamedTuple):

@@ -7,9 +7,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from sqlalchemy import delete, insert, select
 
+from cloud.pyramid.blocks import Buckets, read_folded
 from cloud.pyramid.pieces import Pieces, concatenated
+from cloud.query.places import find_channel
+from cloud.query.window import Window
+from cloud.store.damage import is_sound_tile
+from cloud.store.digest import checksum
 from cloud.store.grid import CHUNK, STEP, TOP
 from cloud.store.tiles import tiles
+from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -39,12 +45,14 @@ def _above(
 ) -> dict[int, Pieces]:
     """The chunks of a level over some of the level below."""
     numbers = sorted({chunk >> STEP for chunk in below})
-    query = select(tiles.c.chunk, tiles.c.data).where(_at(place, level, numbers))
+    query = select(tiles.c.chunk, tiles.c.data, tiles.c.digest)
+    query = query.where(_at(place, level, numbers))
     standing = connection.execute(query).all()
     changed = np.array(sorted(below), np.int64)
     parts: dict[int, list[Pieces]] = {number: [] for number in numbers}
-    for number, data in standing:
-        old = Pieces.unpack([data])
+    for number, data, own in standing:
+        sound = is_sound_tile(data, own, (*place, level, number))
+        old = Pieces.unpack([data]) if sound else _anew(connection, place, level, number)
         beneath = old.first >> (level - STEP + CHUNK)
         parts[number].append(old[~np.isin(beneath, changed)])
     for chunk, pieces in below.items():
@@ -52,12 +60,21 @@ def _above(
     return {number: concatenated(each) for number, each in parts.items()}
 
 
+def _anew(connection: Connection, place: tuple[str, str], level: int, number: int) -> Pieces:
+    """A chunk from its blocks, in the place of one that is damaged."""
+    start, end = number << (level + CHUNK), (number + 1) << (level + CHUNK)
+    buckets = Buckets(start, 1 << level, 1 << CHUNK)
+    channel = find_channel(connection, *place)
+    return read_folded(connection, channel, Window(start, min(end, MOST_MOMENT)), buckets)
+
+
 def _replace(
     connection: Connection, place: tuple[str, str], level: int, chunks: Mapping[int, Pieces]
 ) -> None:
     connection.execute(delete(tiles).where(_at(place, level, chunks)))
     key = {"node": place[0], "channel": place[1], "level": level}
-    rows = [key | {"chunk": n, "data": each.pack()} for n, each in chunks.items() if len(each)]
+    packed = {n: each.pack() for n, each in chunks.items() if len(each)}
+    rows = [key | {"chunk": n, "data": d, "digest": checksum(d)} for n, d in packed.items()]
     if rows:
         connection.execute(insert(tiles), rows)
 

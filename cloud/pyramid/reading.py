@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 from sqlalchemy import bindparam, select
 
-from cloud.pyramid.blocks import Buckets, read_buckets
+from cloud.pyramid.blocks import Buckets, read_buckets, read_folded
 from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
 from cloud.pyramid.ranges import Range, coarsened, merged, refined, without
 from cloud.query.window import Window
+from cloud.store.damage import is_sound_tile
 from cloud.store.grid import CHUNK, STEP
 from cloud.store.tiles import stale, tiles
 from eskin.moment import MOST_MOMENT
@@ -27,7 +28,7 @@ _STALE: Final = select(stale.c.chunk).where(
     stale.c.chunk.between(bindparam("first"), bindparam("last")),
 )
 _TILES: Final = (
-    select(tiles.c.data)
+    select(tiles.c.chunk, tiles.c.data, tiles.c.digest)
     .where(
         tiles.c.node == bindparam("node"),
         tiles.c.channel == bindparam("channel"),
@@ -92,15 +93,43 @@ def find_open(connection: Connection, channel: RowMapping, within: Range) -> lis
 def read_tiles(
     connection: Connection, channel: RowMapping, level: int, ranges: list[Range]
 ) -> Pieces:
-    """The tiles of a level whose numbers lie in some ranges, as they stand."""
+    """The tiles of a level whose numbers lie in some ranges, as they stand.
+
+    In the place of chunks that are damaged, blocks are read.
+    """
     chunks = [n for first, end in coarsened(ranges, CHUNK) for n in range(first, end)]
     if not chunks:
         return EMPTY
     query, said = _TILES, _said(channel, chunks[0], chunks[-1]) | {"level": level}
     if chunks[-1] - chunks[0] >= len(chunks):
         query = query.where(tiles.c.chunk.in_(chunks))
-    found = Pieces.unpack(connection.execute(query, said).scalars().all())
-    return _inside(found, found.first >> level, ranges)
+    place = channel["node"], channel["channel"], level
+    sound: list[bytes] = []
+    damaged: list[Range] = []
+    for chunk, data, own in connection.execute(query, said):
+        if is_sound_tile(data, own, (*place, chunk)):
+            sound.append(data)
+        else:
+            damaged.append((chunk << CHUNK, (chunk + 1) << CHUNK))
+    found = Pieces.unpack(sound)
+    read = _inside(found, found.first >> level, ranges)
+    if not damaged:
+        return read
+    lost = [_folded(connection, channel, level, each) for each in _common(ranges, damaged)]
+    return concatenated([read, *lost])
+
+
+def _folded(connection: Connection, channel: RowMapping, level: int, within: Range) -> Pieces:
+    """Tiles with some numbers of a level, from blocks."""
+    start, end = within[0] << level, min(within[1] << level, MOST_MOMENT)
+    buckets = Buckets(start, 1 << level, within[1] - within[0])
+    return read_folded(connection, channel, Window(start, end), buckets)
+
+
+def _common(ranges: list[Range], others: list[Range]) -> list[Range]:
+    """What lies in one of some ranges and in one of others."""
+    found = [(max(a, c), min(b, d)) for a, b in ranges for c, d in others]
+    return [(first, end) for first, end in found if first < end]
 
 
 def _said(channel: RowMapping, first: int, last: int) -> dict[str, str | int]:

@@ -14,6 +14,7 @@ import numpy as np
 from sqlalchemy import and_, case, or_, select, tuple_
 
 from cloud.query.span import before, clip, count, touching
+from cloud.store.damage import DamagedRow, is_sound
 from cloud.store.schema import blocks, channels
 from eskin.messages import Block
 from eskin.messages.compression import decompress
@@ -193,7 +194,7 @@ class Export:
         if until is not None and until.channel == index:
             where += [b.t <= until.t, key <= until[1:]]
         data = b.data if whole else case((b.packed.is_not(None), b.data), else_=None)
-        query = select(b.t, b.boot, b.sequence, b.n, b.dt, b.packed, data)
+        query = select(b.t, b.boot, b.sequence, b.n, b.dt, b.packed, data, b.digest, b.node)
         return query.where(*where).order_by(b.t, b.boot, b.sequence)
 
 
@@ -207,8 +208,10 @@ class _Found(NamedTuple):
 
 
 def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_Found]:
-    """The blocks of a row, as `Export._ordered` asks for it."""
-    t, boot, sequence, n, dt, packed, data = row
+    """The blocks of a row, as `Export._ordered` asks for it; none of a damaged one."""
+    t, boot, sequence, n, dt, packed, data, digest, node = row
+    if data is not None and not is_sound(data, digest, DamagedRow(node, boot, sequence, packed)):
+        return []
     if packed is None:
         return [_Found((t, boot, sequence), n, dt, data)]
     pack = Pack.read(data)

@@ -29,7 +29,7 @@ _COLUMNS: Final = tuple(
     blocks.c[name]
     for name in (
         *("node", "boot", "sequence", "t", "t_end", "n", "dt"),
-        *("error", "coverage", "lo", "hi"),
+        *("error", "coverage", "lo", "hi", "digest", "packed"),
     )
 )
 

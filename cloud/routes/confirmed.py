@@ -15,6 +15,7 @@ from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, ConfirmedDocument
 from cloud.store.holes import find_tails, note_ends
+from cloud.store.node_sites import sites_of
 from cloud.store.presence import note_absent
 
 log = logging.getLogger(__name__)
@@ -35,7 +36,9 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
 
         def find() -> list[tuple[str, int, int, int]]:
             with cloud.store.read() as connection:
-                return find_tails(connection, confirmed)
+                sites = sites_of(connection, {each[0] for each in confirmed})
+                own = [each for each in confirmed if sites.get(each[0]) == posted.gateway.site]
+                return find_tails(connection, own)
 
         missing = await asyncio.to_thread(find)
 

@@ -49,28 +49,35 @@ async def post_deliveries(cloud: CloudState, request: Request) -> Response:
     deadline = time.monotonic() + holding.wait_s
     while True:
         version = cloud.board.version
-        changes = await asyncio.to_thread(_find, cloud, holding)
+        changes = await asyncio.to_thread(_find, cloud, holding, posted.gateway.site)
         left = deadline - time.monotonic()
         if changes.give or changes.drop or left <= 0 or cloud.board.closed:
             return CborResponse(changes.encode())
         await cloud.board.wait(version, min(left, _LOOK_S))
 
 
-def _find(cloud: Cloud, holding: Holding) -> Changes:
+def _find(cloud: Cloud, holding: Holding, site: str) -> Changes:
     with cloud.store.read() as connection:
-        return find_changes(connection, holding, now=cloud.clock())
+        return find_changes(connection, holding, site=site, now=cloud.clock())
 
 
 async def _mark(cloud: Cloud, posted: Received, holding: Holding) -> None:
     def unmarked() -> list[tuple[str, int]]:
         with cloud.store.read() as connection:
-            return find_unmarked(connection, holding)
+            return find_unmarked(connection, holding, site=posted.gateway.site)
 
     sent = await asyncio.to_thread(unmarked) if holding.sent else []
 
     def work(connection: Connection) -> None:
         now, wait = cloud.clock(), round(holding.wait_s * SECOND)
         mark_delivered(connection, sent, now=now)
-        hear(connection, posted.gateway.name, posted.condition, now=now, wait=wait)
+        hear(
+            connection,
+            posted.gateway.name,
+            site=posted.gateway.site,
+            condition=posted.condition,
+            now=now,
+            wait=wait,
+        )
 
     await asyncio.wrap_future(cloud.store.write(work))

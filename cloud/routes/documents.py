@@ -194,7 +194,7 @@ class EventDocument(BaseModel):
     id: str
     node: str
     channel: str | None
-    kind: Literal["peak", "gap", "status", "command"]
+    kind: Literal["peak", "gap", "status", "command", "conflict"]
     verdict: Literal["certain", "possible"] | None
     time: TimeDocument
     height: IntervalDocument | None
@@ -293,7 +293,7 @@ class PageDocument(BaseModel, Generic[T]):
 class ResultDocument(BaseModel):
     """What became of one message."""
 
-    result: Literal["stored", "duplicate", "rejected"]
+    result: Literal["stored", "duplicate", "rejected", "unknown_node"]
     reason: str | None
 
 
@@ -325,6 +325,7 @@ class SubjectDocument(BaseModel):
     """A subject, by pseudonym: the nodes it wore, the sealed messages held, when it was erased."""
 
     id: str
+    site: str
     nodes: list[str]
     messages: int
     erased: Moment | None
@@ -334,7 +335,7 @@ class NoticeItem(BaseModel):
     """What became of a subject's key here."""
 
     id: str
-    result: Literal["kept", "declined", "erased"]
+    result: Literal["kept", "declined", "erased", "conflict", "unknown_node"]
 
 
 class NoticeDocument(BaseModel):

@@ -26,7 +26,7 @@ class EventsQuery(BaseModel):
 
     node: str | None = Field(default=None, max_length=100, description="of this node only")
     channel: str | None = Field(default=None, max_length=100, description="of this channel only")
-    kind: Literal["peak", "gap", "status", "command"] | None = Field(
+    kind: Literal["peak", "gap", "status", "command", "conflict"] | None = Field(
         default=None, description="only these"
     )
     verdict: Literal["certain", "possible"] | None = Field(default=None, description="only these")

@@ -39,6 +39,7 @@ class GatewayDocument(BaseModel):
     """A gateway; what it does not tell is null."""
 
     id: str
+    site: str
     health: Literal["online", "late", "offline"]
     first_heard: Moment
     last_heard: Moment
@@ -85,6 +86,7 @@ def _shape(cloud: Cloud, row: Row) -> Json:
         }
     return {
         "id": row["gateway"],
+        "site": row["site"],
         "health": _health(cloud, row),
         "first_heard": format_moment(row["first_heard"]),
         "last_heard": format_moment(row["last_heard"]),

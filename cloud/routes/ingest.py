@@ -19,7 +19,7 @@ from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
 from cloud.state import Cloud
 from cloud.store.gateways import hear
-from cloud.store.intake import Outcome, take_in
+from cloud.store.intake import UNKNOWN_NODE, Outcome, take_in
 from cloud.store.item import Item
 from cloud.store.salvage import take_in_apart
 from eskin.messages import Result
@@ -63,8 +63,14 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
             extra={"source": posted.gateway.name},
         )
     cloud.metrics.buried.inc(outcome.buried)
+    cloud.metrics.conflicts.inc(outcome.conflicts)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
-    watched = cloud.onlookers.watched(dict.fromkeys(item.node for item in items))
+    own = (
+        item.node
+        for item, receipt in zip(items, outcome.results, strict=True)
+        if receipt.result != UNKNOWN_NODE
+    )
+    watched = cloud.onlookers.watched(dict.fromkeys(own))
     return as_json({"items": results, "watched": dict.fromkeys(watched, cloud.onlookers.lasting)})
 
 
@@ -72,9 +78,17 @@ async def _store(cloud: Cloud, posted: Received, items: Sequence[Item]) -> Outco
     store, most = cloud.store, cloud.settings.store.dead_letters
 
     def work(take: Callable[..., Outcome], connection: Connection) -> Outcome:
-        now, gateway = cloud.clock(), posted.gateway.name
-        outcome = take(connection, store.cache, items, gateway=gateway, now=now, dead_letters=most)
-        hear(connection, gateway, posted.condition, now=now, outcome=outcome)
+        now, gateway, site = cloud.clock(), posted.gateway.name, posted.gateway.site
+        outcome = take(
+            connection,
+            store.cache,
+            items,
+            gateway=gateway,
+            site=site,
+            now=now,
+            dead_letters=most,
+        )
+        hear(connection, gateway, site=site, condition=posted.condition, now=now, outcome=outcome)
         return outcome
 
     written = store.write(

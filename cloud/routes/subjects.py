@@ -2,15 +2,18 @@
 
 import asyncio
 from collections.abc import Iterator
+from operator import itemgetter
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
 from sqlalchemy import func, select
 from starlette.responses import Response, StreamingResponse
 
 from cloud.dependencies import Access, Administrator, BiometricReader, CloudState
 from cloud.privacy.erasures import look
 from cloud.privacy.keyholder import Reader
+from cloud.privacy.sealed_rows import open_row
 from cloud.problems import ProblemError
 from cloud.query.errors import UnknownPlaceError
 from cloud.routes.answers import as_json
@@ -25,11 +28,11 @@ from cloud.shapes import block_shape, dump, event_shape, page
 from cloud.state import Cloud
 from cloud.store.audit_log import Action, Deed, record
 from cloud.store.events import peak_row
+from cloud.store.node_sites import node_sites
 from cloud.store.sealed import erased_subjects, veiled, wearers
-from eskin.errors import NoKeyError
+from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Peak
 from eskin.moment import format_moment
-from eskin.privacy import Veiled
 
 router = APIRouter(tags=["subjects"])
 
@@ -42,23 +45,40 @@ def get_subjects(
 ) -> Response:
     """All pseudonyms that gateways told of, the nodes they wore, and what is held of them."""
     del query
-    counted = select(veiled.c.subject, func.count()).group_by(veiled.c.subject)
+    n, v, e = node_sites.c, veiled.c, erased_subjects.c
+    owned = veiled.join(node_sites, n.node == v.node)
+    counted = select(n.site, v.subject, func.count()).select_from(owned)
+    told = wearers.join(node_sites, n.node == wearers.c.node)
+    wore = select(n.site, wearers.c.subject, wearers.c.node).select_from(told)
     with cloud.store.read() as connection:
-        held = {row[0]: int(row[1]) for row in connection.execute(counted)}
-        gone = {row[0]: row[1] for row in connection.execute(select(erased_subjects))}
-        worn: dict[str, list[str]] = {}
-        for row in connection.execute(select(wearers).order_by(wearers.c.node)):
-            worn.setdefault(row.subject, []).append(row.node)
+        rows = connection.execute(counted.group_by(n.site, v.subject))
+        held = {(row[0], row[1]): int(row[2]) for row in rows}
+        rows = connection.execute(select(e.site, e.subject, e.erased))
+        gone = {(row[0], row[1]): row[2] for row in rows}
+        worn: dict[tuple[str, str], list[str]] = {}
+        for site, subject, node in connection.execute(wore.order_by(wearers.c.node)):
+            worn.setdefault((site, subject), []).append(node)
     items = [
         {
-            "id": subject,
-            "nodes": worn.get(subject, []),
-            "messages": held.get(subject, 0),
-            "erased": None if subject not in gone else format_moment(gone[subject]),
+            "id": place[1],
+            "site": place[0],
+            "nodes": worn.get(place, []),
+            "messages": held.get(place, 0),
+            "erased": None if place not in gone else format_moment(gone[place]),
         }
-        for subject in sorted(held.keys() | gone.keys() | worn.keys())
+        for place in sorted(held.keys() | gone.keys() | worn.keys(), key=itemgetter(1, 0))
     ]
     return as_json(page(items, None))
+
+
+class SubjectExportQuery(BaseModel):
+    """Of which site the subject is."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    site: str | None = Field(
+        default=None, max_length=100, description="needed where several sites have that pseudonym"
+    )
 
 
 @router.get(
@@ -67,32 +87,52 @@ def get_subjects(
     responses={200: {"content": {_LINES: {}}}, **REFUSALS_OF_PLACE},
 )
 async def get_export(
-    cloud: CloudState, access: BiometricReader, subject: str, query: Annotated[NoQuery, Query()]
+    cloud: CloudState,
+    access: BiometricReader,
+    subject: str,
+    query: Annotated[SubjectExportQuery, Query()],
 ) -> Response:
     """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
-    del query
     reader = Reader(cloud.keyholder.require(access.holder.scopes), access.opened)
-    await asyncio.to_thread(_require_key, cloud, subject)
-    deed = Deed(access.doer.name, access.doer.address, Action.SUBJECT_EXPORTED, subject)
+    site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
+    deed = Deed(access.doer.name, access.doer.address, Action.SUBJECT_EXPORTED, subject, site)
     written = cloud.store.write(lambda c: record(c, deed, now=cloud.clock()))
     await asyncio.wrap_future(written)
-    return StreamingResponse(stream_lines(cloud, access, reader, subject), media_type=_LINES)
+    lines = stream_lines(cloud, access, reader, site, subject)
+    return StreamingResponse(lines, media_type=_LINES)
 
 
-def _require_key(cloud: Cloud, subject: str) -> None:
-    if cloud.keyholder.vault is not None:
-        look(cloud)
+def _require_site(cloud: Cloud, subject: str, site: str | None) -> str:
+    """The site of a subject whose key is here."""
+    look(cloud)
+    with cloud.store.read() as connection:
+        rows = connection.execute(select(node_sites.c.site).distinct())
+        sites = [each for each in rows.scalars() if site in {None, each}]
+    refusal = f"subject {subject[:100]} has no key here"
+    found: list[str] = []
+    for each in sites:
         try:
-            cloud.keyholder.vault.find(subject)
+            cloud.keyholder.of(each).find(subject)
+            found.append(each)
         except NoKeyError as error:
-            raise UnknownPlaceError("subject", str(error)[:200]) from error
+            refusal = str(error)[:200] if error.erased else refusal
+    if len(found) > 1:
+        raise QueryError("site", f"several have that subject: {', '.join(sorted(found))}; name one")
+    if not found:
+        raise UnknownPlaceError("subject", refusal)
+    return found[0]
 
 
-def stream_lines(cloud: Cloud, access: Access, reader: Reader, subject: str) -> Iterator[bytes]:
+def stream_lines(
+    cloud: Cloud, access: Access, reader: Reader, site: str, subject: str
+) -> Iterator[bytes]:
     """A subject's lines, for as long as the reader may read."""
     last = -1
+    own = select(node_sites.c.node).where(node_sites.c.site == site)
     while True:
-        query = select(veiled).where(veiled.c.subject == subject, veiled.c.cursor > last)
+        query = select(veiled).where(
+            veiled.c.subject == subject, veiled.c.cursor > last, veiled.c.node.in_(own)
+        )
         with cloud.store.read() as connection:
             cloud.keyholder.heed(connection)
             rows = connection.execute(query.order_by(veiled.c.cursor).limit(200)).mappings().all()
@@ -101,12 +141,17 @@ def stream_lines(cloud: Cloud, access: Access, reader: Reader, subject: str) -> 
         for row in rows:
             if not access.lasts():
                 raise ProblemError(401, "the token was revoked while it was used")
-            yield dump(_line(cloud, reader, dict(row))) + b"\n"
+            line = _line(cloud, reader, dict(row))
+            if line is not None:
+                yield dump(line) + b"\n"
         last = rows[-1]["cursor"]
 
 
-def _line(cloud: Cloud, reader: Reader, row: dict[str, Any]) -> dict[str, Any]:
-    message, data = reader.read(row["node"], Veiled.decode(row["data"]))
+def _line(cloud: Cloud, reader: Reader, row: dict[str, Any]) -> dict[str, Any] | None:
+    opened = open_row(reader, row)
+    if opened is None:
+        return None
+    message, data = opened
     if isinstance(message, Peak):
         known = peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
         return event_shape(known, cloud.feed.ids)

@@ -40,6 +40,7 @@ class Action(StrEnum):
     COMMAND = "command issued"
     SUBJECT_ASSIGNED = "subject assigned"
     SUBJECT_ERASED = "subject erased"
+    KEY_CONFLICT = "subject key differs"
     SUBJECT_EXPORTED = "subject exported"
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import BigInteger, Column, Table, insert, select, update
 
+from cloud.store.node_sites import SITE_LENGTH
 from cloud.store.schema import NODE_LENGTH, metadata
 from cloud.store.words import Words
 
@@ -20,6 +21,7 @@ gateways: Final = Table(
     "gateways",
     metadata,
     Column("gateway", Words(NODE_LENGTH + 9), primary_key=True),
+    Column("site", Words(SITE_LENGTH), nullable=False),
     Column("first_heard", BigInteger, nullable=False),
     Column("last_heard", BigInteger, nullable=False),
     Column("due", BigInteger, nullable=False),
@@ -43,13 +45,15 @@ gateways: Final = Table(
 itself last, ``oldest`` for how long its oldest message had waited then. ``latest`` is when its
 latest block was stored, and ``lag_lo`` to ``lag_hi`` how long after that block's last sample.
 """
+_COUNTED: Final = ("stored", "duplicate", "rejected")
 
 
 def hear(
     connection: Connection,
     gateway: str,
-    condition: Condition | None,
     *,
+    site: str,
+    condition: Condition | None,
     now: int,
     wait: int = 0,
     outcome: Outcome | None = None,
@@ -59,6 +63,7 @@ def hear(
     Args:
         connection: The writing thread's, in a transaction.
         gateway: Its name.
+        site: Its site.
         condition: What it tells of itself, if it does.
         now: UTC ns.
         wait: For how long it waits now, ns.
@@ -71,7 +76,8 @@ def hear(
         values |= {"told": now, **condition._asdict()}
     counts: Counter[str] = Counter()
     if outcome is not None:
-        counts.update(receipt.result for receipt in outcome.results)
+        results = (receipt.result for receipt in outcome.results)
+        counts.update(result for result in results if result in _COUNTED)
         if outcome.lag is not None:
             values |= {"latest": now, "lag_lo": outcome.lag[0], "lag_hi": outcome.lag[1]}
     g = gateways.c
@@ -79,9 +85,8 @@ def hear(
     changed = update(gateways).where(g.gateway == gateway).values(**values, **added)
     if connection.execute(changed).rowcount:
         return
-    fresh = {"gateway": gateway, "first_heard": now, "due": now} | dict.fromkeys(
-        ("stored", "duplicate", "rejected"), 0
-    )
+    fresh = {"gateway": gateway, "site": site, "first_heard": now, "due": now}
+    fresh |= dict.fromkeys(_COUNTED, 0)
     connection.execute(insert(gateways).values(**fresh | values | counts))
 
 

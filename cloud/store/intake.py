@@ -7,7 +7,7 @@ import logging
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
-from sqlalchemy import insert
+from sqlalchemy import insert, select
 
 from cloud.store.block_run import BlockRun
 from cloud.store.bulk import Inserts, inserts
@@ -17,35 +17,38 @@ from cloud.store.dead_letters import bury
 from cloud.store.entry import Entry
 from cloud.store.events import event_row, gap_row, peak_row, status_row
 from cloud.store.holes import note_ends, note_lost, state_flash_age
+from cloud.store.item import is_node
 from cloud.store.numbers import MOST_RANGES
 from cloud.store.presence import note_veiled_lag, see
 from cloud.store.schema import blocks, events
-from cloud.store.sealed import veiled
-from eskin.messages import BlockSummary, Gap, Peak, Result, Status
+from cloud.store.sealed import erased_subjects, veiled
+from eskin.messages import BlockSummary, Gap, Peak, Position, Result, Status
 from eskin.privacy import Veiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from collections.abc import Set as AbstractSet
 
     from sqlalchemy import Connection
 
     from cloud.store.item import Item
     from cloud.store.write_cache import Row, WriteCache
-    from eskin.messages import Position
 
 log = logging.getLogger(__name__)
 
 STORED: Final = "stored"
 DUPLICATE: Final = "duplicate"
 REJECTED: Final = "rejected"
+UNKNOWN_NODE: Final = "unknown_node"
 
 
 class Receipt(NamedTuple):
     """What became of one item.
 
     Attributes:
-        result: ``stored``, ``duplicate`` or ``rejected``.
-        reason: Why it was rejected.
+        result: ``stored``, ``duplicate``, ``rejected``, or ``unknown_node``: nothing is kept of it
+            until the gateway presents a certificate of that node for its own site.
+        reason: Why it was rejected, or is not kept.
     """
 
     result: str
@@ -56,6 +59,13 @@ _Other: TypeAlias = Peak | Gap | Status | Result | Veiled
 """Whatever is no block."""
 _KEPT: Final = Receipt(STORED)
 _AGAIN: Final = Receipt(DUPLICATE)
+_UNKNOWN: Final = Receipt(
+    UNKNOWN_NODE, "no certificate of this node was presented for the gateway's site; present it"
+)
+CONFLICT: Final = (
+    "another message is stored under its boot and sequence; see whether a node was copied or set "
+    "back, or who else speaks for it"
+)
 _HOLES: Final = (
     f"its boot has {MOST_RANGES} holes between its sequence numbers; let the node start anew, and "
     "see why it leaves numbers out"
@@ -71,12 +81,14 @@ class Outcome:
         entries: News for the live feed.
         buried: Dead letters that had to make room.
         lag: How long after its last sample the latest block was stored: an enclosure, ns.
+        conflicts: Messages that differ from those stored under their numbers.
     """
 
     results: list[Receipt]
     entries: list[Entry]
     buried: int
     lag: tuple[int, int] | None = None
+    conflicts: int = 0
 
 
 @dataclass(slots=True)
@@ -90,6 +102,11 @@ class _Batch:
     dead: list[Row] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
     runs: dict[tuple[str, int, str], BlockRun] = field(default_factory=dict)
+    conflicts: int = 0
+    items: Sequence[Item] = ()
+    compared: bool = False
+    site: str | None = None
+    foreign: AbstractSet[str] = frozenset()
 
     def tell(self, row: Row) -> None:
         cursor = self.cache.next_cursor(self.connection)
@@ -104,6 +121,7 @@ def take_in(
     items: Sequence[Item],
     *,
     gateway: str,
+    site: str | None = None,
     now: int,
     dead_letters: int,
 ) -> Outcome:
@@ -114,11 +132,17 @@ def take_in(
         cache: The writing thread's.
         items: What a gateway brought.
         gateway: Its name, for dead letters.
+        site: Its site; items of nodes that are not known to be of it are answered `UNKNOWN_NODE`.
+            ``None`` takes all, where the caller knows whose they are.
         now: UTC ns.
         dead_letters: How many dead letters are kept.
     """
-    batch = _Batch(connection, cache, now, inserts(connection, blocks))
-    _prepare(batch, items)
+    batch = _Batch(connection, cache, now, inserts(connection, blocks), items=items, site=site)
+    if site is not None:
+        named = dict.fromkeys(item.node for item in items)
+        known = cache.sites(connection, named)
+        batch.foreign = {node for node in named if known.get(node) != site and is_node(node)}
+    _prepare(batch, [item for item in items if item.node not in batch.foreign])
     results = [_take(batch, item, gateway) for item in items]
     lag = _settle(batch)
     batch.blocks.finish()
@@ -127,7 +151,7 @@ def take_in(
     if batch.veiled:
         connection.execute(insert(veiled), batch.veiled)
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
-    return Outcome(results, batch.entries, buried, lag)
+    return Outcome(results, batch.entries, buried, lag, batch.conflicts)
 
 
 def _prepare(batch: _Batch, items: Sequence[Item]) -> None:
@@ -155,13 +179,15 @@ def _settle(batch: _Batch) -> tuple[int, int] | None:
 
 def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
     message, reason = item.message, item.reason
+    if item.node in batch.foreign:
+        return _UNKNOWN
     if isinstance(message, BlockSummary):
         return _take_block(batch, item, message, gateway)
     if message is not None:
         place = message.position
         ranges = batch.cache.ranges(batch.connection, item.node, place.boot)
         if place.sequence in ranges:
-            return _AGAIN
+            return _compare(batch, item, place, gateway)
         if not ranges.has_room_for(place.sequence):
             return _refuse(batch, item, _HOLES, gateway)
         reason = check_channels(batch.connection, batch.cache, item.node, message)
@@ -169,7 +195,7 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
         return _refuse(batch, item, reason or "no message", gateway)
     _see(batch, item.node, message.position)
     _store(batch, item.node, message, item.data)
-    batch.cache.add(batch.connection, item.node, place.boot, place.sequence)
+    batch.cache.add(batch.connection, item.node, place.boot, place.sequence, item.digest)
     return _KEPT
 
 
@@ -182,7 +208,7 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
         run = BlockRun(node, boot, block.channel, ranges)
         batch.runs[node, boot, block.channel] = run
     if sequence in run.ranges:
-        return _AGAIN
+        return _compare(batch, item, block.position, gateway)
     if not run.ranges.has_room_for(sequence):
         return _refuse(batch, item, _HOLES, gateway)
     if block.unit != run.unit:
@@ -193,12 +219,54 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
         _see(batch, node, block.position)
         run.begin(batch.connection, batch.cache, block)
     cursor = batch.cache.next_cursor(batch.connection)
-    row = block_row(node, block, item.kept or item.data, cursor, batch.now)
+    row = block_row(node, block, item.kept or item.data, item.checksum, cursor, batch.now)
     run.rows.append(row)
     run.ranges.add(sequence)
+    batch.cache.digests.add(node, boot, sequence, item.digest)
     batch.blocks.add(row)
     batch.entries.append(Entry(cursor, node, block.channel, item.data, None, batch.now))
     return _KEPT
+
+
+def _compare(batch: _Batch, item: Item, position: Position, gateway: str) -> Receipt:
+    """Tell a message that comes again from another one under its number, which is a dead letter."""
+    boot, sequence = position
+    if not batch.compared:  # what comes again seldom comes alone
+        batch.compared = True
+        batch.cache.digests.fetch(batch.connection, _spans(batch.items))
+    stored = batch.cache.digests.find(batch.connection, item.node, boot, sequence)
+    if stored == item.digest or _is_of_erased(batch, item):
+        return _AGAIN
+    batch.conflicts += 1
+    log.error(
+        "message differs from the one stored: node=%s boot=%d sequence=%d gateway=%s",
+        *(item.node, boot, sequence, gateway),
+        extra={"source": item.node},
+    )
+    detail = f"boot {boot}, sequence {sequence}: differs from what is stored; from {gateway}"
+    now = batch.now, batch.now
+    batch.tell(event_row(item.node, "conflict", position, now, detail=detail))
+    return _refuse(batch, item, CONFLICT, gateway)
+
+
+def _spans(items: Sequence[Item]) -> dict[tuple[str, int], tuple[int, int]]:
+    """The least and the greatest number of each boot in a batch."""
+    spans: dict[tuple[str, int], tuple[int, int]] = {}
+    for item in items:
+        if item.message is not None:
+            boot, sequence = item.message.position
+            least, most = spans.get((item.node, boot), (sequence, sequence))
+            spans[item.node, boot] = min(least, sequence), max(most, sequence)
+    return spans
+
+
+def _is_of_erased(batch: _Batch, item: Item) -> bool:
+    """Whether a message is of an erased subject: each sealing of it has a key that nobody keeps."""
+    if not isinstance(item.message, Veiled):
+        return False
+    e = erased_subjects.c
+    gone = select(e.subject).where(e.subject == item.message.subject, e.site == batch.site)
+    return batch.connection.execute(gone).first() is not None
 
 
 def _refuse(batch: _Batch, item: Item, reason: str, gateway: str) -> Receipt:
@@ -252,7 +320,9 @@ def _tell_if_any(batch: _Batch, row: Row | None) -> None:
         batch.tell(row)
 
 
-def block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: int) -> Row:
+def block_row(
+    node: str, block: BlockSummary, data: bytes, checksum: int, cursor: int, now: int
+) -> Row:
     """A block's row in the store."""
     first = block.first_moment
     (boot, sequence), (t_lo, t_hi), (lo, hi) = block.position, block.time, block.bounds
@@ -274,6 +344,7 @@ def block_row(node: str, block: BlockSummary, data: bytes, cursor: int, now: int
         "coverage": block.coverage,
         "received": now,
         "data": data,
+        "digest": checksum,
         "packed": None,
     }
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from cloud.store.digest import checksum, digest
 from cloud.store.schema import NODE_LENGTH
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
@@ -39,6 +40,8 @@ class Item(NamedTuple):
         message: What they say; ``None`` if they say nothing.
         reason: Why not.
         kept: A block as the store keeps it, where that is shorter than its bytes.
+        digest: Of what it says (`cloud.store.digest`); empty where it says nothing.
+        checksum: Of its bytes as the store keeps them.
     """
 
     node: str
@@ -46,6 +49,8 @@ class Item(NamedTuple):
     message: Summary | Veiled | None
     reason: str | None = None
     kept: bytes | None = None
+    digest: bytes = b""
+    checksum: int = 0
 
     @classmethod
     def read(cls, node: str, data: bytes) -> Item:
@@ -68,7 +73,8 @@ class Item(NamedTuple):
         try:
             _require_node(node)
             if is_veiled(data):
-                return cls(node, data, _require_biometric(Veiled.decode(data)))
+                sealed = _require_biometric(Veiled.decode(data))
+                return cls(node, data, sealed, digest=digest(sealed.said))
             message = decode_summary(data) if block is None else block
             if isinstance(message, BlockSummary | Peak) and is_biometric(message.channel):
                 return cls.refused(node, b"", IN_THE_CLEAR)
@@ -77,7 +83,9 @@ class Item(NamedTuple):
             return cls.unread(node, data, str(error), instead=UNREAD)
         except IdentityError as error:
             return cls.unread(node, data, str(error))
-        return cls(node, data, message, None, kept)
+        own = digest(data)
+        checked = int.from_bytes(own, "big", signed=True) if kept is None else checksum(kept)
+        return cls(node, data, message, None, kept, own, checked)
 
     @classmethod
     def unread(cls, node: str, data: bytes, reason: str, *, instead: str | None = None) -> Item:
@@ -98,6 +106,15 @@ class Item(NamedTuple):
         """An item that says nothing."""
         shown = "".join(letter for letter in node[:NODE_LENGTH] if letter.isprintable())
         return cls(shown, data, None, reason)
+
+
+def is_node(name: str) -> bool:
+    """Whether a text may name a node."""
+    try:
+        _require_node(name)
+    except IdentityError:
+        return False
+    return True
 
 
 @functools.lru_cache(4096)

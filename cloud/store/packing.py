@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import and_, delete, func, select, tuple_
 
 from cloud.store.bulk import insert_many
+from cloud.store.damage import DamagedRowError
 from cloud.store.packs import follows, join
 from cloud.store.schema import blocks, channels, feed
 from eskin.errors import MessageError
@@ -129,8 +130,8 @@ def _make(connection: Connection, place: tuple[str, str], behind: int) -> Made |
     for group in groups:
         try:
             packs.append(join(group))
-        except MessageError:
-            continue  # of a kind that stays as it came
+        except (MessageError, DamagedRowError):
+            continue  # of a kind that stays as it came, or not as it was written
         gone += [tuple(row[column.name] for column in _KEY) for row in group]
         came = sum(len(row["data"]) for row in group)
         size, saved = size + came, saved + came - len(packs[-1]["data"])

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from cloud.store.damage import require_sound
+from cloud.store.digest import checksum
 from cloud.store.intake import block_row
 from eskin.errors import StoreError
 from eskin.messages.compression import decompress
@@ -38,8 +40,12 @@ def join(rows: Sequence[Mapping[str, Any]]) -> Row:
 
     Raises:
         MessageError: They are of a kind that is not packed.
+        DamagedRowError: One is not as it was written.
     """
+    for row in rows:
+        require_sound(row)
     first = rows[0]
+    data = pack([Kept(row["data"], row["cursor"], row["received"]) for row in rows])
     return dict(first) | {
         "cursor": max(row["cursor"] for row in rows),
         "t_end": rows[-1]["t_end"],
@@ -48,7 +54,8 @@ def join(rows: Sequence[Mapping[str, Any]]) -> Row:
         "lo": min(row["lo"] for row in rows),
         "hi": max(row["hi"] for row in rows),
         "received": max(row["received"] for row in rows),
-        "data": pack([Kept(row["data"], row["cursor"], row["received"]) for row in rows]),
+        "data": data,
+        "digest": checksum(data),
         "packed": len(rows),
     }
 
@@ -57,19 +64,26 @@ def part(row: Mapping[str, Any]) -> list[Row]:
     """The rows of a pack's blocks, as they were.
 
     Raises:
-        StoreError: The store's bytes are not what was written.
+        DamagedRowError: The pack is not as it was written.
     """
+    require_sound(row)
     rows = []
     for kept in Pack.read(row["data"]).blocks():
         said = scan(kept.data)
         if said is None:
             raise StoreError(f"a pack of {row['node']}/{row['channel']} holds what is no block")
-        rows.append(block_row(row["node"], said, kept.data, kept.cursor, kept.received))
+        place = kept.cursor, kept.received
+        rows.append(block_row(row["node"], said, kept.data, checksum(kept.data), *place))
     return rows
 
 
 def bytes_of(row: RowMapping) -> list[bytes]:
-    """The blocks that a row holds, byte for byte."""
+    """The blocks that a row holds, byte for byte.
+
+    Raises:
+        DamagedRowError: It is not as it was written.
+    """
+    require_sound(row)
     if row["packed"] is None:
         return [decompress(row["data"])]
     return [kept.data for kept in Pack.read(row["data"]).blocks()]

@@ -13,10 +13,11 @@ from typing import TYPE_CHECKING, Any
 from sqlalchemy import delete, func, insert, select, tuple_, update
 
 from cloud.store.bulk import insert_many
+from cloud.store.damage import DamagedRowError
 from cloud.store.grid import Comb
 from cloud.store.packs import part
 from cloud.store.schema import blocks, channels, events
-from cloud.store.sealed import erased_subjects, removals, veiled
+from cloud.store.sealed import is_of_erased, removals, veiled
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -83,7 +84,7 @@ def remove(connection: Connection, cache: WriteCache, sweep: Sweep, *, most: int
 def sweeps_of_erased(connection: Connection) -> list[Sweep]:
     """What is left of erased subjects, by channel."""
     query = select(veiled.c.node, veiled.c.channel, func.max(veiled.c.t_hi))
-    query = query.where(veiled.c.subject.in_(select(erased_subjects.c.subject)))
+    query = query.where(is_of_erased())
     rows = connection.execute(query.group_by(veiled.c.node, veiled.c.channel)).all()
     return [Sweep(row[0], row[1], Reason.ERASURE, row[2]) for row in rows]
 
@@ -91,8 +92,7 @@ def sweeps_of_erased(connection: Connection) -> list[Sweep]:
 def _places(sweep: Sweep) -> list[tuple[Table, list[ColumnElement[bool]]]]:
     sealed = [veiled.c.node == sweep.node, veiled.c.channel == sweep.channel]
     if sweep.reason is Reason.ERASURE:
-        gone = veiled.c.subject.in_(select(erased_subjects.c.subject))
-        return [(veiled, [*sealed, gone])]
+        return [(veiled, [*sealed, is_of_erased()])]
     b, e, v = blocks.c, events.c, veiled.c
     here = [e.node == sweep.node, e.channel == sweep.channel]
     # That t or t_lo lies before is implied by what follows it; it is what indices are searched by.
@@ -119,13 +119,18 @@ def _open_packs(connection: Connection, cache: WriteCache, sweep: Sweep) -> bool
     here = [b.node == sweep.node, b.channel == sweep.channel, b.packed.is_not(None)]
     here += [b.t < sweep.before, b.t_end + b.error >= sweep.before]
     found = connection.execute(select(blocks).where(*here)).mappings().all()
+    opened = False
     for row in found:
+        try:
+            parts = part(dict(row))
+        except DamagedRowError:
+            continue  # it goes as a whole, once all of it is too old
+        opened = True
         key = [column == row[column.name] for column in blocks.primary_key.columns]
         connection.execute(delete(blocks).where(*key))
-        parts = part(dict(row))
         insert_many(connection, blocks, parts)
         _grow(connection, cache, sweep, sum(len(each["data"]) for each in parts) - len(row["data"]))
-    return bool(found)
+    return opened
 
 
 def _grow(connection: Connection, cache: WriteCache, sweep: Sweep, more: int) -> None:

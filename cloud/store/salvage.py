@@ -28,6 +28,7 @@ def take_in_apart(
     items: Sequence[Item],
     *,
     gateway: str,
+    site: str | None = None,
     now: int,
     dead_letters: int,
 ) -> Outcome:
@@ -39,7 +40,13 @@ def take_in_apart(
 
     def take(item: Item) -> Outcome:
         outcome = take_in(
-            connection, cache, [item], gateway=gateway, now=now, dead_letters=dead_letters
+            connection,
+            cache,
+            [item],
+            gateway=gateway,
+            site=site,
+            now=now,
+            dead_letters=dead_letters,
         )
         cache.save(connection)  # with the next one, all that is not saved may be forgotten
         return outcome
@@ -67,6 +74,7 @@ def take_in_apart(
         entries=list(chain.from_iterable(outcome.entries for outcome in outcomes)),
         buried=sum(outcome.buried for outcome in outcomes),
         lag=lags[-1] if lags else None,
+        conflicts=sum(outcome.conflicts for outcome in outcomes),
     )
 
 

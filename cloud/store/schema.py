@@ -133,6 +133,7 @@ blocks = Table(
     Column("coverage", Double, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
+    Column("digest", BigInteger, nullable=False),
     Column("packed", Integer),
     Index("blocks_by_cursor", "cursor"),
     # Holds all that bounds are answered from, so that no block's bytes are touched for them.
@@ -153,7 +154,8 @@ blocks = Table(
 """Blocks byte for byte, compressed (`eskin.messages.compression`), or ``packed`` of them in a row.
 
 ``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
-first sample's moment; ``error`` is how far a moment may lie from its middle.
+first sample's moment; ``error`` is how far a moment may lie from its middle; ``digest`` is that of
+``data`` (`cloud.store.digest`), which every reader checks.
 """
 
 events = Table(
@@ -183,7 +185,9 @@ events = Table(
     Index("events_by_time", "t_lo", "cursor"),
     Index("events_by_node", "node", "t_lo", "cursor"),
 )
-"""Peaks, gaps, answered commands, and what changed in a node's status.
+"""Peaks, gaps, answered commands, what changed in a node's status, and conflicts.
+
+A conflict is a message under a number under which another one was stored.
 
 ``data`` is the message byte for byte.
 """
@@ -236,6 +240,16 @@ sequences = Table(
     Column("last", BigInteger, nullable=False),
 )
 """Which sequence numbers were stored, as ranges: the memory behind *once*."""
+
+digests = Table(
+    "digests",
+    metadata,
+    Column("node", Words(NODE_LENGTH), primary_key=True),
+    Column("boot", BigInteger, primary_key=True, autoincrement=False),
+    Column("first", BigInteger, primary_key=True, autoincrement=False),
+    Column("data", LargeBinary, nullable=False),
+)
+"""Digests of stored messages, 8 bytes for each number from ``first`` on (`cloud.store.digest`)."""
 
 dead_letters = Table(
     "dead_letters",

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
-from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table
+from typing import TYPE_CHECKING
 
+from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table, exists, select
+
+from cloud.store.node_sites import SITE_LENGTH, node_sites
 from cloud.store.schema import CHANNEL_LENGTH, NODE_LENGTH, metadata
 from cloud.store.words import Words
+
+if TYPE_CHECKING:
+    from sqlalchemy import ColumnElement
 
 veiled = Table(
     "veiled",
@@ -34,10 +40,21 @@ veiled = Table(
 erased_subjects = Table(
     "erased_subjects",
     metadata,
+    Column("site", Words(SITE_LENGTH), primary_key=True),
     Column("subject", Words(32), primary_key=True),
     Column("erased", BigInteger, nullable=False),
 )
-"""Pseudonyms whose keys are destroyed; what is left of their data is removed in time."""
+"""Pseudonyms, by site, whose keys are destroyed; what is left of their data is removed in time."""
+
+
+def is_of_erased() -> ColumnElement[bool]:
+    """Whether a row of `veiled` is of a subject that its node's site has erased."""
+    e, n = erased_subjects.c, node_sites.c
+    gone = select(e.subject).where(
+        e.subject == veiled.c.subject, e.site == n.site, n.node == veiled.c.node
+    )
+    return exists(gone.correlate(veiled))
+
 
 wearers = Table(
     "wearers",

@@ -19,8 +19,12 @@ tiles = Table(
     Column("level", Integer, primary_key=True, autoincrement=False),
     Column("chunk", BigInteger, primary_key=True, autoincrement=False),
     Column("data", LargeBinary, nullable=False),
+    Column("digest", BigInteger, nullable=False),
 )
-"""Chunks of tiles, packed; the tiles of a level are ``2^level`` ns wide."""
+"""Chunks of tiles, packed; the tiles of a level are ``2^level`` ns wide.
+
+``digest`` is that of ``data`` (`cloud.store.digest`).
+"""
 
 stale = Table(
     "stale",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, insert, inspect, select, text
 
-from cloud.store import clock, gateways, holes, tiles  # noqa: F401 - their tables are among the metadata
+from cloud.store import clock, gateways, holes, node_sites, tiles  # noqa: F401 - their tables
 from cloud.store.schema import blocks, feed, metadata, versions
 from cloud.store.sealed import veiled
 from eskin.errors import StoreError

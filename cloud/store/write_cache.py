@@ -9,9 +9,11 @@ from sqlalchemy import bindparam, delete, func, select, text, tuple_, update
 
 from cloud.store.grid import CHUNK, grain_for
 from cloud.store.news import FEED, tell
+from cloud.store.node_sites import sites_of
 from cloud.store.numbers import StoredNumbers
 from cloud.store.schema import channels, feed, nodes, sequences
 from cloud.store.statements import ADD, CHANGE, REMOVE, placed
+from cloud.store.stored_digests import StoredDigests
 from cloud.store.tiles import stale
 from eskin.errors import StoreError
 
@@ -50,6 +52,7 @@ class WriteCache:
 
     Attributes:
         name: By which others know who wrote.
+        digests: Of what is stored.
     """
 
     def __init__(self) -> None:
@@ -74,6 +77,8 @@ class WriteCache:
         """Drop everything that is remembered."""
         self._cursor: int | None = None
         self._moved = False
+        self.digests = StoredDigests()
+        self._sites: dict[str, str] = {}
         self._ranges: dict[tuple[str, int], StoredNumbers] = {}
         self._rows: dict[Table, dict[tuple[str, ...], Row | None]] = {nodes: {}, channels: {}}
         self._channels_of: dict[str, int] = {}
@@ -82,6 +87,16 @@ class WriteCache:
         self._added: dict[tuple[str, int], None] = {}
         self._outdated: dict[tuple[str, str, int], None] = {}
         self._razed: dict[tuple[str, str], None] = {}
+
+    def sites(self, connection: Connection, named: Collection[str]) -> dict[str, str]:
+        """The sites of nodes, without those that have none yet; they never change."""
+        unknown = [node for node in named if node not in self._sites]
+        if unknown:
+            if len(self._sites) > _MOST_ROWS:
+                self._sites.clear()
+                unknown = list(named)
+            self._sites |= sites_of(connection, unknown)
+        return {node: self._sites[node] for node in named if node in self._sites}
 
     def next_cursor(self, connection: Connection) -> int:
         """The next place in the feed."""
@@ -155,9 +170,12 @@ class WriteCache:
             self._ranges[key] = StoredNumbers(sorted((row.first, row.last) for row in found))
         return self._ranges[key]
 
-    def add(self, connection: Connection, node: str, boot: int, sequence: int) -> None:
-        """Remember that a message is stored."""
+    def add(
+        self, connection: Connection, node: str, boot: int, sequence: int, digest: bytes
+    ) -> None:
+        """Remember that a message is stored, with its digest."""
         self.ranges(connection, node, boot).add(sequence)
+        self.digests.add(node, boot, sequence, digest)
         self.grow(node, boot)
 
     def grow(self, node: str, boot: int) -> None:
@@ -277,6 +295,7 @@ class WriteCache:
         if fresh:
             connection.execute(ADD[sequences], fresh)
         self._added.clear()
+        self.digests.save(connection)
 
     def _trim(self) -> None:
         """Forget what is written, where it is much."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
 
+from cloud.store.damage import DamagedRowError, collected
 from cloud.store.packs import bytes_of
 from cloud.store.place import Place, reading_engine
 from cloud.store.schema import blocks as table
@@ -31,6 +32,7 @@ _COLUMNS: Final = [
     table.c[name]
     for name in ("channel", "t", "t_end", "t_lo", "t_hi", "dt", "n", "lo", "hi", "coverage")
 ]
+_ROW: Final = [table.c[name] for name in ("node", "boot", "sequence", "packed", "data", "digest")]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,17 +43,19 @@ class Audit:
         channels: One entry a channel, by node and channel.
         deliveries: One entry a node.
         letters: Messages that the gateway refused to take: the node and the reason.
+        damaged: Rows that are not as they were written, which could not be compared.
     """
 
     channels: list[ChannelAudit]
     deliveries: list[Delivery]
     letters: list[str]
+    damaged: list[str]
 
     @property
     def passes(self) -> bool:
         """Whether every channel keeps its promise, and nothing vanished silently."""
         kept = all(entry.passes for entry in self.channels)
-        return kept and all(delivery.passes for delivery in self.deliveries)
+        return kept and not self.damaged and all(each.passes for each in self.deliveries)
 
 
 def audit(
@@ -76,8 +80,10 @@ def audit(
     engine = reading_engine(store or layout.store, readers=1)
     try:
         with engine.begin() as connection:
-            channels = _audit(layout, seen.truths, connection, progress)
-            return Audit(channels, deliveries(seen, connection), seen.letters)
+            with collected() as damaged:
+                channels = _audit(layout, seen.truths, connection, progress)
+                delivered = deliveries(seen, connection)
+            return Audit(channels, delivered, seen.letters, [str(row) for row in damaged])
     finally:
         engine.dispose()
 
@@ -150,7 +156,7 @@ def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool
     last = Position(-1, -1)
     while True:
         query = (
-            select(table.c.boot, table.c.sequence, table.c.packed, table.c.data, *_COLUMNS)
+            select(*_ROW, *_COLUMNS)
             .where(table.c.node == node)
             .where(
                 (table.c.boot > last.boot)
@@ -164,7 +170,10 @@ def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool
             return
         page = []
         for row in rows:
-            blocks = [Block.decode(data) for data in bytes_of(row)]
+            try:
+                blocks = [Block.decode(data) for data in bytes_of(row)]
+            except DamagedRowError:
+                continue  # it is collected
             fits = tuple(row[column.name] for column in _COLUMNS) == _columns_of(blocks)
             page += [(block, fits) for block in blocks]
         yield page

@@ -10,9 +10,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import select
 
+from cloud.store.damage import DamagedRow, is_sound, note_damaged
+from cloud.store.digest import digest
 from cloud.store.removal import Reason
 from cloud.store.schema import blocks, events, sequences
 from cloud.store.sealed import removals
+from cloud.store.stored_digests import find_digest
 from demo.audit.sealed import sealed_positions
 from eskin.errors import AuditError
 from eskin.messages import Gap, Position, decode_message
@@ -218,8 +221,11 @@ def _stored(node: str, connection: Connection) -> Sightings:
     query = select(b.boot, b.sequence).where(b.node == node, b.packed.is_(None))
     rows = connection.execute(query.order_by(b.boot, b.sequence))
     found = Sightings((row[0], row[1]) for row in rows)
-    packs = select(b.data).where(b.node == node, b.packed.is_not(None))
-    for data in connection.execute(packs).scalars():
+    packs = select(b.data, b.digest, b.node, b.boot, b.sequence, b.packed)
+    packs = packs.where(b.node == node, b.packed.is_not(None))
+    for data, own, *place in connection.execute(packs):
+        if not is_sound(data, own, DamagedRow(*place)):
+            continue
         pack = Pack.read(data)
         for sequence in pack.column("sequence").tolist():
             found.span(pack.boot, sequence, sequence)
@@ -236,8 +242,12 @@ def _position(body: bytes) -> Position:
 def _told(node: str, connection: Connection) -> Sightings:
     """What gaps tell as lost."""
     told = Sightings()
-    query = select(events.c.data).where(events.c.node == node, events.c.kind == "gap")
-    for (data,) in connection.execute(query):
+    e = events.c
+    query = select(e.boot, e.sequence, e.data).where(e.node == node, e.kind == "gap")
+    for boot, sequence, data in connection.execute(query).all():
+        if find_digest(connection, node, boot, sequence) != digest(bytes(data)):
+            note_damaged("events", DamagedRow(node, boot, sequence, None))
+            continue
         gap = decode_message(bytes(data))
         if isinstance(gap, Gap):
             for span in gap.lost:

@@ -6,10 +6,11 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
 
+from cloud.privacy.sealed_rows import open_row
 from cloud.store.sealed import veiled
 from eskin.errors import AuditError, NoKeyError, PrivacyError
 from eskin.messages import Block, Position
-from eskin.privacy import FileMaster, Unveiler, Vault, Veiled
+from eskin.privacy import FileMaster, Unveiler, Vault
 from eskin.privacy.cipher import span
 from eskin.privacy.master import MASTER_FILE
 
@@ -43,7 +44,7 @@ def sealed_pages(
     """The node's sealed blocks, and whether their columns enclose them; erased ones are left out.
 
     Raises:
-        AuditError: One was changed, or the site's keys cannot be read.
+        AuditError: The site's keys cannot be read.
     """
     reader = Unveiler(Vault(layout.keys, FileMaster(layout.keys / MASTER_FILE)))
     last = Position(-1, -1)
@@ -60,11 +61,14 @@ def sealed_pages(
 
 def _open(reader: Unveiler, row: RowMapping) -> tuple[Block, bool] | None:
     try:
-        block, _ = reader.read(row["node"], Veiled.decode(row["data"]))
+        opened = open_row(reader, row)
     except NoKeyError:
         return None
     except PrivacyError as error:
         raise AuditError(f"a sealed block cannot be read: {error}") from error
+    if opened is None:
+        return None  # damaged, and collected
+    block, _ = opened
     lo, hi = span(block)
     told = (row["channel"], row["boot"], row["sequence"])
     same = told == (block.channel, block.position.boot, block.position.sequence)

@@ -118,6 +118,8 @@ def _remarks(found: Audit) -> Iterator[str]:
     for coverage, count in sorted(claims.items()):
         claim = "1" if coverage == 1.0 else f"1 - {1.0 - coverage:.2g}"
         yield f"claimed coverage of a sample: {claim} (channels: {count})"
+    for row in found.damaged:
+        yield f"damaged in the store, and not compared: {row}; bring it back from a backup"
     for letter, count in Counter(found.letters).items():
         yield f"refused by the gateway: {count} of {letter}"
 

@@ -125,6 +125,9 @@ def export(
         typer.Option(help="PEM file of the CA that certified the cloud; else the system's CAs."),
     ] = None,
     name: Name = None,
+    site: Annotated[
+        str | None, typer.Option(help="The site, where another one has that pseudonym, too.")
+    ] = None,
 ) -> None:
     """Fetch all that the cloud holds of a person, for the person."""
     import httpx
@@ -135,13 +138,20 @@ def export(
     trusted = True if root is None else client_context(root)
     known = [subject.pseudonym for subject in _find(vault, _asked(name), None)]
     headers = {"Authorization": f"Bearer {_secret(token)}"}
+    params = {} if site is None else {"site": site}
     place = f"{url.rstrip('/')}/api/v1/subjects"
     try:
         with ExitStack() as asked:
             answers = []
             for each in (f"{place}/{pseudonym}/export" for pseudonym in known):
                 question = httpx.stream(
-                    "GET", each, headers=headers, timeout=60, trust_env=False, verify=trusted
+                    "GET",
+                    each,
+                    params=params,
+                    headers=headers,
+                    timeout=60,
+                    trust_env=False,
+                    verify=trusted,
                 )
                 answers.append(asked.enter_context(question))
                 if answers[-1].status_code != httpx.codes.OK:

@@ -118,6 +118,27 @@ class Trust:
         self._require_not_revoked(leaf, issuer, kind)
         return leaf
 
+    def verify_issued(self, chain: Sequence[bytes], kind: IdentityKind) -> x509.Certificate:
+        """Verify that a CA of ours issued a certificate, whether or not it has ended since.
+
+        For what a certificate says for good, as to which site a name belongs. Whoever shows it must
+        prove by other means who he is.
+
+        Args:
+            chain: DER certificates, the identity's own first.
+            kind: Whose it is.
+
+        Raises:
+            UntrustedCertificateError: It does not lead to the root over the kind's issuing CA, or
+                has a name that is none of that kind, or no site where its kind has one.
+        """
+        self._follow()
+        leaf, issuer = _pair(chain)
+        self._require_led(issuer)
+        _require_signed(leaf, issuer)
+        _require_kind(leaf, kind)
+        return leaf
+
     def require_good(
         self, leaf: x509.Certificate, issuer: x509.Certificate, kind: IdentityKind
     ) -> None:
@@ -170,16 +191,7 @@ class Trust:
         raise UntrustedCertificateError(f"{name} was not issued by our CA, a root that we trust")
 
     def _require_issued(self, certificate: x509.Certificate, issuer: x509.Certificate) -> None:
-        name = certificate.subject.rfc4514_string()
-        try:
-            constraints = issuer.extensions.get_extension_for_class(x509.BasicConstraints).value
-            certificate.verify_directly_issued_by(issuer)
-        except (x509.ExtensionNotFound, InvalidSignature, ValueError, TypeError) as error:
-            raise UntrustedCertificateError(
-                f"{name} was not issued by our CA {issuer.subject.rfc4514_string()}"
-            ) from error
-        if not constraints.ca:
-            raise UntrustedCertificateError(f"issuer of {name} is no CA")
+        _require_signed(certificate, issuer)
         for part in (certificate, issuer):
             self._require_valid(part)
 
@@ -216,6 +228,19 @@ class Trust:
             raise UntrustedCertificateError(
                 f"certificate of {common_name(leaf)} was revoked on {entry.revocation_date_utc}"
             )
+
+
+def _require_signed(certificate: x509.Certificate, issuer: x509.Certificate) -> None:
+    name = certificate.subject.rfc4514_string()
+    try:
+        constraints = issuer.extensions.get_extension_for_class(x509.BasicConstraints).value
+        certificate.verify_directly_issued_by(issuer)
+    except (x509.ExtensionNotFound, InvalidSignature, ValueError, TypeError) as error:
+        raise UntrustedCertificateError(
+            f"{name} was not issued by our CA {issuer.subject.rfc4514_string()}"
+        ) from error
+    if not constraints.ca:
+        raise UntrustedCertificateError(f"issuer of {name} is no CA")
 
 
 def _require_kind(leaf: x509.Certificate, kind: IdentityKind) -> None:

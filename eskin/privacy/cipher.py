@@ -5,19 +5,21 @@ Nonces never repeat: every veiler draws a salt at its start (`eskin.privacy.deri
 
 from __future__ import annotations
 
+import hmac
 import itertools
 import os
 from collections import OrderedDict
+from dataclasses import replace
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
 from cryptography.exceptions import InvalidTag
 
-from eskin.errors import MessageError, PrivacyError
+from eskin.errors import BrokenSealError, MessageError, PrivacyError
 from eskin.messages import Block, Peak, Position, decode_message
 from eskin.messages.head import Kind
 from eskin.privacy.derivation import derive, nonce
-from eskin.privacy.veiled import SALT_BYTES, UNREAD, Veiled, whole_minutes
+from eskin.privacy.veiled import MAC_BYTES, SALT_BYTES, UNREAD, Veiled, whole_minutes
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.ciphers.aead import AESGCM
@@ -78,10 +80,13 @@ class Veiler:
     ) -> Veiled:
         position, channel, kind, time = head
         number = next(self._numbers)
-        clear = Veiled(position, channel, kind, subject.pseudonym, time, self._salt, number)
+        said = b"eskin said 1\0%b\0" % node.encode() + plaintext
+        mac = hmac.digest(subject.key, said, "sha256")[:MAC_BYTES]
+        clear = Veiled(
+            position, channel, kind, subject.pseudonym, time, self._salt, number, mac=mac
+        )
         aead = self._keys.find(subject, self._salt)
-        sealed = aead.encrypt(nonce(number), plaintext, clear.bound(node))
-        return Veiled(position, channel, kind, subject.pseudonym, time, self._salt, number, sealed)
+        return replace(clear, ciphertext=aead.encrypt(nonce(number), plaintext, clear.bound(node)))
 
 
 class Unveiler:
@@ -111,7 +116,7 @@ class Unveiler:
         try:
             return aead.decrypt(nonce(veiled.number), veiled.ciphertext, veiled.bound(node))
         except InvalidTag as error:
-            raise PrivacyError(
+            raise BrokenSealError(
                 f"what {node} said as {veiled.position} is not what subject {veiled.subject} sealed"
             ) from error
 
@@ -129,13 +134,13 @@ class Unveiler:
         try:
             message = decode_message(data)
         except MessageError as error:
-            raise PrivacyError(f"what {node} said as {veiled.position} is no message") from error
+            raise BrokenSealError(f"what {node} said as {veiled.position} is no message") from error
         if (
             not isinstance(message, Block | Peak)
             or message.position != veiled.position
             or message.channel != veiled.channel
         ):
-            raise PrivacyError(f"what {node} said as {veiled.position} is not what it claims")
+            raise BrokenSealError(f"what {node} said as {veiled.position} is not what it claims")
         return message, data
 
 

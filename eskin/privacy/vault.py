@@ -9,13 +9,14 @@ moment.
 
 from __future__ import annotations
 
+import hmac
 import json
 import time
 from contextlib import suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
-from eskin.errors import NoKeyError, PrivacyError
+from eskin.errors import KeyConflictError, NoKeyError, PrivacyError
 from eskin.privacy.files import destroy, make_folder, partials, read_private, write_private
 from eskin.privacy.master import wrapped_key
 from eskin.privacy.subject import Subject, Tombstone, is_pseudonym
@@ -57,6 +58,17 @@ class Vault:
             make_folder(folder)
         self.finish()
 
+    def below(self, name: str) -> Vault:
+        """A key store of its own in a folder of this one, under the same master key.
+
+        Args:
+            name: Of the folder.
+
+        Raises:
+            PrivacyError: The folder cannot be used.
+        """
+        return Vault(self.directory / name, self._master, now=self._now)
+
     def create(self, name: str = "") -> Subject:
         """Make a subject with a fresh key; without a name it is nobody's yet.
 
@@ -73,16 +85,19 @@ class Vault:
 
         Raises:
             NoKeyError: The subject was erased here: what is erased never comes back.
+            KeyConflictError: Another key is kept for that subject, which stays.
             PrivacyError: It cannot be written.
         """
         with turn(self.directory):
             try:
-                self.find(pseudonym)
+                kept = self.find(pseudonym).key
             except NoKeyError as error:
                 if error.erased:
                     raise
                 self._write(Subject(pseudonym, "", b"", key))
                 return True
+            if not hmac.compare_digest(kept, key):
+                raise KeyConflictError(f"subject {pseudonym} has another key here, which stays")
             return False
 
     def find(self, pseudonym: str) -> Subject:

@@ -22,9 +22,10 @@ if TYPE_CHECKING:
 
 MINUTE: Final = 60 * 10**9
 SALT_BYTES: Final = 16
+MAC_BYTES: Final = 8
 UNREAD: Final = "unread.unread"
 """In place of a channel where a message could not be read."""
-_FIELDS: Final = frozenset(range(1, 11))
+_FIELDS: Final = frozenset(range(1, 12))
 _BEGINNING: Final = bytes([0xA0 | len(_FIELDS), 1, Kind.VEILED])
 
 
@@ -41,6 +42,8 @@ class Veiled:
         salt: Drawn at the veiler's start; gives, with the subject's key, the key of this message.
         number: Counts what was sealed under this salt: the nonce.
         ciphertext: Of AES-256-GCM, with its tag.
+        mac: 8 bytes of HMAC-SHA-256 over node and plaintext under the subject's key: two sealings
+            of one message share it, so that they are told from two messages under one number.
     """
 
     position: Position
@@ -51,10 +54,16 @@ class Veiled:
     salt: bytes
     number: int
     ciphertext: bytes = b""
+    mac: bytes = bytes(MAC_BYTES)
 
     def encode(self) -> bytes:
         """The bytes, always the same."""
         return dump(self._head() | {10: self.ciphertext})
+
+    @property
+    def said(self) -> bytes:
+        """What is the same each time that a message is sealed for its subject."""
+        return cbor2.dumps([self.channel, int(self.kind), self.subject, self.mac])
 
     def bound(self, node: str) -> bytes:
         """The associated data: all that stands in the clear, and whose node said it."""
@@ -91,12 +100,13 @@ class Veiled:
             salt=_bytes(fields, 8, SALT_BYTES, SALT_BYTES),
             number=fields.integer(9, 0, MOST_COUNT),
             ciphertext=_bytes(fields, 10, 16, MOST_BYTES),
+            mac=_bytes(fields, 11, MAC_BYTES, MAC_BYTES),
         )
 
     def _head(self) -> dict[int, object]:
         head: dict[int, object] = position_fields(Kind.VEILED, self.position)
         head |= {4: self.channel, 5: int(self.kind), 6: self.subject, 7: list(self.time)}
-        return head | {8: self.salt, 9: self.number}
+        return head | {8: self.salt, 9: self.number, 11: self.mac}
 
 
 def is_veiled(data: bytes) -> bool:

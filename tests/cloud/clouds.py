@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import timedelta
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
@@ -23,11 +23,13 @@ from cloud.settings import CloudSettings, GatewaysSection, StoreSection
 from cloud.store import Store
 from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
+from cloud.store.node_sites import keep_sites
 from cloud.store.schema import audit_log, blocks, feed, metadata, versions
 from eskin.errors import QueryError
 from eskin.identity import IdentityKind
 from eskin.moment import SECOND
 from tests.cloud.messages import NODE, START
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -70,6 +72,25 @@ def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100
     """Store messages in one batch."""
     items = [Item.read(node, message.encode()) for message in messages]
     return put_items(store, items, dead_letters=dead_letters)
+
+
+def admit(store: Store, *nodes: str, site: str = SITE) -> None:
+    """Have the store know nodes of a site, as if their certificates had been presented."""
+
+    def work(connection: Connection) -> None:
+        named = [(node, b"") for node in dict.fromkeys(nodes)]
+        keep_sites(connection, named, site=site, gateway="gateway.g1", now=store.clock())
+
+    store.write(work).result(120)
+
+
+def named_in(body: bytes) -> list[str]:
+    """The names of nodes in the body of an ingest, as far as it is one."""
+    try:
+        said = cbor2.loads(body)
+        return [pair[0] for pair in said if isinstance(pair[0], str) and pair[0]]
+    except (cbor2.CBORError, ValueError, TypeError, LookupError, OverflowError):
+        return []
 
 
 def put_items(store: Store, items: Sequence[Item], *, dead_letters: int = 100) -> Outcome:
@@ -124,6 +145,7 @@ class Stand:
     clock: Clock
     gateway: Identity | None
     token: str
+    admitted: set[str] = field(default_factory=lambda: {NODE})
 
     @cached_property
     def people(self) -> FastAPI:
@@ -146,6 +168,10 @@ class Stand:
     async def ingest(self, body: bytes, *, status: Any = None) -> httpx.Response:
         """Bring a batch as the gateway does, with its status where there is one."""
         headers = {} if status is None else {HEADER: json.dumps(status)}
+        fresh = set(named_in(body)) - self.admitted
+        if fresh:
+            admit(self.cloud.store, *fresh)
+            self.admitted |= fresh
         async with self.ingest_client() as client:
             return await client.post("/api/v1/ingest", content=body, headers=headers)
 
@@ -187,6 +213,7 @@ def standing(
         cloud = make_cloud(settings, store, clock=clock, dashboard=folder / "dashboard")
         cloud.feed.ids = cloud.feed.press.ids = PlainIds(bytes(32))
         token = create_token(store, scopes=[Scope.READ], name="test", lifetime=timedelta(hours=1))
+        admit(store, NODE)
         yield Stand(cloud, clock, identities.gateway, token)
 
 

@@ -13,8 +13,9 @@ from cloud.access import Scope, create_token
 from cloud.store.schema import metadata
 from eskin.privacy import FileMaster, Vault, Veiler
 from eskin.settings import KeysSection
-from tests.cloud.clouds import Stand, standing
+from tests.cloud.clouds import Stand, admit, standing
 from tests.cloud.messages import block, peak, status
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -100,14 +101,13 @@ def keyed(
 ) -> Iterator[Stand]:
     """A cloud that was given the key of a site's person."""
     with sealing(folder, identities, place=place) as stand:
-        vault = stand.cloud.keyholder.vault
-        assert vault is not None
-        vault.keep(site.ada.pseudonym, site.ada.key)
+        stand.cloud.keyholder.of(SITE).keep(site.ada.pseudonym, site.ada.key)
         yield stand
 
 
 async def notice(stand: Stand, worn: list[Any], erased: list[str]) -> list[str]:
     """Tell a cloud who wears what and who is erased, as a gateway does; what became of each."""
+    admit(stand.cloud.store, *(node for _, node, _ in worn))
     body = cbor2.dumps({"worn": worn, "erased": erased})
     async with stand.ingest_client() as client:
         answer = await client.post("/api/v1/subjects", content=body)

@@ -6,11 +6,13 @@ import sys
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any, Final
 
+import cbor2
 import httpx
 
 from cloud.access import Scope, create_token
 from cloud.store import Store
-from eskin.identity import IdentityKind, client_context
+from eskin.identity import IdentityKind, client_context, der
+from tests.cloud.clouds import named_in
 from tests.processes import PLAIN, Running, free_port
 from tests.stores import write_place
 
@@ -45,6 +47,8 @@ class Service(Running):
     ) -> None:
         self.server = identities.make(IdentityKind.SERVER, "server.cloud")
         self.gateway = identities.gateway
+        self._identities = identities
+        self._admitted: set[str] = set()
         self.port, self.ingest_port = free_port(), free_port()
         self.place = place or folder / "data" / "store.sqlite"
         folder.mkdir(exist_ok=True)
@@ -89,7 +93,20 @@ class Service(Running):
         kept = {"base_url": url, "headers": headers, "timeout": PATIENCE_S, "verify": context}
         return httpx.Client(**{**kept, **options})
 
+    def admit(self, *nodes: str) -> None:
+        """Present certificates of nodes, each once."""
+        fresh = [node for node in dict.fromkeys(nodes) if node not in self._admitted]
+        if not fresh:
+            return
+        made = [self._identities.make(IdentityKind.NODE, node) for node in fresh]
+        chains = [[der(part) for part in own.chain] for own in made]
+        with self.gateway_client() as client:
+            answer = client.post("/api/v1/certificates", content=cbor2.dumps(chains))
+        assert {item["reason"] for item in answer.json()["items"]} == {None}, answer.text
+        self._admitted.update(fresh)
+
     def ingest(self, body: bytes) -> httpx.Response:
-        """Bring a batch."""
+        """Bring a batch, of nodes whose certificates were presented."""
+        self.admit(*named_in(body))
         with self.gateway_client() as client:
             return client.post("/api/v1/ingest", content=body)

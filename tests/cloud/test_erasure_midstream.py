@@ -14,6 +14,7 @@ from cloud.store.sealed import erased_subjects
 from eskin.moment import SECOND
 from tests.cloud.messages import DT, START
 from tests.cloud.sealing import CHANNEL, NODE, Site, beat, declared, keyed, physician, pulse
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -53,12 +54,12 @@ def wave(sequence: int) -> Block:
 
 
 def erase_here(stand: Stand, subject: str) -> None:
-    stand.cloud.keyholder.erase(subject)
+    stand.cloud.keyholder.erase(SITE, subject)
 
 
 def erase_elsewhere(stand: Stand, subject: str) -> None:
     """As another cloud on this store notes it."""
-    row = {"subject": subject, "erased": stand.clock()}
+    row = {"site": SITE, "subject": subject, "erased": stand.clock()}
     stand.cloud.store.write(lambda c: c.execute(insert(erased_subjects), row)).result()
 
 

@@ -15,6 +15,7 @@ from eskin.moment import SECOND, format_moment
 from tests.cloud.clouds import batch, problem
 from tests.cloud.messages import NODE, START, block, status
 from tests.cloud.orders import fetch
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -51,6 +52,7 @@ async def test_gateway_is_known_once_it_was_heard(stand: Stand) -> None:
     (gateway,) = await listed(stand)
     assert gateway == {
         "id": "gateway.g1",
+        "site": SITE,
         "health": "online",
         "first_heard": format_moment(now),
         "last_heard": format_moment(now),
@@ -101,7 +103,9 @@ async def test_gateway_that_waits_for_an_answer_may_be_silent(stand: Stand) -> N
     with stand.cloud.store.read() as connection:
         (row,) = list_gateways(connection)
     stand.cloud.store.write(
-        lambda c: hear(c, row["gateway"], None, now=stand.clock(), wait=20 * SECOND)
+        lambda c: hear(
+            c, row["gateway"], site=SITE, condition=None, now=stand.clock(), wait=20 * SECOND
+        )
     ).result(120)
     for seconds, health in ((24, "online"), (2, "late"), (10, "offline")):
         stand.clock.turn(seconds)
@@ -156,11 +160,18 @@ def test_latest_word_of_each_gateway_is_kept(
     def work(connection: Connection) -> None:
         connection.execute(gateways.delete())
         for k, (name, condition) in enumerate(said):
-            hear(connection, name, condition, now=k)
+            hear(connection, name, site=SITE, condition=condition, now=k)
 
     store.write(work).result(120)
     for k, (name, condition) in enumerate(said):
-        fresh = {"gateway": name, "first_heard": k, "stored": 0, "duplicate": 0, "rejected": 0}
+        fresh = {
+            "gateway": name,
+            "site": SITE,
+            "first_heard": k,
+            "stored": 0,
+            "duplicate": 0,
+            "rejected": 0,
+        }
         row = expected.setdefault(name, EMPTY | fresh)
         row |= {"last_heard": k, "due": k}
         row |= {} if condition is None else {"told": k, **condition._asdict()}

@@ -10,6 +10,7 @@ from sqlalchemy import func, select
 
 from cloud.store import Store
 from cloud.store.bulk import inserts
+from cloud.store.digest import checksum
 from cloud.store.hung import end_hung_writer
 from cloud.store.intake import block_row
 from cloud.store.schema import blocks
@@ -37,7 +38,7 @@ def test_writer_that_hangs_between_rows_is_ended_and_tries_again(
         data = block(0).encode()
         said = decode_summary(data)
         assert isinstance(said, BlockSummary)
-        into.add(block_row(NODE, said, data, 1, START))
+        into.add(block_row(NODE, said, data, checksum(data), 1, START))
         begun.set_result(None)
         held.result(120)
 

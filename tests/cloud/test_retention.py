@@ -18,6 +18,7 @@ from tests.cloud.clouds import Stand, batch, standing
 from tests.cloud.messages import CHANNEL, START, block, peak
 from tests.cloud.sealing import NODE as HAND
 from tests.cloud.sealing import Site, ask, beat, declared, physician, pulse, sealing
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -124,7 +125,7 @@ async def test_what_is_left_of_an_erased_subject_is_removed_whatever_its_age(
     with sealing(tmp_path, identities, place=place) as stand:
         await stand.ingest(site.batch(declared(), *(pulse(n) for n in range(1, 20))))
         await stand.ingest(site.batch(pulse(20), subject=bo))
-        gone = {"subject": site.ada.pseudonym, "erased": 1}
+        gone = {"site": SITE, "subject": site.ada.pseudonym, "erased": 1}
         stand.cloud.store.write(lambda c: c.execute(insert(erased_subjects), gone)).result(120)
         assert await sweep(stand.cloud) == 19
         assert [row["subject"] for row in rows(stand, veiled)] == [bo.pseudonym]

@@ -29,6 +29,7 @@ from tests.cloud.sealing import (
     pulse,
     sealing,
 )
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -61,9 +62,7 @@ def second(tmp_path: Path, first: Stand, place: Place) -> Iterator[Stand]:
 
 
 def keys_of(stand: Stand) -> Vault:
-    vault = stand.cloud.keyholder.vault
-    assert vault is not None
-    return vault
+    return stand.cloud.keyholder.of(SITE)
 
 
 async def wear(stand: Stand, site: Site) -> Any:

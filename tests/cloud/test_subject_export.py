@@ -19,6 +19,7 @@ from tests.cloud.sealing import (
     physician,
     pulse,
 )
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,7 +48,7 @@ async def test_export_of_a_subject_ends_when_its_token_is_revoked(stand: Stand, 
     assert first is not None
     access = Access(first, "192.0.2.1", lambda: holder() is not None)
     reader = Reader(stand.cloud.keyholder.require(first.scopes), access.opened)
-    lines = stream_lines(stand.cloud, access, reader, site.ada.pseudonym)
+    lines = stream_lines(stand.cloud, access, reader, SITE, site.ada.pseudonym)
     assert json.loads(next(lines))["sequence"] == 1
     assert revoke_token(store, token_id(digest(token)))
     with pytest.raises(ProblemError, match="revoked while it was used"):

@@ -11,6 +11,7 @@ from gateway.counters import Counters
 from gateway.forwarder import Forwarder
 from gateway.settings import CloudSection
 from gateway.spool import Spool
+from tests.gateway.certificates import KnownNodes
 from tests.gateway.twins import quick
 
 if TYPE_CHECKING:
@@ -68,10 +69,12 @@ class Setup:
         self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
         self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
         self.counters = Counters()
+        self.certificates = KnownNodes()
         self.forwarder = Forwarder(
             CloudSection(batch_messages=most),
             spool=self.spool,
             cloud=cloud,
+            certificates=self.certificates,
             backoff=quick(),
             counters=self.counters,
         )

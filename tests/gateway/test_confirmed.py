@@ -10,6 +10,7 @@ from gateway.counters import Counters
 from gateway.forwarder import Forwarder
 from gateway.settings import CloudSection
 from gateway.spool import Spool
+from tests.gateway.certificates import KnownNodes
 from tests.gateway.forwarding import MemoryCloud
 from tests.gateway.twins import quick
 from tests.processes import wait_until
@@ -43,6 +44,7 @@ def test_what_the_cloud_lost_is_logged_once_and_counted(
     forwarder = Forwarder(
         CloudSection(),
         spool=spool,
+        certificates=KnownNodes(),
         cloud=cloud,
         backoff=quick(),
         counters=Counters(),
@@ -77,6 +79,7 @@ def test_comparison_that_fails_holds_up_nothing(tmp_path: Path) -> None:
     forwarder = Forwarder(
         CloudSection(),
         spool=spool,
+        certificates=KnownNodes(),
         cloud=cloud,
         backoff=quick(),
         counters=Counters(),

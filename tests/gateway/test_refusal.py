@@ -24,6 +24,7 @@ from gateway.notices import HttpsNotices
 from gateway.onlookers import Onlookers
 from gateway.steward import Steward
 from gateway.veiling import Veiling
+from tests.gateway.certificates import KnownNodes
 from tests.gateway.https_server import HttpsServer
 from tests.processes import free_port, wait_until
 
@@ -160,6 +161,7 @@ def steward(url: str, common: dict[str, Any], folder: Path, patience: Backoff) -
         assignments,
         veiling=Veiling(assignments),
         notices=notices,
+        certificates=KnownNodes(),
         share=True,
         backoff=patience,
     )

@@ -14,6 +14,7 @@ from gateway import steward as room
 from gateway.assignments import Assignments
 from gateway.steward import Steward
 from gateway.veiling import Veiling
+from tests.gateway.certificates import KnownNodes
 from tests.gateway.twins import quick
 from tests.processes import wait_until
 
@@ -60,6 +61,7 @@ class Site:
             assignments,
             veiling=Veiling(assignments),
             notices=self,
+            certificates=KnownNodes(),
             share=share,
             backoff=quick(),
         )

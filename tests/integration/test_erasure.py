@@ -21,11 +21,14 @@ from eskin.messages import Block, Peak
 from eskin.privacy import Unveiler, Veiled
 from eskin.topics import Stream
 from gateway.steward import Steward
+from tests.cloud.clouds import admit
 from tests.cloud.messages import block, peak
 from tests.cloud.sealing import ask, physician, remains, sealing
+from tests.gateway.certificates import KnownNodes
 from tests.gateway.test_intake import introduce
 from tests.gateway.twins import Inside, quick
 from tests.gateway.wire_node import Seal
+from tests.identities import SITE
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -55,6 +58,7 @@ class House:
             self.inside.assignments,
             veiling=self.inside.veiling,
             notices=self,
+            certificates=KnownNodes(),
             share=True,
             backoff=quick(),
         )
@@ -64,6 +68,7 @@ class House:
             f'[spool]\npath = "{folder / "gateway" / "spool.db"}"\n'
         )
         introduce(self.inside, self.seal)
+        admit(stand.cloud.store, NODE, "hand", "palm")
 
     def post(self, path: str, body: bytes) -> Any:
         async def posted() -> httpx.Response:
@@ -165,8 +170,8 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
         assert all(piece not in held for piece in pieces(message))
     assert [deed for deed in house.deeds() if ada.pseudonym in deed] == [
         ("subject assigned", NODE, ada.pseudonym),
-        ("subject exported", ada.pseudonym, ""),
-        ("subject erased", ada.pseudonym, ""),
+        ("subject exported", ada.pseudonym, SITE),
+        ("subject erased", ada.pseudonym, SITE),
     ]
 
 
@@ -190,8 +195,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
         guess = hmac.digest(secret, salt + NAME.encode(), hashlib.sha256)
         assert guess[:16].hex() != ada.pseudonym
 
-    own = house.stand.cloud.keyholder.vault
-    assert own is not None
+    own = house.stand.cloud.keyholder.of(SITE)
     with house.stand.cloud.store.read() as connection:
         rows = connection.execute(select(veiled.c.data)).scalars().all()
     assert len(rows) == 3
@@ -205,8 +209,7 @@ def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: 
     house.command("assign", "--node", NODE, "--name", NAME)
     house.steward.tend()
     (ada,) = house.inside.vault.named(NAME)
-    own = house.stand.cloud.keyholder.vault
-    assert own is not None
+    own = house.stand.cloud.keyholder.of(SITE)
     assert own.find(ada.pseudonym).key == ada.key
     assert own.find(ada.pseudonym).name == ""
     house.reachable = False

@@ -4,7 +4,7 @@ import type { IntervalJson } from "../interval/interval";
 
 export type Health = "online" | "late" | "offline";
 export type Verdict = "certain" | "possible";
-export type EventKind = "peak" | "gap" | "status" | "command";
+export type EventKind = "peak" | "gap" | "status" | "command" | "conflict";
 
 export interface Page<Item> {
   readonly items: readonly Item[];

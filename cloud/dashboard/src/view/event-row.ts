@@ -28,7 +28,7 @@ function what(event: EventItem): string {
     const length = Number(parseInstant(event.time.hi) - parseInstant(event.time.lo));
     return [`gap of ${formatDuration(length, "up")}`, event.detail].filter(Boolean).join(": ");
   }
-  if (event.kind === "status" || event.kind === "command") return event.detail ?? event.kind;
+  if (event.kind !== "peak") return event.detail ?? event.kind;
   const height = event.height ? formatInterval(readInterval(event.height), event.unit ?? "") : "";
   const count = event.count ? formatCount(readInterval(event.count)) : "1";
   return `${height}${count === "1" ? "" : ` × ${count}`}`;

@@ -234,7 +234,7 @@ export class Page {
       if (message.event === "block") {
         const block = JSON.parse(message.data) as LiveBlock;
         this.sections.get(block.node)?.take(block, at);
-      } else if (["peak", "gap", "status", "command"].includes(message.event)) {
+      } else if (["peak", "gap", "status", "command", "conflict"].includes(message.event)) {
         const event = JSON.parse(message.data) as EventItem;
         this.list.take(event);
         this.sections.get(event.node)?.takeEvent(event);
