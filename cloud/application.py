@@ -9,7 +9,6 @@ from starlette.responses import Response
 from cloud.broken_off import BrokenOffMiddleware
 from cloud.damaged_header import DamagedHeaderMiddleware
 from cloud.dependencies import Reader
-from cloud.erasure_guard import ErasureGuardMiddleware
 from cloud.headers import HeadersMiddleware
 from cloud.limits import LimitsMiddleware
 from cloud.problems import answer_problems
@@ -84,7 +83,6 @@ def _application(
     app = FastAPI(title=title, version=_VERSION, redirect_slashes=False, **options)
     app.state.cloud = cloud
     # The last one added is outermost: refusals carry the headers, too, and are counted.
-    app.add_middleware(ErasureGuardMiddleware, cloud=cloud)
     app.add_middleware(RecheckMiddleware)
     app.add_middleware(DamagedHeaderMiddleware)
     app.add_middleware(BrokenOffMiddleware)

@@ -5,6 +5,7 @@ What does not wait for the store is asynchronous, so that no thread is woken for
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Annotated, Final
 from urllib.parse import urlsplit
 
@@ -12,7 +13,6 @@ from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
 
 from cloud.access import Doer, Holder, Scope, find_session, find_token
-from cloud.erasure_guard import OPENED
 from cloud.problems import ProblemError
 from cloud.recheck import recheck
 from cloud.state import Cloud
@@ -114,13 +114,24 @@ def find_access(
     found = holder()
     if found is None:
         return None
-    opened = request.scope[OPENED]
+    opened: set[tuple[str, str]] = set()
     # The connection counts for its caller, and no more for an address that many may share.
     if caller := request.scope.get("extensions", {}).get(CALLER):
         caller["identify"](bearer.credentials if bearer is not None else session)
     access = Access(found, address_of(request), lambda: holder() is not None, opened)
     recheck(request, access.require)
+    recheck(request, partial(_require_unerased, cloud, opened), each_piece_with=opened)
     return access
+
+
+def _require_unerased(cloud: Cloud, opened: set[tuple[str, str]]) -> None:
+    """Check that no person whose messages were opened for a request was erased since.
+
+    Raises:
+        ErasedError: One was.
+    """
+    with cloud.store.read() as connection:
+        cloud.keyholder.require_unerased(connection, tuple(opened))
 
 
 Visitor = Annotated[Access | None, Depends(find_access)]

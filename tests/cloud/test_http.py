@@ -137,6 +137,12 @@ async def test_nodes_tell_latest_status(stand: Stand) -> None:
         "faults": None,
         "channels": 1,
         "lag": {"lo_ns": 3600 * 10**9, "hi_ns": 3600 * 10**9},
+        "clock": {
+            "verdict": "possible",
+            "offset": {"lo_ns": 5 - 3601 * 10**9, "hi_ns": None},
+            "references_agree": True,
+        },
+        "missing": None,
     }
     assert (await stand.get(f"/api/v1/nodes/{NODE}")).json() == node
 
