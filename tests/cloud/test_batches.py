@@ -180,7 +180,7 @@ async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) 
 @pytest.mark.parametrize("place", ["sqlite"], indirect=True)
 async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
     stand.cloud.store.write(
-        lambda c: c.execute(text("ALTER TABLE feed RENAME TO lost")).rowcount
+        lambda c: c.execute(text("ALTER TABLE feed RENAME TO renamed_feed")).rowcount
     ).result(120)
     problem(await stand.ingest(batch(block(0))), 503)
     with pytest.raises(StoreError):

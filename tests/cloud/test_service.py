@@ -272,7 +272,7 @@ def test_port_in_use_is_said_in_one_line(standing: Service, tmp_path: Path) -> N
     second = Running([sys.executable, "-c", PROGRAM, str(path)], log=tmp_path / "second.log")
     second.start()
     assert second.ended() == 1
-    assert second.output().strip().startswith("eskin: people.port: 127.0.0.1:")
+    assert second.output().splitlines()[-1].startswith("eskin: people.port: 127.0.0.1:")
 
 
 def load(tmp_path: Path, text: str) -> CloudSettings:
