@@ -8,12 +8,15 @@
   else has subscribed to).
 - Whoever was revoked is refused, and an open connection ends within seconds.
 - Wills obey the access rules, as publishing and reading do (amqtt publishes wills unchecked).
+- A packet that announces more than any legitimate message is refused before its body is read, and a
+  certificate has at most 16 connections, which bounds what its unfinished packets hold.
 """
 
 from __future__ import annotations
 
 import asyncio
 import logging
+from collections import Counter
 from contextlib import suppress
 from typing import TYPE_CHECKING, Final
 
@@ -46,6 +49,8 @@ CERTIFICATE: Final = "eskin.certificate"
 WRITER: Final = "eskin.writer"
 LOOPBACK: Final = "127.0.0.1"
 CONNECT_TIMEOUT_S: Final = 10.0
+MOST_CONNECTIONS: Final = 16
+"""Of one certificate; with the greatest packet, this bounds what its unfinished packets hold."""
 _LOOK_S: Final = 1.0
 _CLOSE_S: Final = 2.0
 
@@ -62,6 +67,7 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
     def __init__(self, identity: Identity, *, doorkeeper: Doorkeeper, port: int) -> None:
         self._doorkeeper = doorkeeper
         self._identity = identity
+        self._connections: Counter[bytes] = Counter()
         directory = identity.directory
         listener = ListenerConfig(
             bind=f"{LOOPBACK}:{port}",
@@ -79,9 +85,21 @@ class LoopbackBroker(Broker):  # type: ignore[misc]  # amqtt ships no types
     async def stream_connected(
         self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, listener_name: str
     ) -> None:
-        """As amqtt does, with a writer that writes seldom."""
+        """As amqtt does, with a writer that writes seldom, and a bound on connections."""
         gathering = GatheringWriter(writer)
-        await self._client_connected(listener_name, StreamReaderAdapter(reader), gathering)
+        tls = gathering.get_ssl_info()
+        certificate = (tls and tls.getpeercert(binary_form=True)) or b""
+        if self._connections[certificate] >= MOST_CONNECTIONS:
+            log.warning("refused: reason=too many connections of one certificate")
+            await _close(gathering)
+            return
+        self._connections[certificate] += 1
+        try:
+            await self._client_connected(listener_name, StreamReaderAdapter(reader), gathering)
+        finally:
+            self._connections[certificate] -= 1
+            if not self._connections[certificate]:
+                del self._connections[certificate]
 
     async def _initialize_client_session(
         self, reader: ReaderAdapter, writer: WriterAdapter, remote_address: str, remote_port: int

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import socket
 import sys
+from contextlib import ExitStack, suppress
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import paho.mqtt.client as mqtt
@@ -10,13 +13,15 @@ import pytest
 from paho.mqtt.enums import CallbackAPIVersion
 
 from demo.broker import Party, may_publish, may_subscribe
+from demo.broker.broker import MOST_CONNECTIONS
+from eskin.envelope import MOST_ENVELOPE
 from eskin.identity import Authority, Identity, IdentityKind, client_context, new_key
 from tests.identities import SITE
 from tests.processes import Running, accepts, free_port, wait_until
 
 if TYPE_CHECKING:
+    import ssl
     from collections.abc import Iterator
-    from pathlib import Path
 
     from tests.identities import Identities
 
@@ -97,7 +102,9 @@ def is_refused(
 
 
 @pytest.fixture(scope="module")
-def port(identities: Identities, tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+def broker(
+    identities: Identities, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Running, int]]:
     server = identities.make(IdentityKind.SERVER, "server.broker")
     number = free_port()
     argv = [
@@ -108,9 +115,14 @@ def port(identities: Identities, tmp_path_factory: pytest.TempPathFactory) -> It
         str(identities.ca),
         str(number),
     ]
-    with Running(argv, log=tmp_path_factory.mktemp("broker") / "log") as broker:
-        broker.wait_for(lambda: accepts(number), "the broker listens")
-        yield number
+    with Running(argv, log=tmp_path_factory.mktemp("broker") / "log") as process:
+        process.wait_for(lambda: accepts(number), "the broker listens")
+        yield process, number
+
+
+@pytest.fixture
+def port(broker: tuple[Running, int]) -> int:
+    return broker[1]
 
 
 @pytest.fixture
@@ -299,3 +311,89 @@ def test_revoked_node_is_cut_off_and_kept_out_while_others_stay(
     assert is_refused(port, lost, root)
     assert all(other.losses == 0 for other in peers.values())
     assert not is_refused(port, identities.make(IdentityKind.NODE, "lost"), root)
+
+
+def connected(port: int, identity: Identity, client_id: str) -> ssl.SSLSocket:
+    """A socket on which the broker has accepted a CONNECT, or has closed the connection."""
+    context = client_context(identity.directory / "root.pem", identity)
+    plain = socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S)
+    peer = context.wrap_socket(plain, server_hostname="127.0.0.1")
+    body = b"\x00\x04MQTT\x04\x02\x00\x00" + len(client_id).to_bytes(2, "big") + client_id.encode()
+    peer.sendall(bytes([0x10, len(body)]) + body)
+    return peer
+
+
+def resident_bytes(process: Running) -> int:
+    assert process.process is not None
+    status = Path(f"/proc/{process.process.pid}/status").read_text()
+    (line,) = (line for line in status.splitlines() if line.startswith("VmRSS:"))
+    return 1024 * int(line.split()[1])
+
+
+def is_closed(peer: ssl.SSLSocket) -> bool:
+    peer.settimeout(PATIENCE_S / 4)
+    try:
+        return not peer.recv(1)
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
+
+
+TOPIC = b"\xff\xff" + b"a" * 65_535
+"""A topic, with its length."""
+
+
+@pytest.mark.parametrize(
+    ("first_byte", "part"),
+    [(0x32, PALM_BLOCKS.encode() * 2_500), (0x82, TOPIC + b"\x00"), (0xA2, TOPIC)],
+    ids=["PUBLISH", "SUBSCRIBE", "UNSUBSCRIBE"],
+)
+def test_packet_that_announces_too_much_ends_its_connection(
+    identities: Identities,
+    broker: tuple[Running, int],
+    peers: dict[str, Peer],
+    first_byte: int,
+    part: bytes,
+) -> None:
+    process, port = broker
+    palm = identities.make(IdentityKind.NODE, "palm")
+    topic = len(PALM_BLOCKS).to_bytes(2, "big") + PALM_BLOCKS.encode()
+    beginning = (topic if first_byte == 0x32 else b"") + b"\x00\x01"
+    before = resident_bytes(process)
+    with connected(port, palm, "palm") as peer:
+        assert peer.recv(4) == b"\x20\x02\x00\x00"
+        with suppress(OSError):
+            # 150 MB as a remaining length (MQTT 3.1.1, section 2.2.3), of which 64 MB are sent.
+            peer.sendall(bytes([first_byte, 0x80, 0xA3, 0xC3, 0x47]) + beginning)
+            for _ in range(1_000):
+                peer.sendall(part)
+        closed = is_closed(peer)
+        grown = resident_bytes(process) - before
+    assert closed
+    assert grown < 16_000_000
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    peers["node"].publish(BLOCKS, b"block")
+    wait_until(lambda: peers["gateway"].messages == [(BLOCKS, b"block")], "others are served")
+
+
+def test_largest_message_passes(peers: dict[str, Peer]) -> None:
+    assert peers["gateway"].subscribe("eskin/v1/nodes/+/blocks")
+    peers["node"].publish(BLOCKS, bytes(MOST_ENVELOPE))
+    wait_until(lambda: bool(peers["gateway"].messages), "the largest message arrives")
+    assert peers["gateway"].messages == [(BLOCKS, bytes(MOST_ENVELOPE))]
+
+
+def test_certificate_has_a_bounded_number_of_connections(
+    identities: Identities, peers: dict[str, Peer], port: int
+) -> None:
+    palm = identities.make(IdentityKind.NODE, "palm")
+    with ExitStack() as stack:
+        held = [
+            stack.enter_context(connected(port, palm, f"palm-{i}")) for i in range(MOST_CONNECTIONS)
+        ]
+        assert all(peer.recv(4) == b"\x20\x02\x00\x00" for peer in held)
+        assert is_refused(port, palm, palm.directory / "root.pem")
+        assert not is_refused(port, identities.node, palm.directory / "root.pem")
+        assert all(peer.losses == 0 for peer in peers.values())
+    wait_until(lambda: not is_refused(port, palm, palm.directory / "root.pem"), "one is free again")
