@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from cloud.access import create_login_code
+from cloud.missing import look
 from cloud.pyramid.building import build
 from cloud.store.packing import pack_some
 from eskin.messages import Encoding
@@ -33,6 +35,8 @@ async def fill(stand: Stand, site: Site) -> None:
     spoiled = block(4, unit="H")  # becomes a dead letter
     await stand.ingest(batch(status(0), peak(1), gap(2), block(3), spoiled))
     bo = site.vault.create("Bo")
+    await stand.ingest(batch(replace(status(0, boot=2), ended=((1, 999),))))
+    await look(stand.cloud)
     worn = [[each.pseudonym, HAND, each.key] for each in (site.ada, bo)]
     await notice(stand, worn, [bo.pseudonym])
     await stand.ingest(site.batch(declared(), pulse(1), beat(2)))

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from cloud.pyramid.blocks import Buckets, decode, fold
 from cloud.query.window import Window
+from cloud.store.digest import checksum
 from eskin.messages import Block, Encoding
 from eskin.messages.stored import read_bounds
 from tests.cloud.messages import START, block
@@ -40,9 +41,12 @@ def spoken(draw: st.DrawFn) -> list[Block]:
 def rows(said: list[Block]) -> list[tuple[Any, ...]]:
     """As the store gives them."""
     return [
-        (each.first_moment, each.dt, len(each), each.time_error, each.coverage, one.encode())
+        (
+            *(each.first_moment, each.dt, len(each), each.time_error, each.coverage, data),
+            *(checksum(data), "node", one.position.boot, one.position.sequence, None),
+        )
         for one in said
-        for each in [one.tube]
+        for each, data in [(one.tube, one.encode())]
     ]
 
 

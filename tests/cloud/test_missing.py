@@ -17,7 +17,7 @@ from cloud.settings import RetentionSection
 from cloud.store.holes import count_missing, subtract
 from eskin.messages import Gap, Position
 from eskin.sequences import SequenceRanges
-from tests.cloud.clouds import batch, standing
+from tests.cloud.clouds import admit, batch, standing
 from tests.cloud.messages import NODE, START, block, gap, status
 
 if TYPE_CHECKING:
@@ -162,6 +162,7 @@ async def test_flash_that_lacks_what_is_stored_is_named(
 
 async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(stand: Stand) -> None:
     await bring(stand, *(block(number) for number in range(4)))
+    admit(stand.cloud.store, "palm")
     async with stand.ingest_client() as gateway:
 
         async def ask(*confirmed: tuple[str, int, int]) -> list[tuple[str, int, int, int]]:

@@ -117,7 +117,7 @@ def test_killed_move_goes_on_and_everything_arrives(source: Path, cluster: Clust
     with Store(source) as store, store.read() as connection:
         last = connection.execute(select(feed.c.cursor)).scalar_one()
     with Store(target) as store:
-        outcome = put(store, block(1000), block(5000))
+        outcome = put(store, block(1000, [-float("inf")], [0.1]), block(5000))
         assert [receipt.result for receipt in outcome.results] == ["duplicate", "stored"]
         assert outcome.entries[0].cursor == last + 1
 

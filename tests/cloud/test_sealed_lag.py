@@ -9,7 +9,7 @@ import pytest
 
 from eskin.moment import SECOND
 from tests.cloud.messages import START, block
-from tests.cloud.sealing import NODE, Site, beat, declared, keyed, pulse
+from tests.cloud.sealing import NODE, Site, beat, declared, keyed, physician, pulse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -29,7 +29,8 @@ def stand(tmp_path: Path, identities: Identities, site: Site, place: Place) -> I
 
 
 async def lag_of(stand: Stand) -> Any:
-    return (await stand.get(f"/api/v1/nodes/{NODE}")).json()["lag"]
+    async with stand.client(token=physician(stand)) as client:
+        return (await client.get(f"/api/v1/nodes/{NODE}")).json()["lag"]
 
 
 async def test_lag_of_a_node_that_seals_is_told_to_its_minutes(stand: Stand, site: Site) -> None:

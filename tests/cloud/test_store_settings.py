@@ -45,7 +45,7 @@ def test_password_comes_from_its_file_and_is_never_shown(tmp_path: Path) -> None
     place = _load(tmp_path, asked).store.place
     assert not isinstance(place, Path)
     assert place.password == file.read_text().strip()
-    assert place.query == {"sslmode": "verify-full", "sslrootcert": "root.pem"}
+    assert place.query == {"sslmode": "verify-full", "sslrootcert": str(tmp_path / "root.pem")}
     with pytest.raises(StoreError) as refused:
         Store(place.set(host="localhost", port=1, query={}), clock=Clock(START))
     assert "s3cret" not in str(refused.value)

@@ -212,4 +212,4 @@ def test_live_view_resumes_without_a_break_when_the_cloud_restarts(
 
         wait_until(healed, "the live band is whole again")
         assert sent[0] is None
-        assert int(sent[-1] or 0) > 0
+        assert sent[-1]

@@ -40,7 +40,7 @@ def test_stream_of_another_window_goes_on_after_the_one_before(visit: Visit) -> 
     visit.page.get_by_test_id("live-span").select_option("300000000000")
     wait_until(lambda: bool(visit.evaluate("1") and len(sent) > 1), "there is another stream")
     assert sent[0] is None
-    assert int(sent[1] or 0) > 0
+    assert sent[1]
 
 
 def test_window_that_was_not_over_shows_all_of_it_in_the_end(

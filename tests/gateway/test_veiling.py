@@ -90,7 +90,7 @@ def forged(subject: str) -> bytes:
     return Veiled.decode(
         cbor2.dumps(
             {1: 6, 2: 1, 3: 1, 4: BIOMETRIC, 5: 1, 6: subject, 7: [0, 0], 8: bytes(16), 9: 0}
-            | {10: bytes(16)}
+            | {10: bytes(16), 11: bytes(8)}
         )
     ).encode()
 
