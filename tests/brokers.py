@@ -8,8 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from authority.guard import DYNAMIC_SECURITY
+from demo.ports import free_ports
 from eskin.identity import IdentityKind
-from tests.processes import Running, accepts, free_port
+from tests.processes import Running, accepts
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,7 +35,7 @@ def write_configuration(
     server: Identity,
     *,
     host: str,
-    ports: tuple[int, int, int],
+    ports: Sequence[int],
 ) -> Path:
     """Fill in production's configuration.
 
@@ -85,11 +86,9 @@ class Mosquitto(Running):
     """
 
     def __init__(self, folder: Path, identities: Identities, *, guard: Sequence[str] = ()) -> None:
-        ports = self.node_port, self.gateway_port, self.client_port = (
-            free_port(),
-            free_port(),
-            free_port(),
-        )
+        # Held at once: asked for one by one, two of them may be the same.
+        nodes, gateways, clients = ports = free_ports(3)
+        self.node_port, self.gateway_port, self.client_port = nodes, gateways, clients
         server = identities.make(IdentityKind.SERVER, "server.broker")
         file = write_configuration(folder, identities, server, host="127.0.0.1", ports=ports)
         super().__init__([*guard, mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")

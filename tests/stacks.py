@@ -10,6 +10,7 @@ import httpx
 
 from cloud.access import Scope, create_token
 from cloud.store import Store
+from demo.ports import free_ports
 from eskin.identity import IdentityKind
 from tests.brokers import Mosquitto
 from tests.files import ask, write_settings
@@ -58,7 +59,7 @@ class RealStack:
         self.identities.make(IdentityKind.SERVER, "server.cloud")
         self.store = folder / "store.sqlite"
         self.spool = folder / "spool.sqlite"
-        self._ingest, self._people = free_port(), free_port()
+        self._ingest, self._people = free_ports(2)
         cloud_toml = write_settings(folder / "cloud.toml", {
             "store": {"path": self.store},
             "people": {"port": self._people},

@@ -11,9 +11,10 @@ import httpx
 
 from cloud.access import Scope, create_token
 from cloud.store import Store
+from demo.ports import free_ports
 from eskin.identity import IdentityKind, client_context, der
 from tests.cloud.clouds import named_in
-from tests.processes import PLAIN, Running, free_port
+from tests.processes import PLAIN, Running
 from tests.stores import write_place
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ class Service(Running):
         self.gateway = identities.gateway
         self._identities = identities
         self._admitted: set[str] = set()
-        self.port, self.ingest_port = free_port(), free_port()
+        self.port, self.ingest_port = free_ports(2)
         self.place = place or folder / "data" / "store.sqlite"
         folder.mkdir(exist_ok=True)
         config = folder / "cloud.toml"
