@@ -47,4 +47,4 @@ def test_extras_alone_bring_no_others() -> None:
 
 
 def test_lock_names_no_address() -> None:
-    assert not re.search(r"https?:|file:|index-url", (REPOSITORY / "requirements.lock").read_text())
+    assert not re.search(r"https?:|file:|index.url", (REPOSITORY / "requirements.lock").read_text())
