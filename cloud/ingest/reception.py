@@ -52,7 +52,7 @@ class Received:
 
     Attributes:
         gateway: Which one.
-        condition: What it tells of itself, if it does.
+        condition: The status that it reported, if any.
         body: All of it.
     """
 

@@ -92,7 +92,7 @@ class Press:
         """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
         Blocks of a channel that follow each other without a gap become one hull; all else is told
-        as it is. Only the last event carries the last entry's cursor, so that whoever breaks off
+        as it is. Only the last event carries the last entry's cursor, so a reader that breaks off
         before it is told all of them again.
 
         Args:

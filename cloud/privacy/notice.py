@@ -65,7 +65,7 @@ def note(
     now: int,
     conflicts: Collection[str] = (),
 ) -> None:
-    """Keep what is new of a notice, with the deeds that it tells of, within a transaction.
+    """Keep what is new of a notice, with the erasures in it, within a transaction.
 
     Args:
         connection: The writing thread's.

@@ -34,7 +34,7 @@ DECODED: Final = tuple(
         *("digest", "node", "boot", "sequence", "packed"),
     )
 )
-"""What of a block's row tells of its samples, and whether it is as it was written."""
+"""Columns of a block's row that describe its samples, and its digest."""
 _IN_ORDER: Final = select(*DECODED).order_by(blocks.c.t, blocks.c.boot, blocks.c.sequence)
 _TOUCHING: Final = _IN_ORDER.where(TOUCHING)
 _COUNTS: Final = select(blocks.c.n).where(TOUCHING).limit(bindparam("most"))

@@ -43,7 +43,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
         begun = time.perf_counter()
         items = await apart(len(body), lambda: read_batch(body))
         outcome = await _store(cloud, posted, items)
-    # Whoever reads the figures must not be able to count what is sealed.
+    # A reader of the metrics must not be able to count what is sealed.
     kinds = Counter(
         receipt.result
         for item, receipt in zip(items, outcome.results, strict=True)

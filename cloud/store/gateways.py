@@ -64,7 +64,7 @@ def hear(
         connection: The writing thread's, in a transaction.
         gateway: Its name.
         site: Its site.
-        condition: What it tells of itself, if it does.
+        condition: The status that it reported, if any.
         now: UTC ns.
         wait: For how long it waits now, ns.
         outcome: What became of the batch that it brought, if it did.
