@@ -2,6 +2,7 @@
 
     EskinError
     ├── IntervalError            bounds that are no interval, or shapes that do not fit
+    ├── MissingExtraError        a library that is not installed, as few need it
     ├── SettingsError            a configuration that cannot be used
     ├── MessageError             bytes that are no message of the wire contract
     ├── CommandError             a command that asks for what is not allowed
@@ -54,6 +55,16 @@ class EskinError(Exception):
 
 class IntervalError(EskinError, ValueError):
     """Bounds that are no interval (lo > hi, NaN), or shapes that do not fit each other."""
+
+
+class MissingExtraError(EskinError, ImportError):
+    """A library that is not installed, as few need it."""
+
+    def __init__(self, what: str, library: str, requirement: str) -> None:
+        super().__init__(
+            f"{what} needs {library}, which is not installed: pip install '{requirement}'"
+        )
+        self.library = library
 
 
 class SettingsError(EskinError):

@@ -6,22 +6,20 @@ import textwrap
 from typing import TYPE_CHECKING, Final
 
 from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import EngFormatter, FuncFormatter, ScalarFormatter
+from matplotlib.ticker import ScalarFormatter
 
 from eskin.design import draw_paving
 from eskin.figures.figure import Look
+from eskin.looks import COLOURS, axis_formatter
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from matplotlib.axes import Axes
-    from matplotlib.ticker import Formatter
 
     from eskin.design import Paving
     from eskin.figures.figure import Figure, Panel
 
-COLOURS: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")
-"""Okabe and Ito's colours, told apart by the colour-blind, too."""
 STYLES: Final = ("-", "--", ":", "-.")
 _DPI: Final = 150
 _WIDTH: Final = 9.0
@@ -29,7 +27,6 @@ _PANEL_HEIGHT: Final = 2.3
 _MARGIN: Final = 1.5
 _INSET: Final = (0.14, 0.48, 0.5, 0.47)
 """Left, bottom, width and height of an inset as shares of its panel."""
-_FACTORS: Final = {"m2": (1e4, "cm²"), "percent": (1.0, "%"), "F": (1e12, "pF")}
 
 
 def write_picture(path: Path, figure: Figure) -> None:
@@ -62,7 +59,7 @@ def write_paving(
     axes.set_xlabel(x[1])
     axes.set_ylabel(y[1])
     for axis, unit in ((axes.xaxis, x[2]), (axes.yaxis, y[2])):
-        axis.set_major_formatter(_formatter(unit) if unit else ScalarFormatter())
+        axis.set_major_formatter(axis_formatter(unit) if unit else ScalarFormatter())
     canvas.suptitle(title, fontweight="bold", fontsize=10)
     canvas.savefig(path, dpi=_DPI, metadata={"Software": None})
 
@@ -89,13 +86,13 @@ def _draw(axes: Axes, figure: Figure, panel: Panel) -> None:
         axes.set_yscale("log")
         axes.set_ylim(*panel.logarithmic)
     _draw_columns(axes, figure, panel, panel.window)
-    axes.yaxis.set_major_formatter(_formatter(panel.unit))
+    axes.yaxis.set_major_formatter(axis_formatter(panel.unit))
     axes.set_ylabel(panel.ylabel)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False)
     if panel.inset is not None:
         inset = axes.inset_axes(_INSET)
         _draw_columns(inset, figure, panel, panel.inset)
-        inset.yaxis.set_major_formatter(_formatter(panel.unit))
+        inset.yaxis.set_major_formatter(axis_formatter(panel.unit))
         inset.tick_params(labelsize=8)
 
 
@@ -128,15 +125,5 @@ def _draw_columns(
     axes.margins(x=0)
     if window is not None:
         axes.set_xlim(*window)
-    axes.xaxis.set_major_formatter(_formatter(figure.x_unit))
+    axes.xaxis.set_major_formatter(axis_formatter(figure.x_unit))
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
-
-
-def _formatter(unit: str) -> Formatter:
-    """Prefixes of squared units mislead, per cent has none, and the paper has picofarads."""
-    if unit in _FACTORS:
-        factor, name = _FACTORS[unit]
-        return FuncFormatter(
-            lambda value, _position: f"{value * factor:.3g} {name}".replace("-", "−")
-        )
-    return EngFormatter(unit)

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval.markup import html_table, html_text
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+
+_WORDS: Final = ("certain", "possible", "impossible")
 
 
 class Answer:
@@ -34,6 +37,18 @@ class Answer:
         self.certain: NDArray[np.bool_] = sure
         self.impossible: NDArray[np.bool_] = never
 
+    @classmethod
+    def of(cls, value: Answer | ArrayLike) -> Answer:
+        """The answer itself, or what plain booleans are certain of."""
+        if isinstance(value, Answer):
+            return value
+        known = np.asarray(value)
+        if known.dtype != np.bool_:
+            raise IntervalError(
+                f"{value!r} is neither an answer nor a boolean; compare it with something"
+            )
+        return cls(known, ~known)
+
     @property
     def possible(self) -> NDArray[np.bool_]:
         """True for some numbers inside, and not for others."""
@@ -51,15 +66,15 @@ class Answer:
         return Answer(self.impossible, self.certain)
 
     def __and__(self, other: Answer | ArrayLike) -> Answer:
-        that = _answer(other)
+        that = self.of(other)
         return Answer(self.certain & that.certain, self.impossible | that.impossible)
 
     def __or__(self, other: Answer | ArrayLike) -> Answer:
-        that = _answer(other)
+        that = self.of(other)
         return Answer(self.certain | that.certain, self.impossible & that.impossible)
 
     def __xor__(self, other: Answer | ArrayLike) -> Answer:
-        that = _answer(other)
+        that = self.of(other)
         return (self & ~that) | (~self & that)
 
     __rand__, __ror__, __rxor__ = __and__, __or__, __xor__
@@ -81,20 +96,31 @@ class Answer:
             raise IntervalError("only possible: ask for .certain, or for ~answer.impossible")
         return bool(np.all(self.certain))
 
-    def __repr__(self) -> str:
-        words = np.where(
+    def _words(self) -> NDArray[np.str_]:
+        return np.where(
             self.certain, "certain", np.where(self.impossible, "impossible", "possible")
         )
+
+    def _repr_html_(self) -> str:
+        if self.certain.ndim == 0:
+            return html_text(repr(self))
+        words = self._words().reshape(-1)
+        counts = {word: np.count_nonzero(words == word) for word in _WORDS}
+        caption = ", ".join(f"{count} {word}" for word, count in counts.items())
+
+        def row(k: int) -> list[str]:
+            return [", ".join(map(str, np.unravel_index(k, self.shape))), str(words[k])]
+
+        return html_table(caption, ["", "answer"], words.size, row)
+
+    def __array__(self, *_: Any, **__: Any) -> NDArray[Any]:
+        raise IntervalError("an answer is not one array of booleans: take .certain or .possible")
+
+    def __array_function__(self, function: Any, _: Any, inputs: Any, options: Any) -> Any:
+        from eskin.interval.interval import call_numpy  # noqa: PLC0415 - intervals need answers
+
+        return call_numpy(function, inputs, options)
+
+    def __repr__(self) -> str:
+        words = self._words()
         return f"Answer({words.tolist()!r})" if self.certain.ndim else f"Answer({words.item()!r})"
-
-
-def _answer(value: Answer | ArrayLike) -> Answer:
-    """The answer itself, or what plain booleans are certain of."""
-    if isinstance(value, Answer):
-        return value
-    known = np.asarray(value)
-    if known.dtype != np.bool_:
-        raise IntervalError(
-            f"{value!r} is neither an answer nor a boolean; compare it with something"
-        )
-    return Answer(known, ~known)

@@ -34,9 +34,10 @@ class Bounds:
         sup = top if hi is None else enclose(hi, "hi")[1]
         if inf.shape != sup.shape:
             try:
-                inf, sup = np.broadcast_arrays(inf, sup)
+                shape = np.broadcast_shapes(inf.shape, sup.shape)
             except ValueError as error:
                 raise IntervalError(f"lo and hi do not fit each other: {error}") from error
+            inf, sup = np.broadcast_to(inf, shape), np.broadcast_to(sup, shape)
         require_order(inf, sup)
         self.inf = inf
         self.sup = sup

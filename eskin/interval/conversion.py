@@ -143,6 +143,15 @@ def _enclose_integer(number: int) -> tuple[float, float]:
     return below, above
 
 
+def as_compiled(array: Floats) -> Floats:
+    """The array as kernels are compiled for: contiguous, aligned and writable; a copy if it is not.
+
+    A kernel would be compiled anew, in seconds, for arrays that are read-only or strided.
+    """
+    flags = array.flags  # numpy warns where one asks a broadcast array whether it is writable
+    return array if flags.c_contiguous and flags.carray else array.copy()
+
+
 def first_index(where: NDArray[np.bool_]) -> tuple[int, ...]:
     """The first index at which something is true."""
     return tuple(int(axis) for axis in np.argwhere(where)[0])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from eskin.errors import IntervalError
+from eskin.interval.conversion import as_compiled
 from eskin.kernels.rounding_mode import rounding_to_nearest
 
 if TYPE_CHECKING:
@@ -41,7 +42,9 @@ def of_three(loop: Callable[..., None], x: Bounds, y: Bounds, z: Bounds) -> Pair
     shape = _common(x, y, z)
     lo, hi = np.empty(shape), np.empty(shape)
     spread = [
-        _flat(np.broadcast_to(side, shape)) for each in (x, y, z) for side in (each.inf, each.sup)
+        _flat(side if side.shape == shape else np.broadcast_to(side, shape))
+        for each in (x, y, z)
+        for side in (each.inf, each.sup)
     ]
     loop(*spread, lo.reshape(-1), hi.reshape(-1))
     return lo, hi
@@ -64,4 +67,4 @@ def _operand(x: Bounds, shape: tuple[int, ...]) -> tuple[Floats, Floats, int]:
 
 
 def _flat(array: Floats) -> Floats:
-    return np.ascontiguousarray(array).reshape(-1)
+    return as_compiled(array).reshape(-1)

@@ -13,12 +13,15 @@ import numpy as np
 
 from eskin.errors import IntervalError
 from eskin.interval.answer import Answer
-from eskin.interval.printing import text_of
+from eskin.interval.markup import html_table, html_text
+from eskin.interval.printing import format_up, text_of
 from eskin.interval.reductions import Reductions
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    import pandas as pd
+    import xarray as xr
     from numpy.typing import ArrayLike
 
     from eskin.interval.bounds import Bounds
@@ -100,10 +103,64 @@ class Interval(Reductions):
             if self.is_empty:
                 return "Interval.empty()"
             return f"Interval({float(self.inf)!r}, {float(self.sup)!r})"
-        return f"Interval(lo={self.inf!r}, hi={self.sup!r})"
+        with np.printoptions(floatmode="unique"):
+            return f"Interval(lo={self.inf!r}, hi={self.sup!r})"
 
     def __str__(self) -> str:
         return text_of(self, "")
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Columns ``lo`` and ``hi``, a row for each interval of one axis; NaN where all is missing.
+
+        Raises:
+            IntervalError: It has not one axis.
+            MissingExtraError: pandas is not installed.
+        """
+        from eskin.interval.frames import to_pandas  # noqa: PLC0415 - a library of few
+
+        return to_pandas(self)
+
+    @classmethod
+    def from_pandas(cls, frame: pd.DataFrame) -> Interval:
+        """The intervals of columns ``lo`` and ``hi``, unbounded where one is missing.
+
+        Raises:
+            IntervalError: A column is missing, or holds what is no interval.
+        """
+        from eskin.interval.frames import from_pandas  # noqa: PLC0415 - a library of few
+
+        return from_pandas(frame)
+
+    def to_xarray(self) -> xr.Dataset:
+        """Variables ``lo`` and ``hi`` of the same axes; NaN where all is missing.
+
+        Raises:
+            MissingExtraError: xarray is not installed.
+        """
+        from eskin.interval.frames import to_xarray  # noqa: PLC0415 - a library of few
+
+        return to_xarray(self)
+
+    @classmethod
+    def from_xarray(cls, data: xr.Dataset) -> Interval:
+        """The intervals of variables ``lo`` and ``hi``, unbounded where one is missing.
+
+        Raises:
+            IntervalError: A variable is missing, or holds what is no interval.
+        """
+        from eskin.interval.frames import from_xarray  # noqa: PLC0415 - a library of few
+
+        return from_xarray(data)
+
+    def _repr_html_(self) -> str:
+        if self.ndim != 1:
+            return html_text(str(self))
+        return html_table(
+            f"{self.size} intervals",
+            ["", "interval", "width"],
+            self.size,
+            lambda k: [str(k), str(self[k]), format_up(float(self[k].wid))],
+        )
 
     def __format__(self, spec: str) -> str:
         return text_of(self, spec)
@@ -120,11 +177,21 @@ class Interval(Reductions):
         return _UFUNCS[ufunc](type(self).of(inputs[0]), *inputs[1:])
 
     def __array_function__(self, function: Any, _: Any, inputs: Any, options: Any) -> Any:
-        if function not in _FUNCTIONS:
-            raise IntervalError(
-                f"numpy's {function.__name__} is not defined for intervals; take .inf, .sup or .mid"
-            )
-        return _FUNCTIONS[function](*inputs, **options)
+        return call_numpy(function, inputs, options)
+
+
+def call_numpy(function: Any, inputs: Any, options: Any) -> Any:
+    """Numpy's function, of intervals or answers.
+
+    Raises:
+        IntervalError: It is not defined for them.
+    """
+    if function not in _FUNCTIONS:
+        raise IntervalError(
+            f"numpy's {function.__name__} is not defined for intervals and answers; take .inf, "
+            ".sup or .mid, .certain or .impossible"
+        )
+    return _FUNCTIONS[function](*inputs, **options)
 
 
 def as_interval(value: Interval | ArrayLike) -> Interval:
@@ -180,6 +247,20 @@ _UFUNCS: Final[dict[Any, Callable[..., Any]]] = {
     np.equal: Interval.__eq__,
     np.not_equal: Interval.__ne__,
 }
+
+
+def _clip(
+    x: Interval | ArrayLike,
+    a_min: Interval | ArrayLike | None = None,
+    a_max: Interval | ArrayLike | None = None,
+    *,
+    min: Interval | ArrayLike | None = None,  # noqa: A002 - numpy's name
+    max: Interval | ArrayLike | None = None,  # noqa: A002 - likewise
+) -> Interval:
+    """`numpy.clip`, which has two names for each limit."""
+    return Interval.of(x).clip(a_min if min is None else min, a_max if max is None else max)
+
+
 _FUNCTIONS: Final[dict[Any, Callable[..., Any]]] = {
     np.sum: Interval.sum,
     np.mean: Interval.mean,
@@ -187,6 +268,13 @@ _FUNCTIONS: Final[dict[Any, Callable[..., Any]]] = {
     np.amin: Interval.min,
     np.max: Interval.max,
     np.amax: Interval.max,
+    np.cumsum: Interval.cumsum,
+    np.prod: Interval.prod,
+    np.diff: Interval.diff,
+    np.where: Interval.where,
+    np.all: lambda answer, axis=None: Answer.of(answer).all(axis),
+    np.any: lambda answer, axis=None: Answer.of(answer).any(axis),
+    np.clip: _clip,
     np.stack: Interval.stack,
     np.concatenate: Interval.concatenate,
     np.reshape: Interval.reshape,

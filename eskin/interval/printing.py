@@ -4,29 +4,35 @@ from __future__ import annotations
 
 import re
 from decimal import MAX_EMAX, MIN_EMIN, ROUND_CEILING, ROUND_FLOOR, Context, Decimal
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
 from eskin.errors import IntervalError
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from eskin.interval.bounds import Bounds
 
 _SPEC: Final = re.compile(r"(?:\.(?P<digits>\d{1,3}))?(?P<kind>[efg])?")
 _DIGITS: Final = 6
-_SHOWN: Final = 1000
-_EDGE: Final = 3
+_OF_WIDTH: Final = 2
+"""Digits of the width that are shown, so that a thin interval looks thin."""
+_OF_FLOAT: Final = (15, 16, 17)
+"""Digits after which a float is told from its neighbours, the fewest first."""
 _LONGEST: Final = 1400
 """More digits than a float has, or 999 places behind the point give."""
 
 
 def text_of(x: Bounds, spec: str) -> str:
-    """Intervals with bounds to so many digits, the lower rounded down, the upper rounded up.
+    """Intervals in decimals, the lower bound rounded down, the upper one up.
 
     Args:
-        x: The intervals; of many, only the first and last of each axis are written.
-        spec: ``.4g``, ``.3f`` or ``.2e``, as for floats.
+        x: The intervals; of many, numpy's print options say which are shown and where lines end.
+        spec: ``.4g``, ``.3f`` or ``.2e``, as for floats. If empty, bounds have six digits, or as
+            many as show two digits of the width; a single number has as many as tell it from
+            others.
 
     Raises:
         IntervalError: The format is none of these.
@@ -34,31 +40,68 @@ def text_of(x: Bounds, spec: str) -> str:
     match = _SPEC.fullmatch(spec)
     if match is None:
         raise IntervalError(f"format {spec!r} is none of .4g, .3f, .2e")
+    if not spec:
+        return _all(x, _by_width)
     digits = _DIGITS if match["digits"] is None else int(match["digits"])
     kind = match["kind"] or "g"
-    return _nested(x, kind, digits, edge=_EDGE if x.size > _SHOWN else None)
+    return _all(
+        x,
+        lambda lo, hi: (
+            _bound(lo, kind, digits, ROUND_FLOOR),
+            _bound(hi, kind, digits, ROUND_CEILING),
+        ),
+    )
 
 
-def _nested(x: Bounds, kind: str, digits: int, edge: int | None) -> str:
+def format_up(value: float) -> str:
+    """A number to three digits, rounded up."""
+    return "" if np.isnan(value) else _bound(value, "g", 3, ROUND_CEILING)
+
+
+def _all(x: Bounds, write: Callable[[float, float], tuple[str, str]]) -> str:
+    """All intervals as numpy lays out an array: summarised, wrapped, and below each other."""
+    lo, hi = x.inf.reshape(-1), x.sup.reshape(-1)
+
+    def text(k: int) -> str:
+        if lo[k] > hi[k]:
+            return "[empty]"
+        return f"[{', '.join(write(float(lo[k]), float(hi[k])))}]"
+
     if x.ndim == 0:
-        return _single(float(x.inf), float(x.sup), kind, digits)
-    rows = [x[index] for index in _shown(len(x), edge)]
-    texts = [_nested(row, kind, digits, edge) for row in rows]
-    if len(texts) < len(x):
-        texts.insert(_EDGE, "...")
-    return "[" + ("\n " if x.ndim > 1 else " ").join(texts) + "]"
+        return text(0)
+    numbers, texts = np.arange(x.size).reshape(x.shape), {}
+
+    def note(k: Any) -> str:
+        texts[k] = text(k)
+        return "."
+
+    def write_out(k: Any) -> str:
+        return texts[k].rjust(wide)
+
+    np.array2string(numbers, formatter={"int": note})
+    wide = max(map(len, texts.values()), default=0)
+    return np.array2string(numbers, formatter={"int": write_out})
 
 
-def _shown(length: int, edge: int | None) -> list[int]:
-    if edge is None or length <= 2 * edge:
-        return list(range(length))
-    return [*range(edge), *range(length - edge, length)]
+def _by_width(lo: float, hi: float) -> tuple[str, str]:
+    """Bounds whose difference one sees."""
+    if lo == hi:
+        return _single(lo, ROUND_FLOOR), _single(hi, ROUND_CEILING)
+    digits = [_DIGITS, _DIGITS]
+    if np.isfinite(lo) and np.isfinite(hi):
+        width = _context(_OF_WIDTH, ROUND_FLOOR).subtract(Decimal(hi), Decimal(lo)).adjusted()
+        sizes = [Decimal(value).adjusted() if value else width for value in (lo, hi)]
+        wanted = [size - width + _OF_WIDTH for size in sizes]
+        digits = [min(max(_DIGITS, each), _OF_FLOAT[-1]) for each in wanted]
+    return _bound(lo, "g", digits[0], ROUND_FLOOR), _bound(hi, "g", digits[1], ROUND_CEILING)
 
 
-def _single(lo: float, hi: float, kind: str, digits: int) -> str:
-    if lo > hi:
-        return "[empty]"
-    return f"[{_bound(lo, kind, digits, ROUND_FLOOR)}, {_bound(hi, kind, digits, ROUND_CEILING)}]"
+def _single(value: float, rounding: str) -> str:
+    """A bound in the fewest digits that are read back as the same float, if 17 do."""
+    texts = (_bound(value, "g", digits, rounding) for digits in _OF_FLOAT)
+    return next((text for text in texts if float(text) == value), "") or _bound(
+        value, "g", _OF_FLOAT[-1], rounding
+    )
 
 
 def _bound(value: float, kind: str, digits: int, rounding: str) -> str:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
+from eskin.errors import IntervalError
+from eskin.interval.answer import Answer
 from eskin.interval.conversion import enclose, round_up
 from eskin.interval.decoration import undefined_where
 from eskin.interval.functions import Functions
@@ -103,6 +105,38 @@ class Sets(Functions):
         return self._trusted(np.minimum(self.inf, that.inf), np.maximum(self.sup, that.sup))
 
     hull = convex_hull
+
+    @classmethod
+    def where(
+        cls, condition: Answer | ArrayLike, x: Bounds | ArrayLike, y: Bounds | ArrayLike
+    ) -> Self:
+        """``x`` where the condition is certain, ``y`` where it is impossible, else their hull.
+
+        Args:
+            condition: What a comparison answers, or plain booleans.
+            x: What is taken where it is true.
+            y: What is taken where it is false.
+        """
+        asked, true, false = Answer.of(condition), cls.of(x), cls.of(y)
+        try:
+            either = true.convex_hull(false)
+            lo, hi = (
+                np.select([asked.certain, asked.impossible], [one, other], both)
+                for one, other, both in (
+                    (true.inf, false.inf, either.inf),
+                    (true.sup, false.sup, either.sup),
+                )
+            )
+        except ValueError as error:
+            raise IntervalError(f"condition, x and y do not fit each other: {error}") from error
+        return cls._trusted(lo, hi)
+
+    def clip(
+        self, lo: Bounds | ArrayLike | None = None, hi: Bounds | ArrayLike | None = None
+    ) -> Self:
+        """The greater of this and ``lo``, and the lesser of that and ``hi``."""
+        raised = self if lo is None else self.greater(lo)
+        return raised if hi is None else raised.lesser(hi)
 
     def intersection(self, other: Bounds | ArrayLike) -> Self:
         """The common members; empty where there are none.

@@ -8,6 +8,7 @@ import numpy as np
 
 from eskin.errors import IntervalError
 from eskin.interval import Interval
+from eskin.interval.conversion import as_compiled
 from eskin.kernels.compiled import kernel
 from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
 from eskin.kernels.rounding_mode import rounding_to_nearest
@@ -108,8 +109,8 @@ def oscillation(time: ArrayLike, *, voltage: Bounds, frequency: Interval) -> Int
 def _phase(frequency: Interval, instants: Floats) -> Interval:
     """Periods since the first instant."""
     shape = (*frequency.inf.shape[:-1], instants.size)
-    inf = np.ascontiguousarray(frequency.inf).reshape(-1, instants.size - 1)
-    sup = np.ascontiguousarray(frequency.sup).reshape(-1, instants.size - 1)
+    inf = as_compiled(frequency.inf).reshape(-1, instants.size - 1)
+    sup = as_compiled(frequency.sup).reshape(-1, instants.size - 1)
     lower, upper = (np.empty((inf.shape[0], instants.size)) for _ in "lu")
-    _accumulate(inf, sup, instants, lower, upper)
+    _accumulate(inf, sup, as_compiled(instants), lower, upper)
     return Interval(lower.reshape(shape), upper.reshape(shape))

@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin.errors import IntervalError
 from eskin.interval import Interval
-from eskin.interval.conversion import enclose
+from eskin.interval.conversion import as_compiled, enclose
 from eskin.tube import Tube
 
 if TYPE_CHECKING:
@@ -45,7 +45,7 @@ def samples_of(
         raise IntervalError(
             f"lows and highs need one axis and the same length, not {lo.shape} and {hi.shape}"
         )
-    return _plain(lo), _plain(hi)
+    return as_compiled(lo), as_compiled(hi)
 
 
 def _is_plain(bounds: object) -> TypeGuard[Floats]:
@@ -54,10 +54,6 @@ def _is_plain(bounds: object) -> TypeGuard[Floats]:
         type(bounds) is np.ndarray
         and bounds.dtype == np.float64
         and bounds.ndim == 1
+        and bounds.flags.c_contiguous
         and bounds.flags.carray
     )
-
-
-def _plain(array: Floats) -> Floats:
-    """As the kernel is compiled for: it would be compiled again for read-only or strided bounds."""
-    return array if array.flags.carray else array.copy()

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Any, Final, overload
 
 import numpy as np
 
+from eskin.interval import Interval
+from eskin.interval.markup import html_table
 from eskin.peaks.event import PeakEvent, Verdict
 
 if TYPE_CHECKING:
@@ -71,6 +73,20 @@ class Peaks(Sequence[PeakEvent]):
 
     def __repr__(self) -> str:
         return f"Peaks({len(self.certain)} certain, {len(self.possible)} possible)"
+
+    def _repr_html_(self) -> str:
+        fewest, most = self.total
+
+        def row(k: int) -> list[str]:
+            each = self[k]
+            count = (
+                "1" if each.verdict is Verdict.CERTAIN else f"{each.count[0]} to {each.count[1]}"
+            )
+            bounds = [str(Interval(*each.height)), str(Interval(*each.prominence))]
+            return [each.verdict.name.lower(), str(each.first), str(each.last), count, *bounds]
+
+        heads = ["verdict", "first", "last", "peaks", "height", "prominence"]
+        return html_table(f"{fewest} to {most} peaks", heads, len(self), row)
 
     @property
     def certain(self) -> Peaks:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from eskin.interval.conversion import as_compiled
 from eskin.models.broadcasting import broadcast_shape
 from eskin.models.parameters import FINITE, thin
 
@@ -74,9 +75,7 @@ def lay_out(time: ArrayLike, parameters: Sequence[Parameter]) -> Layout:
     clocks = np.arange(math.prod(times.shape[:-1])).reshape(times.shape[:-1])
     clock_of = np.broadcast_to(clocks, lead).reshape(-1).astype(np.int64)
     wide = np.broadcast_to(times, (*times.shape[:-1], shape[-1]))
-    return Layout(
-        rows, clock_of, np.ascontiguousarray(wide).reshape(clocks.size, shape[-1]), shape, axis
-    )
+    return Layout(rows, clock_of, as_compiled(wide).reshape(clocks.size, shape[-1]), shape, axis)
 
 
 def _padded(array: Floats, shape: tuple[int, ...]) -> Floats:

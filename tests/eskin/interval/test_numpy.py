@@ -12,6 +12,7 @@ import pytest
 
 from eskin.errors import IntervalError
 from eskin.interval import Answer, Interval
+from eskin.peaks import find_peaks
 
 X = Interval([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]])
 
@@ -50,6 +51,17 @@ def test_every_layout_gives_the_same() -> None:
     assert same(strided * strided, Interval(wide.inf[::2].copy(), wide.sup[::2].copy()).sqr())
     assert same((X.T + 1.0).T, X + 1.0)
     assert same((3.0 / (wide + 1.0))[4000:4001], 3.0 / (wide[4000:4001] + 1.0))
+
+
+def test_broadcast_and_read_only_bounds_are_taken_without_a_warning() -> None:
+    rising = np.arange(4.0)
+    for x in (
+        Interval(rising, 9.0),
+        Interval(*np.broadcast_arrays(rising, np.array([9.0]))),
+    ):
+        assert same(x + 0.0, x)
+        assert same(x.sum(), Interval(x.inf.sum(), x.sup.sum()))
+        assert len(find_peaks(x.ravel(), prominence=1e9)) == 0
 
 
 def test_joined_intervals_keep_their_order() -> None:
