@@ -94,7 +94,9 @@ docs: $(VENV)/.development ## Write the API reference from the docstrings to bui
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 
-install: $(VENV)/.runtime ## Make the virtual environment with the command eskin
+install: $(VENV)/.runtime ## Make the virtual environment with the command eskin, and compile its kernels
+	@echo "Compiling the kernels, so that no first call waits for it: about a minute, once …"
+	@$(BIN)/eskin warm
 
 system: ## Install the Debian packages that the tests need
 	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2 prometheus

@@ -20,6 +20,7 @@ from eskin.command.gateway import gateway
 from eskin.command.node import node
 from eskin.command.pki import pki
 from eskin.command.subjects import subjects
+from eskin.command.warm import warm
 from eskin.errors import EskinError
 from eskin.printable import printable_lines
 
@@ -35,6 +36,7 @@ app.command()(audit)
 app.command()(figures)
 app.command()(export)
 app.command()(energy)
+app.command()(warm)
 app.command()(backup)
 app.command()(node)
 app.command()(gateway)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import functools
+import hashlib
 import logging
 import os
 from contextlib import contextmanager
@@ -41,8 +42,19 @@ def enable_cache(made: Any) -> None:
     made.compile = _one_at_a_time(made.compile, path.with_suffix(".lock"))
 
 
+def has_cache(made: Any) -> bool:
+    """Whether what is compiled of a kernel is kept on disk."""
+    return made._cache.cache_path is not None  # noqa: SLF001 - has no other way
+
+
+@functools.cache
+def _digest(path: str) -> bytes:
+    """Of a source file; its time changes in a checkout, and in an image that is pulled."""
+    return hashlib.sha256(Path(path).read_bytes()).digest()
+
+
 class _Stamps:
-    """Name, time and size of the files that a kernel and the parts in it come from.
+    """Name and SHA-256 of the files that a kernel and the parts in it come from.
 
     Looked up when numba first asks: when a kernel is made, parts below it are still to come.
     """
@@ -55,11 +67,11 @@ class _Stamps:
     def __eq__(self, other: object) -> bool:
         return self._found == other
 
-    def __reduce__(self) -> tuple[type, tuple[list[tuple[str, int, int]]]]:
+    def __reduce__(self) -> tuple[type, tuple[list[tuple[str, bytes]]]]:
         return list, (self._found,)
 
     @functools.cached_property
-    def _found(self) -> list[tuple[str, int, int]]:
+    def _found(self) -> list[tuple[str, bytes]]:
         known: set[Any] = set()
         waiting: list[Any] = [self._function]
         while waiting:
@@ -73,8 +85,7 @@ class _Stamps:
             parts = (value.py_func for value in used if isinstance(value, Dispatcher))
             waiting += [found for found in parts if found not in known]
         files = sorted({each.__code__.co_filename for each in known})
-        stats = ((name, Path(name).stat()) for name in files)
-        return [(name, stat.st_mtime_ns, stat.st_size) for name, stat in stats]
+        return [(name, _digest(name)) for name in files]
 
 
 def _where_possible(save: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:

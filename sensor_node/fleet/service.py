@@ -150,7 +150,7 @@ def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
     return radios
 
 
-def _warm_up(settings: NodeSettings) -> None:
+def warm_up(settings: NodeSettings) -> None:
     """Have all loops compiled before time begins."""
     alone = Cohort(Roster(settings, [RosterEntry(seed=0, boot=1, start=time.time_ns())]))
     latest = max(taxel.next.end for taxel in alone.taxels)
@@ -168,7 +168,7 @@ def _serve(
 ) -> None:
     connector = Connector()
     radios = _build_radios(settings, names)
-    _warm_up(settings)
+    warm_up(settings)
     shards = build_shards(settings, names, storage, truth)
     members = [
         Member(shard, row, radios[name], cloud=settings.identity.cloud)
