@@ -1,7 +1,7 @@
 """Interval arithmetic on bounds, IEEE 1788-2015 clause 10.5; empty is ``[inf, -inf]``.
 
-Tightest, but for one float on each side in `multiply_add`, in products, squares and quotients below
-`eskin.kernels.rounding.EXACT_PRODUCT`, and in roots of what is below it.
+All bounds are the tightest, but for those of `multiply_add` where a step on the way overflows and
+the result does not.
 
 Loops take flat arrays; an operand with step 0 is one interval for all elements. They go block by
 block, in which every operand is contiguous, so that the compiler makes vector instructions of them.
@@ -17,6 +17,8 @@ import numpy as np
 from eskin.kernels.compiled import inlined, kernel, part
 from eskin.kernels.instructions import fma
 from eskin.kernels.rounding import (
+    EXACT_PRODUCT,
+    FACTOR,
     add_down,
     add_up,
     div_down,
@@ -27,6 +29,7 @@ from eskin.kernels.rounding import (
     sqrt_down,
     sqrt_up,
 )
+from eskin.kernels.two_words import product_of, sum_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,6 +40,8 @@ Pair: TypeAlias = "tuple[float, float]"
 
 BLOCK: Final = 1024
 """Elements in a block: four operands and two results of them fit a level-1 cache."""
+_FAR: Final = 2.0**-200
+"""A sum beyond it is no other for a product below `EXACT_PRODUCT`."""
 
 
 @part
@@ -69,10 +74,8 @@ def product_up(a: float, b: float) -> float:
 
 @inlined
 def greatest_product(a: float, b: float, c: float, d: float) -> float:
-    """The greatest corner of ``[a, b] · [c, d]``, rounded up."""
-    return greater(
-        greater(product_up(a, c), product_up(b, d)), greater(product_up(a, d), product_up(b, c))
-    )
+    """The greatest member of ``[a, b] · [c, d]``, rounded up: at an end, with its better factor."""
+    return greater(product_up(a, c if a < 0.0 else d), product_up(b, c if b < 0.0 else d))
 
 
 @inlined
@@ -121,18 +124,35 @@ def sqrt_pair(a: float, b: float) -> Pair:
 
 
 @inlined
-def fma_corner(a: float, b: float, c: float) -> float:
-    """``a·b + c`` rounded once; an infinite ``c`` wins, and zero times infinity is zero."""
-    return c if (abs(c) == math.inf) | (a == 0.0) | (b == 0.0) else fma(a, b, c)
+def fma_up(a: float, b: float, c: float) -> float:
+    """Least float ``>= a·b + c``; an infinite ``c`` wins, and zero times infinity is zero.
+
+    What z lacks is found without error and rounded once (Boldo and Muller 2011, "Exact and
+    approximated error of the FMA"), and ``z - rounded`` is exact: the sign of their sum is right.
+    Where the product is small, all is multiplied by ``2**1200`` before, as in `mul_up`; beside a c
+    of more than ``2**-200``, where that might overflow, a small product decides by its sign. Where
+    the product overflows, all is divided by ``2**1200``: the factors exceed 1, so that is exact for
+    them, and for c where it can take the total back among the floats; what a lesser c loses is
+    nothing beside the total's error. Where another step overflows, the bound is one float more.
+    """
+    total, product = fma(a, b, c), a * b
+    small = abs(product) < EXACT_PRODUCT
+    scale = FACTOR if small else (1.0 / FACTOR if abs(product) == math.inf else 1.0)
+    x, y, term, rounded = a * scale, b * scale, c * scale * scale, total * scale * scale
+    z = fma(x, y, term)
+    high, low = product_of(x, y)
+    second, third = sum_of(term, low)
+    first, second = sum_of(high, second)
+    error = (z - rounded) + (((first - z) + second) + third)
+    error = high if small & (abs(c) > _FAR) else error
+    bound = total if error <= 0.0 else next_up(total)
+    return c if (abs(c) == math.inf) | (a == 0.0) | (b == 0.0) else bound
 
 
 @inlined
 def greatest_fma(a: float, b: float, c: float, d: float, f: float) -> float:
-    """The greatest corner of ``[a, b]·[c, d] + f``, rounded once."""
-    return greater(
-        greater(fma_corner(a, c, f), fma_corner(b, d, f)),
-        greater(fma_corner(a, d, f), fma_corner(b, c, f)),
-    )
+    """The greatest member of ``[a, b]·[c, d] + f``, rounded up; see `greatest_product`."""
+    return greater(fma_up(a, c if a < 0.0 else d, f), fma_up(b, c if b < 0.0 else d, f))
 
 
 @kernel
@@ -201,9 +221,9 @@ def sqrt(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
 def multiply_add(
     a: Floats, b: Floats, c: Floats, d: Floats, e: Floats, f: Floats, lo: Floats, hi: Floats
 ) -> None:
-    """``x·y + z``, each bound at most one float from the tightest."""
+    """``x·y + z``."""
     for k in range(lo.size):
-        most = next_up(greatest_fma(a[k], b[k], c[k], d[k], f[k]))
-        least = -next_up(greatest_fma(-b[k], -a[k], c[k], d[k], -e[k]))
+        most = greatest_fma(a[k], b[k], c[k], d[k], f[k])
+        least = -greatest_fma(-b[k], -a[k], c[k], d[k], -e[k])
         empty = (a[k] > b[k]) | (c[k] > d[k]) | (e[k] > f[k])
         lo[k], hi[k] = unless_empty(least, most, empty)

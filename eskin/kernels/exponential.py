@@ -2,16 +2,31 @@
 
 ``exp(x) = 2**k · exp(r)`` with ``k = rint(x/ln 2)`` and ``|r| <= 0.3466``. The high word of ln 2
 has 42 bits and ``k`` at most 11, so ``x - k·HIGH`` is exact; what the low word rounds is kept.
+``exp(r)``, between 0.707 and 1.415, comes out as ``high + low``, right to an error in absolute
+terms. Bounds add it to the lower word and round the sum once: that is the tightest float or the
+next one. Scaling by ``2**k`` is exact but where the result is subnormal. Overflow gives ``inf``,
+and NaN gives NaN. Let ``u = 2**-53``.
 
-Error, with ``u = 2**-53``, before the last rounding, in absolute terms (``exp(r)`` lies between
-0.707 and 1.415): with ``q = r²·Q``, at most 0.068, the steps of ``q`` round by ``0.068 · 3.3u``;
-what ``r`` lost to rounding enters with the factor ``1 + r`` instead of ``exp(r)``, 0.02 u;
-truncation after ``r**13/13!``, 0.04 u. ``1 + (r + q)`` is kept as two floats without error.
-Together below `TAIL_ERROR` = 0.3 u. The bounds add it to the lower of the two and round their sum
-once, so they are the nearest floats or the next ones. `exp` rounds to nearest: 0.5 u more below 1,
-``u`` above, which divided by the result stays within `RELATIVE_ERROR` = 1.6 u. The scaling is exact
-but where the result is subnormal, which costs half of the least float. Overflow gives ``inf``, NaN
-gives NaN.
+`exp_up` and `exp_down`, with ``exp(r) = 1 + r + r²·(½ + r·(1/6 + r·T))``:
+
+- T, between 0.0389 and 0.0448, is rounded to a float: its constant term errs by 0.021 u, its last
+  sum by 0.032 u, the terms before by 0.004 u. With ``r**4 <= 0.0145``: 0.00083 u.
+- ``r·T``, at most 0.0156, is rounded: 0.0079 u. With ``|r|³ <= 0.0417``: 0.00033 u.
+- Truncation after ``r**16/16!``: below ``1e-6 u``.
+- What ``r`` lost to rounding, at most u/4, counts with the factor ``exp(r)``, as it should.
+- All else is kept in two words; the second ones, below 2 u, round by a few ``u²``, and what is left
+  out is of the size of ``u²`` too.
+
+Together below 0.0012 u; `TAIL_ERROR` is 0.00195 u. So a bound is not the tightest only where a
+float lies within 0.0032 u of ``exp(r)``. A subnormal result is scaled back, which is exact, to see
+whether it was rounded to the wrong side.
+
+`quick_exp_up` and `quick_exp_down`, for models, which move their results outward anyhow: with
+``q = r²·Q``, at most 0.068, the steps of ``q`` round by ``0.068 · 3.3u``; what ``r`` lost to
+rounding enters with the factor ``1 + r`` instead of ``exp(r)``, 0.02 u; truncation after
+``r**13/13!``, 0.04 u. ``1 + (r + q)`` is kept as two floats without error. Together below
+`QUICK_TAIL_ERROR` = 0.3 u. What a subnormal result rounds is half of the least float; they move by
+a whole one.
 
 `exp_of_two` works in two words (`eskin.kernels.two_words`): only the terms from ``r**5`` on are
 rounded to floats, at most 1.2e-4 of ``expm1(r)``, with a relative error of 1.2 u. That and
@@ -31,19 +46,18 @@ from eskin.kernels.rounding import add_down, add_up, greater, lesser
 if TYPE_CHECKING:
     from eskin.kernels.two_words import Two
 
-RELATIVE_ERROR: Final = 0.8 * 2.0**-52
-"""Proven relative error of `exp` where the result is a normal float."""
-ABSOLUTE_ERROR: Final = 5e-324
-"""Proven absolute error besides, from gradual underflow."""
-TAIL_ERROR: Final = 0.15 * 2.0**-52
+TAIL_ERROR: Final = 2.0**-62
 """Proven absolute error of the sum of two floats that the bounds are made of."""
+QUICK_TAIL_ERROR: Final = 0.3 * 2.0**-53
+"""The same for the quick bounds."""
+LEAST: Final = 5e-324
 _LARGEST: Final = 1.7976931348623157e308
 
 _INVERSE_LN2: Final = 1.4426950408889634
 _LN2_HIGH: Final = 0.6931471805598903
 _LN2_LOW: Final = 5.497923018708371e-14
-_LEAST: Final = -760.0  # below, the result is 0; and 2**k stays in reach of two factors
-_MOST: Final = 720.0  # above, it is inf
+_FIRST: Final = -760.0  # below, the result is 0; and 2**k stays in reach of two factors
+_LAST: Final = 720.0  # above, it is inf
 _INTEGER: Final = 6755399441055744.0  # 1.5·2**52: adding it leaves the nearest integer in the bits
 _INTEGER_BITS: Final = 0x4338000000000000
 _ONE_BITS: Final = 0x3FF0000000000000
@@ -70,50 +84,6 @@ def exp_tail(r: float) -> float:
 
 
 @inlined
-def _reduced(x: float) -> tuple[float, float, float, float]:
-    """``exp(x)`` as ``(high + low) · first · second``; the factors are powers of two."""
-    near = lesser(greater(x, _LEAST), _MOST)
-    shifted = fma(near, _INVERSE_LN2, _INTEGER)
-    k = shifted - _INTEGER
-    above = fma(-k, _LN2_HIGH, near)
-    r = fma(-k, _LN2_LOW, above)
-    rest = fma(-k, _LN2_LOW, above - r)
-    q = fma(r * r, exp_tail(r), fma(r, rest, rest))
-    p = r + q
-    high = 1.0 + p
-    low = (p - (high - 1.0)) + (q - (p - r))
-    exponent = to_bits(shifted) - _INTEGER_BITS
-    first, second = power_of_two(exponent)
-    return high, low, first, second
-
-
-@inlined
-def exp(x: float) -> float:
-    """``e**x``."""
-    high, _, first, second = _reduced(x)
-    scaled = high * first * second
-    return scaled if x == x else x  # noqa: PLR0124 - NaN test
-
-
-@inlined
-def exp_up(x: float) -> float:
-    """Upper bound of ``e**x``; at most 1 where x is not positive."""
-    high, low, first, second = _reduced(x)
-    bound = add_up(high, low + TAIL_ERROR) * first * second + ABSOLUTE_ERROR
-    bound = lesser(bound, 1.0) if x <= 0.0 else bound
-    return bound if x == x else x  # noqa: PLR0124 - NaN test
-
-
-@inlined
-def exp_down(x: float) -> float:
-    """Lower bound of ``e**x``, never negative; at least 1 where x is not."""
-    high, low, first, second = _reduced(x)
-    bound = lesser(add_down(high, low - TAIL_ERROR) * first * second, _LARGEST) - ABSOLUTE_ERROR
-    bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
-    return bound if x <= _LARGEST else x
-
-
-@inlined
 def _long_tail(r: float) -> float:
     """The terms of ``exp(r)`` from ``r**5`` on, divided by ``r**5``."""
     tail = fma(r, 4.779477332387385e-14, 7.647163731819816e-13)
@@ -127,6 +97,90 @@ def _long_tail(r: float) -> float:
     tail = fma(r, tail, 0.0001984126984126984)
     tail = fma(r, tail, 0.001388888888888889)
     return fma(r, tail, 0.008333333333333333)
+
+
+@inlined
+def _of_rest(r: float, rest: float) -> Two:
+    """``exp(r + rest)`` for ``|r| <= 0.3466`` and a rest of at most half of its last place."""
+    sixth, sixth_low = two_words.ordered(_SIXTH[0], r * fma(r, _long_tail(r), _QUARTER_OF_SIXTH[0]))
+    half, half_low = two_words.product_of(r, sixth)
+    half, more = two_words.ordered(0.5, half)
+    half_low = more + fma(r, sixth_low + _SIXTH[1], half_low)
+    square, square_low = two_words.product_of(r, r)
+    q, q_low = two_words.product_of(square, half)
+    q_low = fma(square_low, half, fma(square, half_low, q_low))
+    p, p_low = two_words.ordered(r, q)
+    high, low = two_words.ordered(1.0, p)
+    return high, low + (p_low + (q_low + fma(rest, p, rest)))
+
+
+@inlined
+def _reduced(x: float) -> tuple[float, float, int]:
+    """``r``, what it lost to rounding, and k: ``x = k·ln 2 + r``."""
+    near = lesser(greater(x, _FIRST), _LAST)
+    shifted = fma(near, _INVERSE_LN2, _INTEGER)
+    k = shifted - _INTEGER
+    above = fma(-k, _LN2_HIGH, near)
+    r = fma(-k, _LN2_LOW, above)
+    return r, fma(-k, _LN2_LOW, above - r), to_bits(shifted) - _INTEGER_BITS
+
+
+@inlined
+def exp_up(x: float) -> float:
+    """Upper bound of ``e**x``, nearly always the tightest; at most 1 where x is not positive."""
+    r, rest, k = _reduced(x)
+    high, low = _of_rest(r, rest)
+    first, second = power_of_two(k)
+    near, error = two_words.ordered(high, low + TAIL_ERROR)
+    near = (from_bits(to_bits(near) + 1) if error > 0.0 else near) * first
+    scaled = near * second
+    bound = scaled + (LEAST if scaled * _inverse(second) < near else 0.0)
+    bound = lesser(bound, 1.0) if x <= 0.0 else bound
+    return bound if x == x else x  # noqa: PLR0124 - NaN test
+
+
+@inlined
+def exp_down(x: float) -> float:
+    """Lower bound of ``e**x``, nearly always the tightest; at least 1 where x is not negative."""
+    r, rest, k = _reduced(x)
+    high, low = _of_rest(r, rest)
+    first, second = power_of_two(k)
+    near, error = two_words.ordered(high, low - TAIL_ERROR)
+    near = (from_bits(to_bits(near) - 1) if error < 0.0 else near) * first
+    scaled = near * second
+    bound = lesser(scaled - (LEAST if scaled * _inverse(second) > near else 0.0), _LARGEST)
+    bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
+    return bound if x <= _LARGEST else x
+
+
+@inlined
+def _quickly(x: float) -> tuple[float, float, float, float]:
+    """``exp(x)`` as ``(high + low) · first · second``; the factors are powers of two."""
+    r, rest, k = _reduced(x)
+    q = fma(r * r, exp_tail(r), fma(r, rest, rest))
+    p = r + q
+    high = 1.0 + p
+    low = (p - (high - 1.0)) + (q - (p - r))
+    first, second = power_of_two(k)
+    return high, low, first, second
+
+
+@inlined
+def quick_exp_up(x: float) -> float:
+    """Upper bound of ``e**x``; at most 1 where x is not positive."""
+    high, low, first, second = _quickly(x)
+    bound = add_up(high, low + QUICK_TAIL_ERROR) * first * second + LEAST
+    bound = lesser(bound, 1.0) if x <= 0.0 else bound
+    return bound if x == x else x  # noqa: PLR0124 - NaN test
+
+
+@inlined
+def quick_exp_down(x: float) -> float:
+    """Lower bound of ``e**x``, never negative; at least 1 where x is not."""
+    high, low, first, second = _quickly(x)
+    bound = lesser(add_down(high, low - QUICK_TAIL_ERROR) * first * second, _LARGEST) - LEAST
+    bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
+    return bound if x <= _LARGEST else x
 
 
 @inlined
@@ -153,6 +207,12 @@ def power_of_two(exponent: int) -> Two:
 
 
 @inlined
+def _inverse(power: float) -> float:
+    """The inverse of a power of two."""
+    return from_bits(2 * _ONE_BITS - to_bits(power))
+
+
+@inlined
 def multiple_of_ln2(x: Two) -> tuple[int, Two]:
     """``k`` and ``r`` with ``x = k·ln 2 + r``, ``|r| <= 0.3467``; for ``|x| <= 760``."""
     shifted = fma(x[0], _INVERSE_LN2, _INTEGER)
@@ -165,7 +225,7 @@ def multiple_of_ln2(x: Two) -> tuple[int, Two]:
 @inlined
 def within_reach(x: Two) -> Two:
     """The number, or where its exponential is nothing or infinite, the next that can be reduced."""
-    near = lesser(greater(x[0], _LEAST), _MOST)
+    near = lesser(greater(x[0], _FIRST), _LAST)
     return near, (x[1] if near == x[0] else 0.0)
 
 

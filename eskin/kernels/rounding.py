@@ -18,8 +18,8 @@ from eskin.kernels.instructions import fma, from_bits, to_bits
 
 EXACT_PRODUCT: Final = 2.0**-960
 """Above this magnitude the error of a product is a float itself, so fma finds it exactly."""
-NORMAL: Final = 2.0**-1020
-"""Above this magnitude a quotient has all of its bits."""
+FACTOR: Final = 2.0**600
+"""Scales factors of a product below `EXACT_PRODUCT`: its error does not vanish then."""
 
 
 @inlined
@@ -77,52 +77,66 @@ def sub_down(a: float, b: float) -> float:
 
 @inlined
 def mul_up(a: float, b: float) -> float:
-    """Least float ``>= a·b``; one float more where the product is below `EXACT_PRODUCT`."""
+    """Least float ``>= a·b``.
+
+    Where the product is small, its error may be no float, but ``2**1200`` times the error rounds to
+    one of its sign: it is a multiple of ``2**-948``, and both factors are at most ``2**114``, so
+    that nothing overflows, if neither is zero.
+    """
     product = a * b
-    error = fma(a, b, -product)
-    known = (abs(product) > EXACT_PRODUCT) | (a == 0.0) | (b == 0.0)
-    most = 0.0 if (a < 0.0) != (b < 0.0) else math.inf
-    return product if (error <= 0.0) & known else lesser(next_up(product), most)
+    scale = FACTOR if abs(product) < EXACT_PRODUCT else 1.0
+    error = fma(a * scale, b * scale, -(product * scale * scale))
+    return product if (error <= 0.0) | (a == 0.0) | (b == 0.0) else next_up(product)
 
 
 @inlined
 def mul_down(a: float, b: float) -> float:
-    """Greatest float ``<= a·b``; one float less where the product is below `EXACT_PRODUCT`."""
+    """Greatest float ``<= a·b``."""
     return -mul_up(-a, b)
 
 
 @inlined
 def div_up(a: float, b: float) -> float:
-    """Least float ``>= a/b`` for ``b != 0``; one float more where a bit may have been lost."""
+    """Least float ``>= a/b`` for ``b != 0``.
+
+    The rest ``a - b·(a/b)`` tells the side, if it is not so small that it vanishes. Above
+    `EXACT_PRODUCT` it is zero or at least ``2**-107·|a|`` where the quotient is normal; else
+    ``|b| > 2**60``, and it is a multiple of ``2**-1066``. Below, it is taken ``2**600`` times: zero
+    or at least ``2**-582``, since ``|b| > 2**-54`` where the quotient is subnormal.
+    """
     quotient = a / b
-    rest = fma(-quotient, b, a)
+    scale = FACTOR if abs(a) < EXACT_PRODUCT else 1.0
+    rest = fma(-(quotient * scale), b, a * scale)
     below = (rest == 0.0) | ((rest < 0.0) == (b > 0.0))
-    known = (abs(a) > EXACT_PRODUCT) & (abs(quotient) > NORMAL) & (rest == rest)  # noqa: PLR0124
-    stands = (below & known) | (a == 0.0) | (abs(b) == math.inf)
-    most = 0.0 if (a < 0.0) != (b < 0.0) else math.inf
-    return quotient if stands else lesser(next_up(quotient), most)
+    stands = (below & (rest == rest)) | (a == 0.0) | (abs(b) == math.inf)  # noqa: PLR0124
+    return quotient if stands else next_up(quotient)
 
 
 @inlined
 def div_down(a: float, b: float) -> float:
-    """Greatest float ``<= a/b`` for ``b != 0``; one float less where a bit may have been lost."""
+    """Greatest float ``<= a/b`` for ``b != 0``."""
     return -div_up(-a, b)
 
 
 @inlined
+def _square_beside(x: float, root: float) -> float:
+    """``x - root²``, or a float of its sign: of ``2**1200`` times both where they are small."""
+    scale = FACTOR if x < EXACT_PRODUCT else 1.0
+    return fma(-(root * scale), root * scale, x * scale * scale)
+
+
+@inlined
 def sqrt_up(x: float) -> float:
-    """Least float ``>= √x`` for ``x >= 0``; one float more below `EXACT_PRODUCT`."""
+    """Least float ``>= √x`` for ``x >= 0``."""
     root = math.sqrt(x)
-    stands = ((fma(-root, root, x) <= 0.0) & (x > EXACT_PRODUCT)) | (x == 0.0)
-    return root if stands else next_up(root)
+    return root if (_square_beside(x, root) <= 0.0) else next_up(root)
 
 
 @inlined
 def sqrt_down(x: float) -> float:
-    """Greatest float ``<= √x`` for ``x >= 0``; one float less below `EXACT_PRODUCT`."""
+    """Greatest float ``<= √x`` for ``x >= 0``."""
     root = math.sqrt(x)
-    stands = ((fma(-root, root, x) >= 0.0) & (x > EXACT_PRODUCT)) | (x == 0.0) | (x == math.inf)
-    return root if stands else next_down(root)
+    return root if (_square_beside(x, root) >= 0.0) | (x == math.inf) else next_down(root)
 
 
 @part
