@@ -41,7 +41,8 @@ class Functions(Arithmetic):
         """``x^n`` for a whole number n."""
         if exponent < 0:
             undefined_where(lambda: holds_zero(self))
-        return self._trusted(*of_one(powers.pown, self, _whole(exponent, "pown")))
+        whole = _whole(exponent, "pown")
+        return self.sqr() if whole == 2 else self._trusted(*of_one(powers.pown, self, whole))
 
     def pow(self, exponent: Bounds | ArrayLike) -> Self:
         """``x^y`` of what is not negative, for real powers."""

@@ -9,7 +9,7 @@ import math
 from typing import TYPE_CHECKING, Final
 
 from eskin.kernels import two_words
-from eskin.kernels.arithmetic import div_pair, mig_of, sqr_pair, sqrt_pair
+from eskin.kernels.arithmetic import div_pair, mig_of, sqrt_pair
 from eskin.kernels.compiled import kernel, part
 from eskin.kernels.exponential import exp_of_two
 from eskin.kernels.instructions import fma
@@ -139,11 +139,9 @@ def odd_power(a: float, b: float, n: int) -> Pair:
 
 @part
 def pown_pair(a: float, b: float, n: int) -> Pair:  # noqa: PLR0911 - one for each case of the standard
-    """``x^n`` for a whole number ``n``."""
+    """``x^n`` for a whole number ``n`` but 2."""
     if n == 0:
         return 1.0, 1.0
-    if n == 2:
-        return sqr_pair(a, b)
     if n == -1:
         return div_pair(1.0, 1.0, a, b)
     if n < 0 and a == 0.0 and b == 0.0:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from eskin.kernels.compiled import inlined, part
+from eskin.kernels.compiled import inlined
 from eskin.kernels.instructions import fma, from_bits, to_bits
 
 EXACT_PRODUCT: Final = 2.0**-960
@@ -81,12 +81,12 @@ def mul_up(a: float, b: float) -> float:
 
     Where the product is small, its error may be no float, but ``2**1200`` times the error rounds to
     one of its sign: it is a multiple of ``2**-948``, and both factors are at most ``2**114``, so
-    that nothing overflows, if neither is zero.
+    that nothing overflows, if neither is zero. If one is, or is infinite, the product stands.
     """
     product = a * b
     scale = FACTOR if abs(product) < EXACT_PRODUCT else 1.0
     error = fma(a * scale, b * scale, -(product * scale * scale))
-    return product if (error <= 0.0) | (a == 0.0) | (b == 0.0) else next_up(product)
+    return next_up(product) if error > 0.0 else product
 
 
 @inlined
@@ -102,14 +102,13 @@ def div_up(a: float, b: float) -> float:
     The rest ``a - b·(a/b)`` tells the side, if it is not so small that it vanishes. Above
     `EXACT_PRODUCT` it is zero or at least ``2**-107·|a|`` where the quotient is normal; else
     ``|b| > 2**60``, and it is a multiple of ``2**-1066``. Below, it is taken ``2**600`` times: zero
-    or at least ``2**-582``, since ``|b| > 2**-54`` where the quotient is subnormal.
+    or at least ``2**-582``, since ``|b| > 2**-54`` where the quotient is subnormal. Of an infinite
+    number there is no rest, and the quotient stands.
     """
     quotient = a / b
     scale = FACTOR if abs(a) < EXACT_PRODUCT else 1.0
     rest = fma(-(quotient * scale), b, a * scale)
-    below = (rest == 0.0) | ((rest < 0.0) == (b > 0.0))
-    stands = (below & (rest == rest)) | (a == 0.0) | (abs(b) == math.inf)  # noqa: PLR0124
-    return quotient if stands else next_up(quotient)
+    return next_up(quotient) if (rest > 0.0 if b > 0.0 else rest < 0.0) else quotient
 
 
 @inlined
@@ -137,15 +136,3 @@ def sqrt_down(x: float) -> float:
     """Greatest float ``<= √x`` for ``x >= 0``."""
     root = math.sqrt(x)
     return root if (_square_beside(x, root) >= 0.0) | (x == math.inf) else next_down(root)
-
-
-@part
-def libm_up(value: float) -> float:
-    """At least what a libm good to one ulp meant: two floats up, but not beyond its sign."""
-    return min(next_up(next_up(value)), 0.0) if value < 0.0 else next_up(next_up(value))
-
-
-@part
-def libm_down(value: float) -> float:
-    """At most what a libm good to one ulp meant: two floats down, but not beyond its sign."""
-    return -libm_up(-value)

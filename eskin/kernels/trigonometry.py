@@ -1,14 +1,12 @@
 """Sine, cosine and tangent of intervals, IEEE 1788-2015 clause 10.5.3.
 
-Up to 2⁴⁸ rad each bound is at most one float from the tightest.
+Each bound is at most one float from the tightest.
 
 An angle is reduced to whole quarter turns and a rest whose sign is certain
 (`eskin.kernels.circular`). So a turning point lies inside exactly where its number lies between
 the first quarter turn that is reached and the last.
 
-Beyond 2⁴⁸ rad only a single number is reduced: by a scalar libm, which does so exactly. It is good
-to less than one ulp where it is any good (glibc, musl and Apple's claim 0.51 to 0.98 ulp for these
-functions), but nobody certifies it: its results are moved by two floats.
+Beyond 2⁴⁸ rad only a single number is reduced, by `eskin.kernels.large_angles`.
 """
 
 from __future__ import annotations
@@ -20,7 +18,8 @@ from eskin.kernels import two_words
 from eskin.kernels.arithmetic import unless_empty
 from eskin.kernels.circular import LARGEST, floor_of_quarters, reduced, sine_and_cosine, sine_of
 from eskin.kernels.compiled import inlined, kernel, part
-from eskin.kernels.rounding import greater, lesser, libm_down, libm_up
+from eskin.kernels.large_angles import reduced_of_any
+from eskin.kernels.rounding import greater, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
@@ -57,20 +56,22 @@ def _range(from_: Turned, to: Turned) -> Pair:
 
 @inlined
 def _sine_pair(a: float, b: float) -> Pair:
-    from_, to = reduced(_near(a)), reduced(_near(b))
-    return _range(from_, to)
+    return _range(reduced(_near(a)), reduced(_near(b)))
+
+
+@inlined
+def _cosine_range(from_: Turned, to: Turned) -> Pair:
+    return _range((from_[0] + 1.0, from_[1]), (to[0] + 1.0, to[1]))
 
 
 @inlined
 def _cosine_pair(a: float, b: float) -> Pair:
-    from_, to = reduced(_near(a)), reduced(_near(b))
-    lo, hi = _range((from_[0] + 1.0, from_[1]), (to[0] + 1.0, to[1]))
+    lo, hi = _cosine_range(reduced(_near(a)), reduced(_near(b)))
     return (1.0 if (a == 0.0) & (b == 0.0) else lo), hi
 
 
 @inlined
-def _tangent_pair(a: float, b: float) -> Pair:
-    from_, to = reduced(_near(a)), reduced(_near(b))
+def _tangent_range(from_: Turned, to: Turned) -> Pair:
     sine, cosine = sine_and_cosine(from_)
     sine_b, cosine_b = sine_and_cosine(to)
     lo = two_words.below_by(two_words.div(sine, cosine), _QUOTIENT_ERROR)
@@ -92,9 +93,10 @@ def sin(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
         lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
     for k in range(lo.size):
         if _is_far(a[k], b[k]):
-            single, value = a[k] == b[k], math.sin(a[k])
-            lo[k] = max(libm_down(value), -1.0) if single else -1.0
-            hi[k] = min(libm_up(value), 1.0) if single else 1.0
+            lo[k], hi[k] = -1.0, 1.0
+            if a[k] == b[k]:
+                turned = reduced_of_any(a[k])
+                lo[k], hi[k] = _range(turned, turned)
 
 
 @kernel
@@ -105,19 +107,21 @@ def cos(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
         lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
     for k in range(lo.size):
         if _is_far(a[k], b[k]):
-            single, value = a[k] == b[k], math.cos(a[k])
-            lo[k] = max(libm_down(value), -1.0) if single else -1.0
-            hi[k] = min(libm_up(value), 1.0) if single else 1.0
+            lo[k], hi[k] = -1.0, 1.0
+            if a[k] == b[k]:
+                turned = reduced_of_any(a[k])
+                lo[k], hi[k] = _cosine_range(turned, turned)
 
 
 @kernel
 def tan(a: Floats, b: Floats, lo: Floats, hi: Floats) -> None:
     """Tangents: they grow from pole to pole."""
     for k in range(lo.size):
-        low, high = _tangent_pair(a[k], b[k])
+        low, high = _tangent_range(reduced(_near(a[k])), reduced(_near(b[k])))
         lo[k], hi[k] = unless_empty(low, high, a[k] > b[k])
     for k in range(lo.size):
         if _is_far(a[k], b[k]):
-            single, value = a[k] == b[k], math.tan(a[k])
-            lo[k] = libm_down(value) if single else -math.inf
-            hi[k] = libm_up(value) if single else math.inf
+            lo[k], hi[k] = -math.inf, math.inf
+            if a[k] == b[k]:
+                turned = reduced_of_any(a[k])
+                lo[k], hi[k] = _tangent_range(turned, turned)

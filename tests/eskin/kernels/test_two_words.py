@@ -8,7 +8,14 @@ import flint
 import numpy as np
 import pytest
 
-from eskin.kernels import arctangent, circular, exponential, logarithm, two_words
+from eskin.kernels import (
+    arctangent,
+    circular,
+    exponential,
+    large_angles,
+    logarithm,
+    two_words,
+)
 from eskin.kernels.compiled import part
 
 if TYPE_CHECKING:
@@ -27,6 +34,8 @@ POSITIVE = np.concatenate([WIDE, SMALL, BESIDE_ONE, RANDOM.uniform(0.0, 2.0, N)]
 UNIT = POSITIVE[POSITIVE < 1.0]
 TURNS = RANDOM.integers(-(2**47), 2**47, N) * (0.5 * np.pi)  # beside a zero of sine or cosine
 ANGLES = np.concatenate([POSITIVE[POSITIVE < 2.0**48], TURNS, np.arange(1.0, 99.0) * np.pi / 4.0])
+NEAREST = 6381956970095103.0 * 2.0**797  # no float comes nearer to a multiple of π/2
+FAR = np.concatenate([[2.0**48, NEAREST], 10.0 ** RANDOM.uniform(14.5, 308.0, N)])
 EXPONENTS = np.concatenate([RANDOM.uniform(-600.0, 700.0, N), RANDOM.uniform(-1.0, 1.0, N), -SMALL])
 
 
@@ -71,6 +80,16 @@ def cos(x: float) -> two_words.Two:
 
 
 @part
+def sin_far(x: float) -> two_words.Two:
+    return circular.sine_of(large_angles.reduced_of_any(x))
+
+
+@part
+def cos_far(x: float) -> two_words.Two:
+    return circular.sine_and_cosine(large_angles.reduced_of_any(x))[1]
+
+
+@part
 def sinpi(x: float) -> two_words.Two:
     return circular.sine_and_cosine(circular.reduced_of_half_turns(x, 0.0))[0]
 
@@ -83,7 +102,7 @@ def cospi(x: float) -> two_words.Two:
 @pytest.fixture(autouse=True)
 def _many_bits() -> Iterable[None]:
     before = flint.ctx.prec
-    flint.ctx.prec = 300
+    flint.ctx.prec = 1400
     yield
     flint.ctx.prec = before
 
@@ -106,6 +125,9 @@ def _many_bits() -> Iterable[None]:
         (acos, flint.arb.acos, UNIT),
         (sin, flint.arb.sin, ANGLES),
         (cos, flint.arb.cos, ANGLES),
+        (sin_far, flint.arb.sin, FAR),
+        (cos_far, flint.arb.cos, FAR),
+        (sin_far, flint.arb.sin, -FAR),
         (sinpi, flint.arb.sin_pi, POSITIVE[POSITIVE % 1.0 != 0.0]),
         (cospi, flint.arb.cos_pi, POSITIVE[POSITIVE % 1.0 != 0.5]),
     ],

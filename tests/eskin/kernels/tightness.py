@@ -157,8 +157,11 @@ def _cancelling_large(rng: np.random.Generator, count: int) -> tuple[Floats, ...
 _THOUSANDS: Final = (-3.0, 3.0)
 _PLAIN: Final = "size 1e-3 to 1e3"
 _ANY: Final = "any floats"
+_FAR: Final = "size 2.5e14 to 1e308"
 _SMALL: Final = "results below 1e-289"
 CASES: Final = (
+    Case("add", _PLAIN, _sizes(_THOUSANDS, _THOUSANDS), operator.add, operator.add),
+    Case("add", _ANY, _any(2), operator.add, operator.add, EXACT_BITS),
     Case("mul", _PLAIN, _sizes(_THOUSANDS, _THOUSANDS), operator.mul, operator.mul),
     Case("mul", _SMALL, _factors, operator.mul, operator.mul),
     Case("mul", _ANY, _any(2), operator.mul, operator.mul),
@@ -183,6 +186,8 @@ CASES: Final = (
     Case("log", _ANY, _positive(-307.0, 308.0), Interval.log, flint.arb.log),
     Case("sin", "-10 to 10", _uniform(-10.0, 10.0), Interval.sin, flint.arb.sin),
     Case("tan", "-10 to 10", _uniform(-10.0, 10.0), Interval.tan, flint.arb.tan),
-    Case("sin", "size 1e15 to 1e300", _sizes((15.0, 300.0)), Interval.sin, flint.arb.sin, 2000),
+    Case("sin", _FAR, _sizes((14.4, 308.0)), Interval.sin, flint.arb.sin, EXACT_BITS),
+    Case("cos", _FAR, _sizes((14.4, 308.0)), Interval.cos, flint.arb.cos, EXACT_BITS),
+    Case("tan", _FAR, _sizes((14.4, 308.0)), Interval.tan, flint.arb.tan, EXACT_BITS),
     Case("tanh", "-10 to 10", _uniform(-10.0, 10.0), Interval.tanh, flint.arb.tanh),
 )
