@@ -21,13 +21,6 @@ Together below 0.0012 u; `TAIL_ERROR` is 0.00195 u. So a bound is not the tighte
 float lies within 0.0032 u of ``exp(r)``. A subnormal result is scaled back, which is exact, to see
 whether it was rounded to the wrong side.
 
-`quick_exp_up` and `quick_exp_down`, for models, which move their results outward anyhow: with
-``q = r²·Q``, at most 0.068, the steps of ``q`` round by ``0.068 · 3.3u``; what ``r`` lost to
-rounding enters with the factor ``1 + r`` instead of ``exp(r)``, 0.02 u; truncation after
-``r**13/13!``, 0.04 u. ``1 + (r + q)`` is kept as two floats without error. Together below
-`QUICK_TAIL_ERROR` = 0.3 u. What a subnormal result rounds is half of the least float; they move by
-a whole one.
-
 `exp_of_two` works in two words (`eskin.kernels.two_words`): only the terms from ``r**5`` on are
 rounded to floats, at most 1.2e-4 of ``expm1(r)``, with a relative error of 1.2 u. That and
 truncation after ``r**16/16!`` stay below ``2**-65`` of the result.
@@ -41,15 +34,13 @@ from typing import TYPE_CHECKING, Final
 from eskin.kernels import two_words
 from eskin.kernels.compiled import inlined
 from eskin.kernels.instructions import fma, from_bits, to_bits
-from eskin.kernels.rounding import add_down, add_up, greater, lesser
+from eskin.kernels.rounding import greater, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.two_words import Two
 
 TAIL_ERROR: Final = 2.0**-62
 """Proven absolute error of the sum of two floats that the bounds are made of."""
-QUICK_TAIL_ERROR: Final = 0.3 * 2.0**-53
-"""The same for the quick bounds."""
 LEAST: Final = 5e-324
 _LARGEST: Final = 1.7976931348623157e308
 
@@ -69,7 +60,11 @@ _QUARTER_OF_SIXTH: Final = (0.041666666666666664, 2.3129646346357427e-18)
 
 @inlined
 def exp_tail(r: float) -> float:
-    """``(exp(r) - 1 - r)/r²`` for ``|r| <= 0.3466``."""
+    """``(exp(r) - 1 - r)/r²`` for ``|r| <= 0.3466``, in floats alone.
+
+    Its product with ``r²``, at most 0.068, rounds by ``0.068 · 3.3u``; truncation after
+    ``r**13/13!`` is 0.04 u.
+    """
     tail = fma(r, 1.6059043836821613e-10, 2.08767569878681e-09)
     tail = fma(r, tail, 2.505210838544172e-08)
     tail = fma(r, tail, 2.755731922398589e-07)
@@ -149,36 +144,6 @@ def exp_down(x: float) -> float:
     near = (from_bits(to_bits(near) - 1) if error < 0.0 else near) * first
     scaled = near * second
     bound = lesser(scaled - (LEAST if scaled * _inverse(second) > near else 0.0), _LARGEST)
-    bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
-    return bound if x <= _LARGEST else x
-
-
-@inlined
-def _quickly(x: float) -> tuple[float, float, float, float]:
-    """``exp(x)`` as ``(high + low) · first · second``; the factors are powers of two."""
-    r, rest, k = _reduced(x)
-    q = fma(r * r, exp_tail(r), fma(r, rest, rest))
-    p = r + q
-    high = 1.0 + p
-    low = (p - (high - 1.0)) + (q - (p - r))
-    first, second = power_of_two(k)
-    return high, low, first, second
-
-
-@inlined
-def quick_exp_up(x: float) -> float:
-    """Upper bound of ``e**x``; at most 1 where x is not positive."""
-    high, low, first, second = _quickly(x)
-    bound = add_up(high, low + QUICK_TAIL_ERROR) * first * second + LEAST
-    bound = lesser(bound, 1.0) if x <= 0.0 else bound
-    return bound if x == x else x  # noqa: PLR0124 - NaN test
-
-
-@inlined
-def quick_exp_down(x: float) -> float:
-    """Lower bound of ``e**x``, never negative; at least 1 where x is not."""
-    high, low, first, second = _quickly(x)
-    bound = lesser(add_down(high, low - QUICK_TAIL_ERROR) * first * second, _LARGEST) - LEAST
     bound = greater(bound, 1.0 if x >= 0.0 else 0.0)
     return bound if x <= _LARGEST else x
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.kernels.compiled import kernel, part
-from eskin.kernels.exponential import quick_exp_down, quick_exp_up
+from eskin.kernels.exponential import exp_down, exp_up
 from eskin.kernels.instructions import fma
 from eskin.models.bounds import TINY, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
@@ -43,11 +43,11 @@ def _coil_energy(operands: Operands, limits: Floats, columns: int, out: Results)
         for i in range(n):
             current = work[0, i] / work[5, i]
             x, rest = _exponent(work[5, i], work[7, i], work[2, i])
-            energy = 0.5 * work[2, i] * current * current * (quick_exp_down(-x) * (1.0 - rest))
+            energy = 0.5 * work[2, i] * current * current * (exp_down(-x) * (1.0 - rest))
             lower[i] = max(below(energy, 9) - TINY, 0.0)
             current = work[1, i] / work[4, i]
             x, rest = _exponent(work[4, i], work[6, i], work[3, i])
-            energy = 0.5 * work[3, i] * current * current * (quick_exp_up(-x) * (1.0 - rest))
+            energy = 0.5 * work[3, i] * current * current * (exp_up(-x) * (1.0 - rest))
             upper[i] = above(energy, 9) + TINY
     return allowed
 

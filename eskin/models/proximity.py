@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.kernels.compiled import kernel, part
-from eskin.kernels.exponential import quick_exp_down, quick_exp_up
+from eskin.kernels.exponential import exp_down, exp_up
 from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
 from eskin.models.bounds import TINY, TWO_PI, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
@@ -80,8 +80,8 @@ def _oscillate(work: Floats, out: Results, start: int, n: int) -> None:
     l_lower, l_upper = out[2][start : start + n], out[3][start : start + n]
     f_lower, f_upper = out[4][start : start + n], out[5][start : start + n]
     for i in range(n):
-        near = above(work[3, i] * quick_exp_up(-below(work[4, i] * d_lower[i], 1)), 1) + TINY
-        far = below(work[2, i] * quick_exp_down(-above(work[5, i] * d_upper[i], 1)), 1)
+        near = above(work[3, i] * exp_up(-below(work[4, i] * d_lower[i], 1)), 1) + TINY
+        far = below(work[2, i] * exp_down(-above(work[5, i] * d_upper[i], 1)), 1)
         # No exponential exceeds 1, however its bound was rounded: L0 - ΔL holds.
         l_inf = sub_down(work[0, i], min(near, work[3, i]))
         l_sup = sub_up(work[1, i], far)
