@@ -164,6 +164,11 @@ class GatewaysSection(Section):
 class NodesSection(Section):
     """How nodes are judged."""
 
+    revocations: Path | None = Field(
+        default=None,
+        description="the nodes' revocation list (PEM); read again when it changes. A revoked "
+        "certificate makes no node known",
+    )
     late_s: float = Field(
         default=5.0, gt=0, le=86_400, description="seconds of silence after which a node is late"
     )

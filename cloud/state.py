@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from cloud.rate_limits import RateLimits
     from cloud.settings import CloudSettings
     from cloud.store import Store
-    from eskin.identity import Trust
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +30,7 @@ class Cloud:
         feed: Tells what is stored as it comes.
         onlookers: Knows which nodes somebody looks at.
         board: Wakes gateways that wait for commands.
-        gatekeeper: Verifies gateways' certificates.
-        trust: Verifies the chains of nodes that gateways present.
+        gatekeeper: Verifies certificates of gateways, and those of nodes that they present.
         uploads: Room for what gateways bring.
         metrics: Counts.
         rate_limits: Counts what each address asks.
@@ -47,7 +45,6 @@ class Cloud:
     onlookers: Onlookers
     board: Board
     gatekeeper: Gatekeeper
-    trust: Trust
     uploads: Uploads
     metrics: Metrics
     rate_limits: RateLimits

@@ -65,6 +65,7 @@ def write_cloud(layout: Layout, ports: Ports) -> Path:
                 "identity": layout.identity(CLOUD),
                 "revocations": layout.revocations(IdentityKind.GATEWAY),
             },
+            "nodes": {"revocations": layout.revocations(IdentityKind.NODE)},
         },
     )
 

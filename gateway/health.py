@@ -12,13 +12,13 @@ from eskin.errors import SpoolError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from eskin.identity import RevocationFile
     from gateway.counters import Counters
     from gateway.courier import Courier
     from gateway.forwarder import Forwarder
     from gateway.inbox import Inbox
     from gateway.mqtt import MqttBroker
     from gateway.presence import Presence
-    from gateway.revocations import Revocations
     from gateway.spool import Spool
     from gateway.steward import Steward
     from gateway.worker import Worker
@@ -35,7 +35,7 @@ class Health:
     forwarder: Forwarder
     courier: Courier
     presence: Presence
-    revocations: Revocations
+    revocations: RevocationFile
     steward: Steward
     _unread: str | None = field(default=None, init=False)
 

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Final
 from cryptography import x509
 
 from eskin.errors import UntrustedCertificateError
-from eskin.identity import common_name, der, site_of, thumbprint
+from eskin.identity import IdentityKind, common_name, der, site_of, thumbprint
 from gateway.batch import Sender
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from gateway.revocations import Revocations
+    from eskin.identity import RevocationFile, Trust
     from gateway.spool import Spool
 
 RECHECK_S: Final = 10.0
@@ -42,7 +42,8 @@ class Senders:
 
     Args:
         spool: Where certificates are remembered.
-        revocations: The nodes' CA, root and revocation list.
+        trust: Leads to the root.
+        revocations: The nodes' revocation list, which the trust follows.
         site: The gateway's own; nodes of another one are refused.
         capacity: How many verified certificates are kept in memory.
         clock: Monotonic seconds.
@@ -51,13 +52,15 @@ class Senders:
     def __init__(
         self,
         spool: Spool,
-        revocations: Revocations,
+        trust: Trust,
         *,
+        revocations: RevocationFile,
         site: str,
         capacity: int = 4096,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._spool = spool
+        self._trust = trust
         self._revocations = revocations
         self._site = site
         self._capacity = capacity
@@ -70,7 +73,7 @@ class Senders:
     def refresh(self) -> None:
         """Look at the clock and at the revocation list, once for many messages."""
         self._now = self._clock()
-        if self._revocations.refresh(self._now):
+        if self._revocations.refresh():
             self._listed = self._now
 
     def find(self, named: bytes) -> x509.Certificate | None:
@@ -122,12 +125,13 @@ class Senders:
     def _judge(self, known: _Known) -> x509.Certificate:
         """What may have changed since it was verified: the time, and the revocations."""
         if known.judged < self._listed or self._now >= known.judged + RECHECK_S:
-            self._revocations.require_good(known.leaf, known.issuer)
+            self._trust.require_good(known.leaf, known.issuer, IdentityKind.NODE)
             known.judged = self._now
         return known.leaf
 
     def _verify(self, chain: Sequence[bytes]) -> _Known:
-        leaf = self._revocations.verify(chain)
+        self._revocations.require()
+        leaf = self._trust.verify(chain, IdentityKind.NODE)
         if site_of(leaf) != self._site:
             raise UntrustedCertificateError(
                 f"{common_name(leaf)} is a node of {site_of(leaf)}, not of {self._site}"

@@ -9,7 +9,7 @@ from threading import Event
 from time import monotonic, time_ns
 from typing import TYPE_CHECKING, TypedDict
 
-from eskin.identity import Trust, client_context
+from eskin.identity import IdentityKind, RevocationFile, Trust, client_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.memory import settle
 from eskin.messages.warmup import warm_up
@@ -40,7 +40,6 @@ from gateway.notices import HttpsNotices
 from gateway.onlookers import Onlookers
 from gateway.presence import Presence
 from gateway.records import Records
-from gateway.revocations import Revocations
 from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.spool import Spool
@@ -123,7 +122,10 @@ class Gateway:
         self.assignments = Assignments(self.vault)
         self.veiling = Veiling(self.assignments)
         root = identity.directory / ROOT_FILE
-        self._revocations = Revocations(Trust.following(root), settings.identity.revocations)
+        self._trust = Trust.following(root)
+        self._revocations = RevocationFile(
+            self._trust, IdentityKind.NODE, settings.identity.revocations
+        )
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
         self.commands = Commands(settings.commands.resend_s)
@@ -174,7 +176,12 @@ class Gateway:
         )
 
     def _make_worker(self) -> Worker:
-        senders = Senders(self.spool, self._revocations, site=self.keyring.gateway.site)
+        senders = Senders(
+            self.spool,
+            self._trust,
+            revocations=self._revocations,
+            site=self.keyring.gateway.site,
+        )
         intake = Intake(
             opener=self.keyring.make_opener(senders.find),
             senders=senders,

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from cloud.ingest.errors import MalformedBatchError
 from eskin.errors import IdentityError, MessageError
-from eskin.identity import IdentityKind, common_name, der, site_of
+from eskin.identity import common_name, der, site_of
 from eskin.messages.fields import items, load_any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from eskin.identity import Trust
+    from cloud.ingest.gatekeeper import Gatekeeper
 
 MOST: Final = 500
 _MOST_BYTES: Final = 4096
@@ -49,20 +49,22 @@ def read_chains(body: bytes) -> list[list[bytes]]:
     return [[bytes(part) for part in chain if isinstance(part, bytes)] for chain in listed]
 
 
-def judge_chains(trust: Trust, chains: Sequence[Sequence[bytes]], site: str) -> list[Presented]:
+def judge_chains(
+    gatekeeper: Gatekeeper, chains: Sequence[Sequence[bytes]], site: str
+) -> list[Presented]:
     """Verify chains, and that each names the gateway's own site.
 
     Args:
-        trust: Verifies them.
+        gatekeeper: Verifies them.
         chains: As `read_chains` gives them.
         site: The site that the gateway's certificate names.
     """
-    return [_judge(trust, chain, site) for chain in chains]
+    return [_judge(gatekeeper, chain, site) for chain in chains]
 
 
-def _judge(trust: Trust, chain: Sequence[bytes], site: str) -> Presented:
+def _judge(gatekeeper: Gatekeeper, chain: Sequence[bytes], site: str) -> Presented:
     try:
-        leaf = trust.verify_issued(chain, IdentityKind.NODE)
+        leaf = gatekeeper.verify_node(chain)
         name, own = common_name(leaf), site_of(leaf)
     except IdentityError as error:
         return Presented("", b"", str(error))

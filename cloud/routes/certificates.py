@@ -42,7 +42,7 @@ async def post_certificates(cloud: CloudState, request: Request) -> Response:
     async with received(cloud, request) as posted:
         gateway, site = posted.gateway.name, posted.gateway.site
         chains = await asyncio.to_thread(read_chains, posted.body)
-        judged = await asyncio.to_thread(judge_chains, cloud.trust, chains, site)
+        judged = await asyncio.to_thread(judge_chains, cloud.gatekeeper, chains, site)
         good = [(each.node, each.certificate) for each in judged if each.reason is None]
 
         def work(connection: Connection) -> dict[str, str]:

@@ -46,7 +46,10 @@ def run(
     start_logs(settings.log.level)
     people, gateways = settings.people, settings.gateways
     own = {gateways.identity} | ({people.identity} if people.identity else set())
-    lists = {IdentityKind.GATEWAY: gateways.revocations}
+    lists = {
+        IdentityKind.GATEWAY: gateways.revocations,
+        IdentityKind.NODE: settings.nodes.revocations,
+    }
     with Keeper(settings.renewal, sorted(own), lists=lists):
         serve(settings)
 

@@ -17,6 +17,7 @@ from eskin.identity.renewal import (
     past_identities,
     settle,
 )
+from eskin.identity.revocation_file import RevocationFile
 from eskin.identity.rotation import RootRotation
 from eskin.identity.tls import client_context, server_context
 from eskin.identity.trust import Trust
@@ -26,6 +27,7 @@ __all__ = [
     "Identity",
     "IdentityKind",
     "Issued",
+    "RevocationFile",
     "RootRotation",
     "Trust",
     "client_context",

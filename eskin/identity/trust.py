@@ -119,24 +119,25 @@ class Trust:
         return leaf
 
     def verify_issued(self, chain: Sequence[bytes], kind: IdentityKind) -> x509.Certificate:
-        """Verify that a CA of ours issued a certificate, whether or not it has ended since.
+        """Verify that a CA of ours issued a certificate, and has not revoked it.
 
-        For what a certificate says for good, as to which site a name belongs. Whoever shows it must
-        prove by other means who he is.
+        It may have expired: for what a certificate says for good, as to which site a name belongs.
+        It proves nothing about the peer that shows it.
 
         Args:
             chain: DER certificates, the identity's own first.
             kind: Whose it is.
 
         Raises:
-            UntrustedCertificateError: It does not lead to the root over the kind's issuing CA, or
-                has a name that is none of that kind, or no site where its kind has one.
+            UntrustedCertificateError: It does not lead to the root over the kind's issuing CA, is
+                revoked, has a name that is none of that kind, or no site where its kind has one.
         """
         self._follow()
         leaf, issuer = _pair(chain)
         self._require_led(issuer)
         _require_signed(leaf, issuer)
         _require_kind(leaf, kind)
+        self._require_not_revoked(leaf, issuer, kind)
         return leaf
 
     def require_good(

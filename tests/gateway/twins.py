@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from eskin.envelope import Opener
 from eskin.errors import SpoolError
-from eskin.identity import Trust
+from eskin.identity import IdentityKind, RevocationFile, Trust
 from eskin.privacy import open_vault
 from eskin.settings import KeysSection
 from eskin.topics import Stream, node_topic
@@ -26,7 +26,6 @@ from gateway.intake import Intake
 from gateway.onlookers import Onlookers
 from gateway.presence import Presence
 from gateway.records import Records
-from gateway.revocations import Revocations
 from gateway.sealers import Sealers
 from gateway.senders import Senders
 from gateway.settings import SpoolSection
@@ -108,9 +107,13 @@ class Inside:
         self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
         self._make_keys(folder / "keys")
         self.trust = Trust(*identities.gateway.roots, clock=self.clock.now)
-        self.revocations = Revocations(self.trust, revocations)
+        self.revocations = RevocationFile(self.trust, IdentityKind.NODE, revocations)
         self.senders = Senders(
-            self.spool, self.revocations, site=identities.gateway.site, clock=self.clock
+            self.spool,
+            self.trust,
+            revocations=self.revocations,
+            site=identities.gateway.site,
+            clock=self.clock,
         )
         self.records = Records(self.spool)
         self.presence = Presence(15.0)
