@@ -5,17 +5,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final, Protocol
 
 import cbor2
-import httpx
 import orjson
 
 from eskin.errors import CloudError
-from gateway.refusal import require_ok
+from gateway.cloud_client import as_agreed
 
 if TYPE_CHECKING:
-    import ssl
-    from collections.abc import Callable, Collection
+    from collections.abc import Collection
 
     from gateway.batch import Sender
+    from gateway.cloud_client import CloudClient
     from gateway.spool import Spool
 
 _AT_ONCE: Final = 100
@@ -47,30 +46,13 @@ class HttpsCertificates:
     """Over HTTPS, each node's certificate as the spool remembers it.
 
     Args:
-        url: The cloud's ingest; certificates are beside it.
+        client: The way to the cloud.
         spool: Remembers the chain that each node used last.
-        headers: Gives those of a request.
-        context: Leads to our root, and shows the gateway's certificate.
-        timeout_s: Seconds to wait.
     """
 
-    def __init__(
-        self,
-        url: str,
-        *,
-        spool: Spool,
-        headers: Callable[[], dict[str, str]],
-        context: ssl.SSLContext,
-        timeout_s: float,
-    ) -> None:
-        self._url = httpx.URL(url).join("certificates")
+    def __init__(self, client: CloudClient, spool: Spool) -> None:
+        self._client = client
         self._spool = spool
-        self._headers = headers
-        self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._client.close()
 
     def has(self, node: str) -> bool:
         """See `Certificates.has`."""
@@ -100,15 +82,9 @@ class HttpsCertificates:
         return self._spool.sender(record.thumbprint)
 
     def _post(self, chains: list[list[bytes]]) -> list[str | None]:
-        try:
-            body = cbor2.dumps(chains)
-            answer = self._client.post(self._url, content=body, headers=self._headers())
-            require_ok(answer)
-            reasons = [item["reason"] for item in orjson.loads(answer.content)["items"]]
-        except httpx.HTTPError as error:
-            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
-        except (orjson.JSONDecodeError, KeyError, TypeError) as error:
-            raise CloudError(f"{self._url}: the answer is not as agreed") from error
+        answer = self._client.post("certificates", cbor2.dumps(chains))
+        with as_agreed(answer):
+            reasons = [item["reason"] for item in orjson.loads(answer)["items"]]
         if len(reasons) != len(chains):
-            raise CloudError(f"{self._url} answered for {len(reasons)} of {len(chains)} chains")
+            raise CloudError(f"the cloud answered for {len(reasons)} of {len(chains)} chains")
         return [None if reason is None else str(reason)[:200] for reason in reasons]

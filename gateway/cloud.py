@@ -6,20 +6,17 @@ import math
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
 
-import httpx
 import orjson
 
 from eskin.errors import CloudError
 from eskin.messages.opening import ARRAY, BYTES, TEXT, opening
-from gateway.refusal import require_ok
+from gateway.cloud_client import as_agreed
 
 if TYPE_CHECKING:
-    import ssl
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
+    from gateway.cloud_client import CloudClient
     from gateway.onlookers import Onlookers
-
-_MOST_ANSWER: Final = 4_194_304
 
 
 class Answer(NamedTuple):
@@ -58,45 +55,17 @@ class HttpsCloud:
     """The cloud's ingest over HTTPS.
 
     Args:
-        url: The ingest.
-        headers: Gives those of a request.
-        onlookers: Hear which nodes somebody looks at.
-        context: Leads to our root, and shows the gateway's certificate.
-        timeout_s: Seconds to wait.
+        client: The way to the cloud.
+        onlookers: Hear which nodes people look at.
     """
 
-    def __init__(
-        self,
-        url: str,
-        *,
-        headers: Callable[[], dict[str, str]],
-        onlookers: Onlookers,
-        context: ssl.SSLContext,
-        timeout_s: float,
-    ) -> None:
-        self._url = url
-        self._headers = headers
+    def __init__(self, client: CloudClient, onlookers: Onlookers) -> None:
+        self._client = client
         self._onlookers = onlookers
-        # The environment's proxies are no part of the way from a gateway to its cloud.
-        self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._client.close()
 
     def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
         """See `Cloud.send`."""
-        body = as_batch(messages)
-        headers = self._headers()
-        try:
-            with self._client.stream("POST", self._url, content=body, headers=headers) as answer:
-                require_ok(answer)
-                body = _read(answer)
-        except httpx.HTTPError as error:
-            raise CloudError(
-                f"{self._url}: {type(error).__name__}: {error}",
-                unanswered=isinstance(error, httpx.ReadTimeout),
-            ) from error
+        body = self._client.post("ingest", as_batch(messages))
         answers, watched = _answers(body, len(messages))
         self._onlookers.note(watched)
         return answers
@@ -117,23 +86,12 @@ def _addressed(node: str) -> bytes:
     return opening(ARRAY, 2) + opening(TEXT, len(name)) + name
 
 
-def _read(answer: httpx.Response) -> bytes:
-    body = bytearray()
-    for part in answer.iter_bytes():
-        body += part
-        if len(body) > _MOST_ANSWER:
-            raise CloudError(f"the cloud's answer is longer than {_MOST_ANSWER} bytes")
-    return bytes(body)
-
-
 def _answers(body: bytes, expected: int) -> tuple[list[Answer], dict[str, float]]:
     """What became of the messages; and nodes that are watched, and for how many seconds."""
-    try:
+    with as_agreed(body):
         said = orjson.loads(body)
         answers = [_answer(item) for item in said["items"]]
         watched = {str(node): _seconds(span) for node, span in said.get("watched", {}).items()}
-    except (orjson.JSONDecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CloudError(f"the cloud's answer is not as agreed: {body[:100]!r}") from error
     if len(answers) != expected:
         raise CloudError(f"the cloud answered for {len(answers)} of {expected} messages")
     return answers, watched

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import logging
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import cbor2
-import httpx
 import orjson
 
-from eskin.errors import CloudError
-from gateway.refusal import require_ok
+from gateway.cloud_client import as_agreed
 
 if TYPE_CHECKING:
-    import ssl
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
+
+    from gateway.certificates import Certificates
+    from gateway.cloud_client import CloudClient
+
+log = logging.getLogger(__name__)
 
 _AT_ONCE: Final = 5000
 
@@ -32,6 +35,7 @@ class Confirmations(Protocol):
 
         Raises:
             CloudError: The cloud did not answer as agreed.
+            SpoolError: The spool cannot be read.
         """
 
 
@@ -39,45 +43,39 @@ class HttpsConfirmations:
     """The cloud's ``confirmed`` over HTTPS.
 
     Args:
-        url: The cloud's ingest; ``confirmed`` is beside it.
-        headers: Gives those of a request.
-        context: Leads to our root, and shows the gateway's certificate.
-        timeout_s: Seconds to wait.
+        client: The way to the cloud.
+        certificates: Has the cloud know the nodes that a restored store does not know.
     """
 
-    def __init__(
-        self,
-        url: str,
-        *,
-        headers: Callable[[], dict[str, str]],
-        context: ssl.SSLContext,
-        timeout_s: float,
-    ) -> None:
-        self._url = httpx.URL(url).join("confirmed")
-        self._headers = headers
-        self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
-
-    def close(self) -> None:
-        """Close the connection."""
-        self._client.close()
+    def __init__(self, client: CloudClient, certificates: Certificates) -> None:
+        self._client = client
+        self._certificates = certificates
 
     def compare(self, confirmed: Sequence[tuple[str, int, int]]) -> list[tuple[str, int, int, int]]:
         """See `Confirmations.compare`."""
-        missing = []
-        for begin in range(0, len(confirmed), _AT_ONCE):
-            missing += self._ask(confirmed[begin : begin + _AT_ONCE])
-        return missing
+        missing, unknown = self._ask(confirmed)
+        if not unknown:
+            return missing
+        for node, reason in self._certificates.present(unknown).items():
+            log.warning("cloud refuses a node's certificate: node=%s reason=%s", node, reason)
+        found, unknown = self._ask([each for each in confirmed if each[0] in unknown])
+        # The cloud stores nothing of a node before it knows it, so it has nothing of these either.
+        nothing = [(node, boot, 0, last) for node, boot, last in confirmed if node in unknown]
+        return missing + found + nothing
 
-    def _ask(self, confirmed: Sequence[tuple[str, int, int]]) -> list[tuple[str, int, int, int]]:
-        body = cbor2.dumps([list(each) for each in confirmed])
-        try:
-            answer = self._client.post(self._url, content=body, headers=self._headers())
-            require_ok(answer)
-            return [_range(item) for item in orjson.loads(answer.content)["items"]]
-        except httpx.HTTPError as error:
-            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
-        except (orjson.JSONDecodeError, KeyError, TypeError, ValueError) as error:
-            raise CloudError(f"{self._url}: the answer is not as agreed") from error
+    def _ask(
+        self, confirmed: Sequence[tuple[str, int, int]]
+    ) -> tuple[list[tuple[str, int, int, int]], set[str]]:
+        """What is missing, and nodes that the cloud does not know."""
+        missing, unknown = [], set[str]()
+        for begin in range(0, len(confirmed), _AT_ONCE):
+            body = cbor2.dumps([list(each) for each in confirmed[begin : begin + _AT_ONCE]])
+            answer = self._client.post("confirmed", body)
+            with as_agreed(answer):
+                said = orjson.loads(answer)
+                missing += [_range(item) for item in said["items"]]
+                unknown.update(str(node) for node in said["unknown_nodes"])
+        return missing, unknown
 
 
 def _range(item: dict[str, Any]) -> tuple[str, int, int, int]:

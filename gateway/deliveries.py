@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any, Final, Protocol
 import cbor2
 import httpx
 
-from eskin.errors import CloudError, IdentityError, MessageError
+from eskin.errors import MessageError
 from eskin.identity import IdentityKind
 from eskin.messages.fields import MOST_BYTES, MOST_COUNT, integer, items, load_any
-from gateway.refusal import require_ok
+from gateway.cloud_client import answering, as_agreed, require_ok, require_short
 
 if TYPE_CHECKING:
     import ssl
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 
 
 _MOST_HELD: Final = 10_000
-_MOST_ANSWER: Final = 8_388_608
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,12 +42,10 @@ class Changes:
         Raises:
             CloudError: It is not as agreed.
         """
-        try:
+        with as_agreed(body):
             said = load_any(body, "the answer")
             give = [_given(item) for item in _list(said, "give")]
             drop = [_place(item, 2) for item in _list(said, "drop")]
-        except (MessageError, IdentityError) as error:
-            raise CloudError(f"the cloud's answer is not as agreed: {error}") from error
         return cls(give, drop)
 
 
@@ -102,7 +99,7 @@ class HttpsDeliveries:
         """See `Deliveries.fetch`."""
         body = cbor2.dumps({"held": [list(one) for one in held[:_MOST_HELD]], "wait_s": wait_s})
         timeout = httpx.Timeout(self._timeout, read=self._timeout + wait_s)
-        try:
+        with answering(self._url):
             async with self._client.stream(
                 "POST",
                 self._url,
@@ -112,9 +109,11 @@ class HttpsDeliveries:
                 extensions={"trace": self._note},
             ) as answer:
                 require_ok(answer)
-                return Changes.read(await _read(answer))
-        except httpx.HTTPError as error:
-            raise CloudError(f"{self._url}: {type(error).__name__}: {error}") from error
+                found = bytearray()
+                async for part in answer.aiter_bytes():
+                    found += part
+                    require_short(found)
+        return Changes.read(bytes(found))
 
     async def close(self) -> None:
         """See `Deliveries.close`."""
@@ -126,15 +125,6 @@ class HttpsDeliveries:
     async def _note(self, event: str, info: Mapping[str, Any]) -> None:
         if event == "connection.connect_tcp.complete":
             self._stream = info["return_value"]
-
-
-async def _read(answer: httpx.Response) -> bytes:
-    body = bytearray()
-    async for part in answer.aiter_bytes():
-        body += part
-        if len(body) > _MOST_ANSWER:
-            raise CloudError(f"the cloud's answer is longer than {_MOST_ANSWER} bytes")
-    return bytes(body)
 
 
 def _list(said: object, name: str) -> list[object]:

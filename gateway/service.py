@@ -21,6 +21,7 @@ from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.certificates import HttpsCertificates
 from gateway.cloud import HttpsCloud
+from gateway.cloud_client import CloudClient
 from gateway.commands import Commands
 from gateway.condition import Condition
 from gateway.confirmations import HttpsConfirmations
@@ -137,17 +138,15 @@ class Gateway:
             "context": client_context(root, identity),
             "timeout_s": settings.cloud.timeout_s,
         }
-        self.cloud = HttpsCloud(settings.cloud.url, onlookers=self._onlookers, **reach)
-        self.confirmations = HttpsConfirmations(settings.cloud.url, **reach)
-        self.certificates = HttpsCertificates(settings.cloud.url, spool=self.spool, **reach)
+        self._client = CloudClient(settings.cloud.url, **reach)
+        self.certificates = HttpsCertificates(self._client, self.spool)
         self.forwarder = self._make_forwarder()
         self.courier = self._make_courier(HttpsDeliveries(settings.cloud.url, **reach))
-        self.notices = HttpsNotices(settings.cloud.url, **reach)
         self.steward = Steward(
             self.vault,
             self.assignments,
             veiling=self.veiling,
-            notices=self.notices,
+            notices=HttpsNotices(self._client),
             certificates=self.certificates,
             share=settings.keys.share,
             backoff=Backoff(
@@ -234,11 +233,11 @@ class Gateway:
         return Forwarder(
             cloud,
             spool=self.spool,
-            cloud=self.cloud,
+            cloud=HttpsCloud(self._client, self._onlookers),
             certificates=self.certificates,
             backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
             counters=self.counters,
-            confirmations=self.confirmations,
+            confirmations=HttpsConfirmations(self._client, self.certificates),
         )
 
     def _make_courier(self, deliveries: HttpsDeliveries) -> Courier:
@@ -285,10 +284,7 @@ class Gateway:
         self.broker.stop()
         self.forwarder.stop()
         self.monitor.stop()
-        self.cloud.close()
-        self.notices.close()
-        self.confirmations.close()
-        self.certificates.close()
+        self._client.close()
         self.left = self.spool.statistics.messages
         self.spool.close()
         self.keyring.stop()

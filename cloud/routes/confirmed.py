@@ -30,17 +30,23 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_confirmed(cloud: CloudState, request: Request) -> Response:
-    """Compare: CBOR array of ``[node, boot, last]``; answered is what this store does not have."""
+    """Compare: CBOR array of ``[node, boot, last]``; answered is what this store does not have.
+
+    Of nodes that it does not know, it answers their names: present their certificates, and ask
+    again.
+    """
     async with received(cloud, request) as posted:
         confirmed = await asyncio.to_thread(read_confirmed, posted.body)
 
-        def find() -> list[tuple[str, int, int, int]]:
+        def find() -> tuple[list[tuple[str, int, int, int]], set[str]]:
             with cloud.store.read() as connection:
-                sites = sites_of(connection, {each[0] for each in confirmed})
-                own = [each for each in confirmed if sites.get(each[0]) == posted.gateway.site]
-                return find_tails(connection, own)
+                named = {each[0] for each in confirmed}
+                sites = sites_of(connection, named)
+                own = {node for node in named if sites.get(node) == posted.gateway.site}
+                tails = find_tails(connection, [each for each in confirmed if each[0] in own])
+                return tails, named - own
 
-        missing = await asyncio.to_thread(find)
+        missing, unknown = await asyncio.to_thread(find)
 
         def keep(connection: Connection) -> None:
             ends = defaultdict(list)
@@ -60,4 +66,5 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
             )
             await asyncio.wrap_future(cloud.store.write(keep))
     names = ("node", "boot", "first", "last")
-    return as_json({"items": [dict(zip(names, each, strict=True)) for each in missing]})
+    items = [dict(zip(names, each, strict=True)) for each in missing]
+    return as_json({"items": items, "unknown_nodes": sorted(unknown)})

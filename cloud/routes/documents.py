@@ -316,9 +316,10 @@ class ConfirmedItem(BaseModel):
 
 
 class ConfirmedDocument(BaseModel):
-    """What of that which a gateway was told is stored is not stored here."""
+    """What a gateway was told is stored, and is not; nodes whose certificates are needed first."""
 
     items: list[ConfirmedItem]
+    unknown_nodes: list[str]
 
 
 class SubjectDocument(BaseModel):

@@ -174,6 +174,9 @@ async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(sta
 
         assert await ask((NODE, 1, 3), (NODE, 1, 2)) == []
         assert await ask((NODE, 1, 9), ("palm", 4, 0)) == [(NODE, 1, 4, 9), ("palm", 4, 0, 0)]
+        body = cbor2.dumps([[NODE, 1, 3], ["thumb", 2, 7]])
+        answer = await gateway.post("/api/v1/confirmed", content=body)
+        assert answer.json() == {"items": [], "unknown_nodes": ["thumb"]}
     await look(stand.cloud)
     stand.clock.turn(PATIENCE_S)
     await look(stand.cloud)

@@ -14,6 +14,7 @@ from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
 from gateway.batch import Batch, Entry
 from gateway.cloud import HttpsCloud, as_batch
+from gateway.cloud_client import CloudClient
 from gateway.onlookers import Onlookers
 from tests.gateway.forwarding import MESSAGES, MemoryCloud, Setup
 from tests.gateway.stub_cloud import StubCloud
@@ -27,20 +28,27 @@ if TYPE_CHECKING:
     from tests.identities import Identities
 
 
-def https(
-    stub: StubCloud,
-    identities: Identities,
-    *,
-    timeout_s: float = 60.0,
-    onlookers: Onlookers | None = None,
-) -> HttpsCloud:
-    return HttpsCloud(
-        stub.url,
-        headers=lambda: {"Content-Type": "application/cbor"},
-        onlookers=onlookers or Onlookers(),
-        context=client_context(identities.gateway.directory / ROOT_FILE, identities.gateway),
-        timeout_s=timeout_s,
-    )
+class Https(HttpsCloud):
+    """The cloud over connections of its own."""
+
+    def __init__(
+        self,
+        stub: StubCloud,
+        identities: Identities,
+        *,
+        timeout_s: float = 60.0,
+        onlookers: Onlookers | None = None,
+    ) -> None:
+        self._own = CloudClient(
+            stub.url,
+            headers=lambda: {"Content-Type": "application/cbor"},
+            context=client_context(identities.gateway.directory / ROOT_FILE, identities.gateway),
+            timeout_s=timeout_s,
+        )
+        super().__init__(self._own, onlookers or Onlookers())
+
+    def close(self) -> None:
+        self._own.close()
 
 
 @pytest.fixture(params=["memory", "https"])
@@ -54,7 +62,7 @@ def setup(
         made.spool.close()
         return
     with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as stub:
-        client = https(stub, identities)
+        client = Https(stub, identities)
         made = Setup(tmp_path, client, stub)
         yield made
         client.close()
@@ -75,7 +83,7 @@ def test_who_looks_on_is_heard_from_the_cloud(identities: Identities) -> None:
     now = [1000.0]
     onlookers = Onlookers(lambda: now[0])
     with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as stub:
-        cloud = https(stub, identities, onlookers=onlookers)
+        cloud = Https(stub, identities, onlookers=onlookers)
         stub.watched = {"fingertip": 10.0, "palm": 100.0}
         cloud.send(MESSAGES[:2])
         assert (onlookers.remaining("fingertip"), onlookers.remaining("palm")) == (10_000, 60_000)
@@ -134,7 +142,7 @@ def test_message_at_which_the_cloud_hangs_holds_up_no_other(
     stub: StubCloud, tmp_path: Path, identities: Identities
 ) -> None:
     stub.hanging = {MESSAGES[0][1]}
-    client = https(stub, identities, timeout_s=0.2)
+    client = Https(stub, identities, timeout_s=0.2)
     made = Setup(tmp_path, client, stub)
     made.forwarder.start()
     wait_until(lambda: sorted(stub.stored) == MESSAGES[1:], "all others are stored")
@@ -238,7 +246,7 @@ def stub(identities: Identities) -> Iterator[StubCloud]:
 
 def test_cloud_away_is_waited_for(stub: StubCloud, tmp_path: Path, identities: Identities) -> None:
     stub.end()
-    client = https(stub, identities)
+    client = Https(stub, identities)
     made = Setup(tmp_path, client, stub)
     made.forwarder.start()
     wait_until(lambda: made.counters.value("cloud_failures_total") >= 2, "it tries")
@@ -254,7 +262,7 @@ def test_slow_cloud_is_given_up_and_asked_again(
     stub: StubCloud, tmp_path: Path, identities: Identities
 ) -> None:
     stub.mode = "slow"
-    client = https(stub, identities, timeout_s=0.2)
+    client = Https(stub, identities, timeout_s=0.2)
     made = Setup(tmp_path, client, stub)
     with pytest.raises(CloudError, match="Timeout"):
         made.forwarder.forward()
@@ -263,7 +271,7 @@ def test_slow_cloud_is_given_up_and_asked_again(
         made.forwarder.forward()
     assert made.counters.value("messages_forwarded_total") - asked == asked // 2, "it is given less"
     client.close()
-    client = made.forwarder._cloud = https(stub, identities)  # patient: it is slow no more
+    client = made.forwarder._cloud = Https(stub, identities)  # patient: it is slow no more
     stub.mode = "ok"
     stub.release.set()
     while made.forwarder.forward():
@@ -276,7 +284,7 @@ def test_slow_cloud_is_given_up_and_asked_again(
 def test_cloud_of_other_ca_gets_nothing(tmp_path: Path, identities: Identities) -> None:
     strangers = type(identities)(tmp_path / "strangers")
     with StubCloud(strangers.make(IdentityKind.SERVER, "server.cloud")) as stranger:
-        client = https(stranger, identities)
+        client = Https(stranger, identities)
         with pytest.raises(CloudError, match="CERTIFICATE_VERIFY_FAILED"):
             client.send(MESSAGES)
         client.close()

@@ -16,6 +16,7 @@ from eskin.privacy import FileMaster, Vault
 from gateway.assignments import Assignments
 from gateway.backoff import Backoff
 from gateway.cloud import HttpsCloud
+from gateway.cloud_client import CloudClient
 from gateway.commands import Commands
 from gateway.counters import Counters
 from gateway.courier import Courier
@@ -70,11 +71,11 @@ def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[
 
 
 def refused_batch(url: str, common: dict[str, Any]) -> None:
-    cloud = HttpsCloud(url, onlookers=Onlookers(), **common)
+    client = CloudClient(url, **common)
     try:
-        cloud.send([("fingertip", b"")])
+        HttpsCloud(client, Onlookers()).send([("fingertip", b"")])
     finally:
-        cloud.close()
+        client.close()
 
 
 def refused_question(url: str, common: dict[str, Any]) -> None:
@@ -89,11 +90,11 @@ def refused_question(url: str, common: dict[str, Any]) -> None:
 
 
 def refused_notice(url: str, common: dict[str, Any]) -> None:
-    notices = HttpsNotices(url, **common)
+    client = CloudClient(url, **common)
     try:
-        notices.send([], ["0" * 32])
+        HttpsNotices(client).send([], ["0" * 32])
     finally:
-        notices.close()
+        client.close()
 
 
 @pytest.mark.parametrize(
@@ -155,17 +156,17 @@ def courier(
 def steward(url: str, common: dict[str, Any], folder: Path, patience: Backoff) -> Iterator[Steward]:
     vault = Vault(folder / "keys", FileMaster(folder / "master.key"))
     vault.bury(vault.create("Ada").pseudonym)
-    assignments, notices = Assignments(vault), HttpsNotices(url, **common)
+    assignments, client = Assignments(vault), CloudClient(url, **common)
     yield Steward(
         vault,
         assignments,
         veiling=Veiling(assignments),
-        notices=notices,
+        notices=HttpsNotices(client),
         certificates=KnownNodes(),
         share=True,
         backoff=patience,
     )
-    notices.close()
+    client.close()
 
 
 @pytest.mark.parametrize("make", [courier, steward])

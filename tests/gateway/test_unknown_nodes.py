@@ -10,6 +10,7 @@ from eskin.identity import IdentityKind, client_context, der, thumbprint
 from gateway.batch import Batch, Entry, Sender
 from gateway.certificates import HttpsCertificates
 from gateway.cloud import Answer
+from gateway.cloud_client import CloudClient
 from gateway.record import NodeRecord
 from gateway.spool import Spool
 from gateway.unknown_nodes import UnknownNodes
@@ -112,10 +113,11 @@ def test_spool_keeps_the_certificate_that_a_node_used_last_beyond_its_end(
 def test_what_was_never_heard_has_no_certificate(tmp_path: Path, identities: Identities) -> None:
     spool = Spool(tmp_path / "spool.db", capacity=10**6, letters=10)
     context = client_context(identities.gateway.directory / "root.pem")
-    way = HttpsCertificates(
-        "https://localhost:1/api/v1/ingest", spool=spool, headers=dict, context=context, timeout_s=1
+    client = CloudClient(
+        "https://localhost:1/api/v1/ingest", headers=dict, context=context, timeout_s=1
     )
+    way = HttpsCertificates(client, spool)
     assert not way.has("nobody")
     assert set(way.present(["nobody"])) == {"nobody"}
-    way.close()
+    client.close()
     spool.close()

@@ -5,30 +5,42 @@ from __future__ import annotations
 import shutil
 import sqlite3
 import stat
-from contextlib import closing
+from contextlib import closing, contextmanager
 from threading import Event, Thread
 from typing import TYPE_CHECKING
 
 import pytest
 
 from cloud.store import Store
-from cloud.store.holes import find_tails
+from cloud.store.holes import find_holes, find_tails
 from eskin.command.backup import backup, copy
 from eskin.errors import IdentityError, SettingsError
-from eskin.identity import Authority, IdentityKind
+from eskin.identity import Authority, IdentityKind, client_context, der
+from eskin.identity.identity import ROOT_FILE
 from eskin.messages import Position
-from gateway.batch import Batch, Entry
+from gateway.batch import Batch, Entry, Sender
+from gateway.certificates import HttpsCertificates
+from gateway.cloud import HttpsCloud
+from gateway.cloud_client import CloudClient
+from gateway.confirmations import HttpsConfirmations
+from gateway.counters import Counters
+from gateway.forwarder import Forwarder
+from gateway.onlookers import Onlookers
 from gateway.record import NodeRecord
+from gateway.settings import CloudSection
 from gateway.spool import Spool
 from tests.cloud.clouds import Clock, put
 from tests.cloud.messages import NODE, START, block
+from tests.cloud.service import PATIENCE_S, Service
+from tests.gateway.twins import quick
 from tests.identities import SITE
 from tests.postgresql import program
-from tests.processes import ESKIN, Running
+from tests.processes import ESKIN, Running, wait_until
 from tests.sensor_node.flashes import open_flash
 from tests.sensor_node.stores import Store as FlashStore
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from tests.identities import Identities
@@ -99,6 +111,72 @@ def test_store_from_yesterday_names_what_it_lacks(tmp_path: Path) -> None:
     restore(out / path.name, path)
     with Store(path, clock=Clock(START)) as store, store.read() as connection:
         assert find_tails(connection, [(NODE, 1, 8)]) == [(NODE, 1, 4, 8)]
+
+
+def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
+    tmp_path: Path, identities: Identities
+) -> None:
+    path, out = tmp_path / "data" / "store.sqlite", tmp_path / "out"
+    with Store(path):
+        backup([str(path)], out)
+    own = identities.make(IdentityKind.NODE, NODE)
+    record = NodeRecord(thumbprint=own.thumbprint)
+    sender = Sender(own.thumbprint, 2**40, *(der(part) for part in own.chain))
+    entries = [Entry(NODE, 1, block(number).encode(), 1, number) for number in range(4)]
+    spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, letters=3)
+    spool.commit(Batch(entries, nodes={NODE: record}, senders=[sender]))
+    with Service(tmp_path, identities, place=path) as cloud, forwarding(spool, cloud) as forwarder:
+        wait_until(lambda: spool.confirmed() == [(NODE, 1, 3)], "the cloud confirmed all")
+        assert forwarder.missing == 0
+    restore(out / path.name, path)
+    with (
+        Service(tmp_path / "restored", identities, place=path) as cloud,
+        forwarding(spool, cloud) as forwarder,
+    ):
+        wait_until(lambda: forwarder.missing == 4, "the gateway names what is missing")
+    with Store(path) as store, store.read() as connection:
+        assert find_holes(connection) == {(NODE, 1): [(0, 3)]}
+    spool.close()
+
+
+def test_node_that_the_restored_cloud_refuses_is_named_by_the_gateway(
+    tmp_path: Path, identities: Identities
+) -> None:
+    spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, letters=3)
+    entry = Entry("unseen", 1, b"x", 5, 6)
+    spool.commit(Batch([entry]))
+    (stored,) = spool.take(1, 99)
+    spool.settle([stored], confirmed=[stored])
+    with Service(tmp_path, identities) as cloud, forwarding(spool, cloud) as forwarder:
+        wait_until(lambda: forwarder.missing == 7, "the gateway names what is missing")
+    spool.close()
+
+
+@contextmanager
+def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
+    """A gateway's forwarder, between its spool and the cloud."""
+    client = CloudClient(
+        f"https://localhost:{cloud.ingest_port}/api/v1/ingest",
+        headers=lambda: {"Content-Type": "application/cbor"},
+        context=client_context(cloud.server.directory / ROOT_FILE, cloud.gateway),
+        timeout_s=PATIENCE_S,
+    )
+    certificates = HttpsCertificates(client, spool)
+    forwarder = Forwarder(
+        CloudSection(),
+        spool=spool,
+        cloud=HttpsCloud(client, Onlookers()),
+        certificates=certificates,
+        backoff=quick(),
+        counters=Counters(),
+        confirmations=HttpsConfirmations(client, certificates),
+    )
+    forwarder.start()
+    try:
+        yield forwarder
+    finally:
+        forwarder.stop()
+        client.close()
 
 
 def test_postgresql_from_yesterday_names_what_it_lacks(tmp_path: Path, cluster: Cluster) -> None:
