@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from authority.desk import Desk
 from authority.enrolments import Enrolments
-from authority.problems import answer_problems
+from authority.problems import PROBLEMS
 from authority.renewals import Renewals
 from authority.requests import der_of_pem
 from authority.tokens import Tokens
@@ -70,7 +70,7 @@ def create_application(
     app.state.follow = _nothing
     desk = Desk(authority.directory)
 
-    answer_problems(app)
+    PROBLEMS.answer_all(app)
 
     @app.post("/enrol")
     async def enrol(body: EnrolmentRequest) -> EnrolmentAnswer:

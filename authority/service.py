@@ -12,13 +12,14 @@ from typing import TYPE_CHECKING, Final
 import uvicorn
 
 from authority.application import create_application
-from authority.limits import LimitsMiddleware
+from authority.problems import REFUSALS
 from authority.tokens import TOKENS_FILE, Tokens
 from eskin.doorway import Doorway, bind
 from eskin.errors import IdentityError, LockedError
 from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
 from eskin.identity.authority import CA_SERVICE
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
+from eskin.limiting import LimitsMiddleware, RateLimit
 from eskin.listening import BARE_HEADERS, Bounds, guarded
 from eskin.lockfile import LockFile
 
@@ -60,8 +61,9 @@ def _serve(settings: AuthoritySettings) -> None:
     )
     app.add_middleware(
         LimitsMiddleware,
-        requests_per_s=own.requests_per_s,
-        refusals_per_min=own.refusals_per_min,
+        requests=RateLimit.per_second(own.requests_per_s),
+        refused=RateLimit.per_minute(own.refusals_per_min),
+        statuses=REFUSALS,
     )
     enrolling = {expected.directory for expected in settings.identity}
     server = Server(app, own, authority, enrolling=enrolling)

@@ -6,14 +6,10 @@ from typing import Any, Final
 from fastapi import FastAPI
 from starlette.responses import Response
 
-from cloud.broken_off import BrokenOffMiddleware
-from cloud.damaged_header import DamagedHeaderMiddleware
+from cloud.answer import AnswerMiddleware
 from cloud.dependencies import Reader
 from cloud.headers import HeadersMiddleware
-from cloud.limits import LimitsMiddleware
-from cloud.problems import answer_problems
-from cloud.rate_limits import RateLimits
-from cloud.recheck import RecheckMiddleware
+from cloud.problems import PROBLEMS
 from cloud.routes import (
     audit_log,
     certificates,
@@ -40,6 +36,7 @@ from cloud.routes import (
 )
 from cloud.routes.answers import as_json
 from cloud.state import Cloud
+from eskin.limiting import LimitsMiddleware, RateLimit
 
 API: Final = "/api/v1"
 _VERSION: Final = "1"
@@ -47,8 +44,7 @@ _VERSION: Final = "1"
 
 def people_application(cloud: Cloud) -> FastAPI:
     """REST, live stream and dashboard; all but health and login needs a token or a session."""
-    limits = {"rate_limits": cloud.rate_limits}
-    app = _application(cloud, "eskin cloud", secure=cloud.secure, limits=limits)
+    app = _application(cloud, "eskin cloud", secure=cloud.secure, refusal=HTTPStatus.UNAUTHORIZED)
     asked = nodes, gateways, commands, series, comparison, models, prediction, export, events, live
     for resource in (*asked, storage, tokens, audit_log, subjects):
         app.include_router(resource.router, prefix=API)
@@ -65,30 +61,36 @@ def people_application(cloud: Cloud) -> FastAPI:
 
 def gateway_application(cloud: Cloud) -> FastAPI:
     """Ingest and deliveries; gateways show a certificate when they connect."""
-    limits = {
-        "rate_limits": RateLimits(cloud.settings.limits),
-        "refusal": HTTPStatus.FORBIDDEN,
-    }
     # Good ones are not counted: a batch may be a heartbeat.
-    app = _application(cloud, "eskin cloud, ingest", secure=True, limits=limits, least_status=300)
+    app = _application(
+        cloud,
+        "eskin cloud, ingest",
+        secure=True,
+        refusal=HTTPStatus.FORBIDDEN,
+        least_status=300,
+    )
     for resource in (ingest, certificates, confirmed, deliveries, notices):
         app.include_router(resource.router, prefix=API)
     return app
 
 
 def _application(
-    cloud: Cloud, title: str, *, secure: bool, limits: dict[str, Any], least_status: int = 0
+    cloud: Cloud, title: str, *, secure: bool, refusal: HTTPStatus, least_status: int = 0
 ) -> FastAPI:
     options: dict[str, Any] = {"openapi_url": None, "docs_url": None, "redoc_url": None}
     app = FastAPI(title=title, version=_VERSION, redirect_slashes=False, **options)
     app.state.cloud = cloud
     # The last one added is outermost: refusals carry the headers, too, and are counted.
-    app.add_middleware(RecheckMiddleware)
-    app.add_middleware(DamagedHeaderMiddleware)
-    app.add_middleware(BrokenOffMiddleware)
-    app.add_middleware(LimitsMiddleware, **limits)
+    app.add_middleware(AnswerMiddleware)
+    limits = cloud.settings.limits
+    app.add_middleware(
+        LimitsMiddleware,
+        requests=RateLimit.per_second(limits.requests_per_s),
+        refused=RateLimit.per_minute(limits.failures_per_min),
+        statuses={refusal},
+    )
     app.add_middleware(
         HeadersMiddleware, secure=secure, requests=cloud.metrics.requests, least_status=least_status
     )
-    answer_problems(app)
+    PROBLEMS.answer_all(app)
     return app

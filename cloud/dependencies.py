@@ -13,10 +13,10 @@ from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
 
 from cloud.access import Doer, Holder, Scope, find_session, find_token
-from cloud.problems import ProblemError
-from cloud.recheck import recheck
+from cloud.answer import recheck
 from cloud.state import Cloud
 from eskin.listening import CALLER
+from eskin.problems import ProblemError
 
 _COOKIE: Final = "eskin_session"
 _LONGEST_SECRET: Final = 512

@@ -25,7 +25,6 @@ from cloud.packing import keep_packed
 from cloud.privacy.erasures import hear
 from cloud.privacy.keyholder import Keyholder
 from cloud.pyramid.keeping import keep_built
-from cloud.rate_limits import RateLimits
 from cloud.reclaim import reclaim
 from cloud.retention import retain
 from cloud.state import Cloud
@@ -36,6 +35,7 @@ from eskin.doorway import bind
 from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
 from eskin.identity import Identity, Trust, server_context
 from eskin.identity.identity import ROOT_FILE
+from eskin.limiting import RateLimit
 from eskin.listener import Listener
 from eskin.listening import LOCALHOST, Bounds
 from eskin.lockfile import LockFile
@@ -94,7 +94,6 @@ def make_cloud(
     trust = Trust.following(own.identity / ROOT_FILE)
     clock_error = round(settings.nodes.clock_error_s * SECOND)
     metrics = Metrics(store, feed, board, clock_error=clock_error)
-    rate_limits = RateLimits(settings.limits)
     keys = settings.keys
     vault = None if keys.directory is None else open_vault(keys, keys.directory)
     return Cloud(
@@ -106,7 +105,7 @@ def make_cloud(
         gatekeeper=Gatekeeper(trust, gateways=own.revocations, nodes=settings.nodes.revocations),
         uploads=Uploads(own.uploads_bytes),
         metrics=metrics,
-        rate_limits=rate_limits,
+        sign_ins=RateLimit.per_minute(settings.limits.refusals_per_min),
         keyholder=Keyholder(vault),
         clock=clock,
         dashboard=dashboard,

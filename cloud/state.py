@@ -15,9 +15,9 @@ if TYPE_CHECKING:
     from cloud.live import Feed, Onlookers
     from cloud.metrics import Metrics
     from cloud.privacy.keyholder import Keyholder
-    from cloud.rate_limits import RateLimits
     from cloud.settings import CloudSettings
     from cloud.store import Store
+    from eskin.limiting import RateLimit
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class Cloud:
         gatekeeper: Verifies certificates of gateways, and those of nodes that they present.
         uploads: Room for what gateways bring.
         metrics: Counts.
-        rate_limits: Counts what each address asks.
+        sign_ins: Counts refused sign-ins that the audit log keeps.
         keyholder: Opens what tells of a person, for those who may.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
@@ -47,7 +47,7 @@ class Cloud:
     gatekeeper: Gatekeeper
     uploads: Uploads
     metrics: Metrics
-    rate_limits: RateLimits
+    sign_ins: RateLimit
     keyholder: Keyholder
     clock: Callable[[], int]
     dashboard: Path

@@ -6,6 +6,7 @@ over a minute. Whoever is told to come again is told to wait for as long.
 
 from __future__ import annotations
 
+from http import HTTPStatus
 from ipaddress import IPv6Address, ip_address
 from typing import TYPE_CHECKING, Final, Self
 
@@ -13,10 +14,13 @@ from limits import RateLimitItemPerSecond
 from limits.aio.storage import MemoryStorage
 from limits.aio.strategies import SlidingWindowCounterRateLimiter
 
-if TYPE_CHECKING:
-    from collections.abc import Awaitable, Callable, Container
+from eskin.problems import log_refusal, problem
 
-    from starlette.types import Message, Send
+if TYPE_CHECKING:
+    from collections.abc import Container
+
+    from starlette.responses import Response
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 _SPAN_S: Final = 10
 _MINUTE_S: Final = 60
@@ -54,41 +58,61 @@ class RateLimit:
         return await self._windows.hit(self._item, source_of(address))
 
 
-def counted(
-    send: Send,
-    *,
-    rate: RateLimit,
-    address: str,
-    statuses: Container[int],
-    flooded: Callable[[], Awaitable[None]],
-    admitted: Callable[[], None],
-) -> Send:
-    """Send an answer on, but count it if it is a refusal.
+class LimitsMiddleware:
+    """Answers floods with 429 before anything else is done.
 
-    So good requests are not kept out by bad ones from the same address.
+    Good requests are not kept out by bad ones from the same address: only answers that are refusals
+    already count as such, and turn into 429 where there are too many.
 
     Args:
-        send: The way out.
-        rate: Counts.
-        address: Who asks.
+        app: The application inside.
+        requests: Counts all requests.
+        refused: Counts refusals.
         statuses: Which answers are refusals.
-        flooded: Answers in their place where there are too many.
-        admitted: Called before a refusal that is not one too many, such as to log it.
     """
-    replaced = False
 
-    async def sending(message: Message) -> None:
-        nonlocal replaced
-        if message.get("status") in statuses:
-            replaced = not await rate.take(address)
-            if replaced:
-                await flooded()
-            else:
-                admitted()
-        if not replaced:
-            await send(message)
+    def __init__(
+        self,
+        app: ASGIApp,
+        *,
+        requests: RateLimit,
+        refused: RateLimit,
+        statuses: Container[int],
+    ) -> None:
+        self._app = app
+        self._requests = requests
+        self._refused = refused
+        self._statuses = statuses
 
-    return sending
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a request on, or refuse it."""
+        if scope["type"] != "http":
+            await self._app(scope, receive, send)
+            return
+        address = (scope.get("client") or ("",))[0]
+        if not await self._requests.take(address):
+            await _flood(scope, "requests", self._requests)(scope, receive, send)
+            return
+        replaced = False
+
+        async def sending(message: Message) -> None:
+            nonlocal replaced
+            if message.get("status") in self._statuses:
+                replaced = not await self._refused.take(address)
+                if replaced:
+                    answer = _flood(scope, "requests that were refused", self._refused)
+                    await answer(scope, receive, send)
+                else:
+                    log_refusal(scope)
+            if not replaced:
+                await send(message)
+
+        await self._app(scope, receive, sending)
+
+
+def _flood(scope: Scope, what: str, rate: RateLimit) -> Response:
+    told = f"too many {what} from your address; wait a little"
+    return problem(scope, HTTPStatus.TOO_MANY_REQUESTS, told, headers=rate.pause)
 
 
 def source_of(address: str) -> str:

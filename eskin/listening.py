@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import json
 import socket
 import ssl
 from dataclasses import dataclass
@@ -21,6 +20,7 @@ from urllib.parse import urlsplit
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
 from eskin.limiting import source_of
+from eskin.problems import MEDIA_TYPE, details
 
 if TYPE_CHECKING:
     import asyncio
@@ -236,10 +236,9 @@ class GuardedProtocol(HttpToolsProtocol):
         """Refuse, as problem details (RFC 9457), and end the connection."""
         del msg
         status = self._refusal
-        said = {"type": "about:blank", "title": status.phrase, "status": int(status)}
-        body = json.dumps(said | {"detail": _DETAILS[status]}).encode()
+        body = details(status, _DETAILS[status])
         head = (
-            f"HTTP/1.1 {status:d} {status.phrase}\r\nContent-Type: application/problem+json\r\n"
+            f"HTTP/1.1 {status:d} {status.phrase}\r\nContent-Type: {MEDIA_TYPE}\r\n"
             f"Content-Length: {len(body)}\r\nX-Content-Type-Options: nosniff\r\n"
             "Cache-Control: no-store\r\nConnection: close\r\n\r\n"
         )

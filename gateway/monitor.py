@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import json
 from http import HTTPStatus
 from threading import Thread
 from time import monotonic
@@ -16,6 +15,7 @@ from eskin.doorway import bind
 from eskin.limiting import RateLimit
 from eskin.listener import Listener
 from eskin.listening import BARE_HEADERS, LOCALHOST, Bounds
+from eskin.problems import MEDIA_TYPE, details
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -118,8 +118,7 @@ async def _refuse(
     send: Send, status: HTTPStatus, detail: str, more: Mapping[str, str] | None = None
 ) -> None:
     """Answer with problem details (RFC 9457)."""
-    said = {"type": "about:blank", "title": status.phrase, "status": status, "detail": detail}
-    await _answer(send, status, "application/problem+json", json.dumps(said).encode(), more)
+    await _answer(send, status, MEDIA_TYPE, details(status, detail), more)
 
 
 async def _answer(

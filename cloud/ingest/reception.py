@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, Final, TypeVar
 
+from cloud.answer import recheck
 from cloud.ingest.condition import HEADER, Condition
 from cloud.ingest.errors import BatchTooLargeError, BatchTypeError, UntrustedGatewayError
-from cloud.recheck import recheck
 from eskin.errors import UntrustedCertificateError
 from eskin.identity import common_name, site_of
 

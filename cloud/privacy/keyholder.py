@@ -12,13 +12,13 @@ from sqlalchemy import func, select
 from cloud.access import Scope
 from cloud.privacy.erasures import unheard
 from cloud.privacy.errors import ErasedError
-from cloud.problems import ProblemError
 from cloud.store.events import peak_row
 from cloud.store.node_sites import node_sites
 from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
 from eskin.identity import IdentityKind
 from eskin.messages import Block
 from eskin.privacy import Unveiler, Veiled
+from eskin.problems import ProblemError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -10,10 +10,10 @@ from starlette.responses import Response
 from cloud.dependencies import CloudState
 from cloud.ingest.membership import judge_chains, read_chains
 from cloud.ingest.reception import received
-from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY
 from cloud.store.node_sites import keep_sites
+from eskin.problems import documented
 
 router = APIRouter(tags=["ingest"])
 

@@ -10,7 +10,6 @@ from starlette.responses import Response
 
 from cloud.commands.order import Order, issue
 from cloud.dependencies import CloudState, Operator, Reader
-from cloud.problems import documented
 from cloud.query.errors import UnknownPlaceError
 from cloud.query.places import find_node
 from cloud.routes.answers import as_json
@@ -29,6 +28,7 @@ from eskin.messages import Command, CommandName
 from eskin.messages.fields import MOST_COUNT
 from eskin.messages.vocabulary import RANGES, check_arguments
 from eskin.moment import SECOND
+from eskin.problems import documented
 from eskin.topics import Stream, node_topic
 
 router = APIRouter(tags=["commands"])

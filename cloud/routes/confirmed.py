@@ -11,12 +11,12 @@ from starlette.responses import Response
 from cloud.dependencies import CloudState
 from cloud.ingest.confirmed import read_confirmed
 from cloud.ingest.reception import received
-from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, ConfirmedDocument
 from cloud.store.holes import find_tails, note_ends
 from cloud.store.node_sites import sites_of
 from cloud.store.presence import note_absent
+from eskin.problems import documented
 
 log = logging.getLogger(__name__)
 

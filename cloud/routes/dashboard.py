@@ -9,7 +9,7 @@ from starlette.types import Receive, Scope, Send
 
 from cloud import access
 from cloud.dependencies import CloudState, Visitor
-from cloud.problems import ProblemError
+from eskin.problems import ProblemError
 
 router = APIRouter(include_in_schema=False)
 

@@ -17,11 +17,11 @@ from cloud.commands.deliveries import (
 )
 from cloud.dependencies import CloudState
 from cloud.ingest.reception import MEDIA_TYPE, Received, received
-from cloud.problems import documented
 from cloud.routes.documents import CBOR_BODY
 from cloud.state import Cloud
 from cloud.store.gateways import hear
 from eskin.moment import SECOND
+from eskin.problems import documented
 
 router = APIRouter(tags=["ingest"])
 

@@ -4,7 +4,7 @@ from typing import Annotated, Any, Final, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from cloud.problems import documented
+from eskin.problems import documented
 
 T = TypeVar("T")
 

@@ -14,7 +14,6 @@ from cloud.dependencies import Access, CloudState, Reader
 from cloud.export_formats import WRITERS, write
 from cloud.negotiation import choose
 from cloud.privacy.memory import unveiled
-from cloud.problems import ProblemError, documented
 from cloud.query.export import Export, Mark, Source
 from cloud.query.places import find_channel, read_place
 from cloud.query.window import Window, make_window, read_moment
@@ -23,6 +22,7 @@ from cloud.routes.documents import REFUSALS_OF_PLACE, TIME, Place, Time
 from cloud.state import Cloud
 from eskin.errors import QueryError
 from eskin.privacy import is_biometric
+from eskin.problems import ProblemError, documented
 
 router = APIRouter(tags=["series"])
 

@@ -7,8 +7,8 @@ from pydantic import BaseModel
 from starlette.responses import Response
 
 from cloud.dependencies import CloudState, address_of
-from cloud.problems import ProblemError, documented
 from eskin.loopback import is_loopback
+from eskin.problems import ProblemError, documented
 
 router = APIRouter(tags=["health"])
 

@@ -14,7 +14,6 @@ from starlette.responses import Response
 from cloud.dependencies import CloudState
 from cloud.ingest.batch import read_batch
 from cloud.ingest.reception import Received, apart, received
-from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, IngestDocument
 from cloud.state import Cloud
@@ -24,6 +23,7 @@ from cloud.store.item import Item
 from cloud.store.salvage import take_in_apart
 from eskin.messages import Result
 from eskin.privacy import Veiled
+from eskin.problems import documented
 
 log = logging.getLogger(__name__)
 

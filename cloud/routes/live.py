@@ -12,13 +12,13 @@ from cloud.access import Scope as AccessScope
 from cloud.dependencies import CloudState, Reader
 from cloud.live.selection import Selection
 from cloud.live.stream import stream
-from cloud.problems import ProblemError
 from cloud.query.places import find_node, read_place
 from cloud.routes.documents import REFUSALS_OF_PLACE
 from cloud.state import Cloud
 from eskin.errors import QueryError
 from eskin.listening import PROMPT
 from eskin.privacy import is_biometric
+from eskin.problems import ProblemError
 
 router = APIRouter(tags=["live"])
 

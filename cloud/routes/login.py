@@ -16,9 +16,9 @@ from cloud.dependencies import (
     require_same_site,
 )
 from cloud.login import login_page, login_script, login_style
-from cloud.problems import ProblemError
 from cloud.state import Cloud
 from eskin.moment import SECOND
+from eskin.problems import ProblemError
 
 router = APIRouter(include_in_schema=False)
 
@@ -106,7 +106,7 @@ async def _read_token(request: Request) -> str:
 
 async def _refused(cloud: Cloud, address: str, said: str) -> Response:
     """Say no, and keep that it was said, as long as nobody makes a flood of it."""
-    if await cloud.rate_limits.refusals.take(address):
+    if await cloud.sign_ins.take(address):
         await asyncio.wrap_future(refuse_session(cloud.store, address=address))
     return _page(said, 401)
 

@@ -9,12 +9,12 @@ from cloud.dependencies import CloudState
 from cloud.ingest.reception import received
 from cloud.privacy.erasures import find_erased, look
 from cloud.privacy.notice import Notice, note
-from cloud.problems import documented
 from cloud.routes.answers import as_json
 from cloud.routes.documents import CBOR_BODY, NoticeDocument
 from cloud.state import Cloud
 from cloud.store.intake import UNKNOWN_NODE
 from cloud.store.node_sites import sites_of
+from eskin.problems import documented
 
 router = APIRouter(tags=["ingest"])
 

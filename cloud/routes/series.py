@@ -8,7 +8,6 @@ from starlette.responses import Response
 
 from cloud.dependencies import CloudState, Reader
 from cloud.negotiation import choose
-from cloud.problems import ProblemError, documented
 from cloud.pyramid.hulls import reach
 from cloud.query.occupancy import measure_occupancy
 from cloud.query.places import find_channel
@@ -22,6 +21,7 @@ from cloud.routes.windows import WindowQuery, opened, paged, resumed, window_of
 from cloud.series_formats import WRITERS
 from cloud.shapes import occupancy_shape, page, segment_shape
 from eskin.errors import QueryError
+from eskin.problems import ProblemError, documented
 
 router = APIRouter(tags=["series"])
 

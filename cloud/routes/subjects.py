@@ -14,7 +14,6 @@ from cloud.dependencies import Access, Administrator, BiometricReader, CloudStat
 from cloud.privacy.erasures import look
 from cloud.privacy.keyholder import Reader
 from cloud.privacy.sealed_rows import open_row
-from cloud.problems import ProblemError
 from cloud.query.errors import UnknownPlaceError
 from cloud.routes.answers import as_json
 from cloud.routes.documents import (
@@ -33,6 +32,7 @@ from cloud.store.sealed import erased_subjects, veiled, wearers
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Peak
 from eskin.moment import format_moment
+from eskin.problems import ProblemError
 
 router = APIRouter(tags=["subjects"])
 

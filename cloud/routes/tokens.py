@@ -19,7 +19,6 @@ from cloud.access import (
     token_id,
 )
 from cloud.dependencies import Administrator, CloudState
-from cloud.problems import documented
 from cloud.query.errors import UnknownPlaceError
 from cloud.routes.answers import as_json
 from cloud.routes.documents import (
@@ -31,6 +30,7 @@ from cloud.routes.documents import (
     TokenDocument,
 )
 from cloud.shapes import page, session_shape, token_shape
+from eskin.problems import documented
 
 router = APIRouter(tags=["access"])
 

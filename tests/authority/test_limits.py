@@ -18,12 +18,13 @@ from cryptography.x509.oid import NameOID
 from authority.application import create_application
 from authority.asking import NotReadyError
 from authority.enrolment import enrol
-from authority.limits import LimitsMiddleware
+from authority.problems import REFUSALS
 from authority.service import Server
 from authority.settings import AuthoritySection
 from authority.tokens import TOKENS_FILE, Tokens
 from eskin.envelope import sign
 from eskin.identity import Authority, Identity, IdentityKind, client_context
+from eskin.limiting import LimitsMiddleware, RateLimit
 from eskin.topics import RENEWAL
 from tests.identities import Identities
 from tests.logs import log_lines
@@ -38,7 +39,12 @@ DAY = timedelta(days=1)
 def limited(folder: Path, *, requests_per_s: int, refusals_per_min: int) -> ASGIApp:
     own = Identities(folder)
     app = create_application(own.authority, Tokens(folder / TOKENS_FILE), lifetime=DAY, grace=DAY)
-    return LimitsMiddleware(app, requests_per_s=requests_per_s, refusals_per_min=refusals_per_min)
+    return LimitsMiddleware(
+        app,
+        requests=RateLimit.per_second(requests_per_s),
+        refused=RateLimit.per_minute(refusals_per_min),
+        statuses=REFUSALS,
+    )
 
 
 def self_signed(name: str, issuer: str) -> Identity:
@@ -120,8 +126,9 @@ async def test_forwarding_header_hides_no_address(tmp_path: Path) -> None:
     app = create_application(authority, tokens, lifetime=DAY, grace=DAY)
     app.add_middleware(
         LimitsMiddleware,
-        requests_per_s=own.requests_per_s,
-        refusals_per_min=own.refusals_per_min,
+        requests=RateLimit.per_second(own.requests_per_s),
+        refused=RateLimit.per_minute(own.refusals_per_min),
+        statuses=REFUSALS,
     )
     server = Server(app, own, authority)
     serving = asyncio.create_task(server.serve())

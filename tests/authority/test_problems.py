@@ -23,8 +23,8 @@ if TYPE_CHECKING:
         ("GET", "/nothing", 404, "Not Found", "GET of this path is not offered"),
         ("PUT", "/enrol", 405, "Method Not Allowed", "PUT of this path is not offered"),
         ("GET", "/certificates/palm", 404, "Not Found", "no certificate was issued to 'palm' yet"),
-        ("GET", "/revoked/nobody", 422, "Unprocessable Content", "kind: Input should be"),
-        ("POST", "/renew", 422, "Unprocessable Content", "body: Field required"),
+        ("GET", "/revoked/nobody", 422, "Unprocessable Content", "kind: 'nobody' is not allowed"),
+        ("POST", "/renew", 422, "Unprocessable Content", "request: is missing"),
     ],
 )
 def test_refusal_is_a_problem_that_says_what_to_do(

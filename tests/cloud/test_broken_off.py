@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cloud.access import digest, revoke_token, token_id
-from cloud.broken_off import BrokenOffMiddleware
+from cloud.answer import AnswerMiddleware
 from cloud.store import Store
 from eskin.errors import StoreError
 from eskin.messages import Encoding
@@ -62,7 +62,7 @@ def test_export_breaks_off_when_its_token_is_revoked(
         assert "Traceback" not in service.output()
 
 
-def answering(error: Exception, *, begun: bool) -> BrokenOffMiddleware:
+def answering(error: Exception, *, begun: bool) -> AnswerMiddleware:
     """An application whose answer meets an error."""
 
     async def app(_: Scope, __: Receive, send: Send) -> None:
@@ -70,10 +70,10 @@ def answering(error: Exception, *, begun: bool) -> BrokenOffMiddleware:
             await send({"type": "http.response.start", "status": 200, "headers": []})
         raise error
 
-    return BrokenOffMiddleware(app)
+    return AnswerMiddleware(app)
 
 
-async def asked(app: BrokenOffMiddleware) -> list[str]:
+async def asked(app: AnswerMiddleware) -> list[str]:
     sent: list[str] = []
 
     async def receive() -> Message:

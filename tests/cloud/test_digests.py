@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from sqlalchemy import and_, func, select, update
 
-from cloud.damaged_header import HEADER
+from cloud.answer import DAMAGED
 from cloud.live.feed import read_entries
 from cloud.pyramid.building import build
 from cloud.pyramid.reading import TileRange, read_stretch
@@ -133,7 +133,7 @@ async def test_damaged_block_is_a_gap_and_the_rest_is_served(
     assert end - first == row["n"]
     assert found["lo"] == [*whole["lo"][:first], None, *whole["lo"][end:]]  # the gap between
     assert found["hi"] == [*whole["hi"][:first], None, *whole["hi"][end:]]
-    named = answer.headers[HEADER]
+    named = answer.headers[DAMAGED]
     assert f"{NODE} boot {row['boot']} sequence {row['sequence']}" in named
     assert "eskin_cloud_damaged_rows 0.0" not in stand.cloud.metrics.write().decode()
 

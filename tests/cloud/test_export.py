@@ -18,12 +18,12 @@ import pytest
 from cloud.access import Holder
 from cloud.dependencies import Access
 from cloud.export_formats import WRITERS, write
-from cloud.problems import ProblemError
 from cloud.query.export import Export, Source
 from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.routes.export import stream_file
 from eskin.moment import parse_moment
+from eskin.problems import ProblemError
 from tests.cloud.clouds import problem, put
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from cloud import recheck as module
+from cloud import answer as module
 from cloud.access import (
     Scope,
     create_login_code,
@@ -216,7 +216,7 @@ async def test_slow_reader_of_a_long_body_is_served_to_the_end(
         await send({"type": "http.response.body", "body": bytes(size)})
 
     loop = asyncio.get_running_loop()
-    async with listening(Bounds(head_s=2.0), module.RecheckMiddleware(long)) as port:
+    async with listening(Bounds(head_s=2.0), module.AnswerMiddleware(long)) as port:
         with socket.socket() as client:
             client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
             client.setblocking(False)  # noqa: FBT003 - its only parameter

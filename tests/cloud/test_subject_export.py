@@ -10,8 +10,8 @@ import pytest
 from cloud.access import Holder, digest, find_token, revoke_token, token_id
 from cloud.dependencies import Access
 from cloud.privacy.keyholder import Reader
-from cloud.problems import ProblemError
 from cloud.routes.subjects import stream_lines
+from eskin.problems import ProblemError
 from tests.cloud.sealing import (
     Site,
     declared,

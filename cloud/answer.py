@@ -1,22 +1,28 @@
-"""Judging a request again before each piece of its answer: revocation and erasure count at once."""
+"""How an answer is sent: judged again before each piece, naming what it lacks, or broken off."""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import time
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from starlette.requests import Request
 
-from cloud.problems import refuse
+from cloud.problems import PROBLEMS
+from cloud.store.damage import collected
 from eskin.errors import EskinError
 from eskin.listening import PROMPT
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection
+    from collections.abc import Callable, Collection, Sequence
 
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+log = logging.getLogger(__name__)
+
+DAMAGED: Final = "Eskin-Damaged"
+_FEW: Final = 20
 _KEY: Final = "eskin.checks"
 _FRESH_S: Final = 1.0
 """For so long one judgement of a caller is good."""
@@ -48,10 +54,15 @@ def recheck(
     request.scope.setdefault(_KEY, []).append(_Check(check, each_piece_with))
 
 
-class RecheckMiddleware:
+class AnswerMiddleware:
     """Sends long bodies in pieces, and asks the checks of a request between them.
 
-    An answer that has not begun is replaced by the refusal; one that has is broken off.
+    An answer that has not begun is replaced by the refusal; one that has is broken off, so that its
+    reader sees that it is not whole. That is foreseen, and needs no traceback.
+
+    ``Eskin-Damaged`` names node, boot and sequence of damaged blocks that an answer lacks: a list
+    of strings (RFC 9651, section 3.1), at most 20, then ``"..."``. An answer that is sent while it
+    is made, as an export, has its header before its rows are read; the log names those.
 
     Args:
         app: The application inside.
@@ -65,28 +76,40 @@ class RecheckMiddleware:
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        answer = _Answer(scope, receive, send)
-        try:
-            await self._app(scope, receive, answer.send)
-        except Exception:  # which ended the application, once its answer was replaced
-            if not answer.replaced:
-                raise
+        with collected() as damaged:
+            answer = _Answer(scope, receive, send, damaged)
+            try:
+                await self._app(scope, receive, answer.send)
+            except Exception as error:
+                if answer.replaced:  # which ended the application
+                    return
+                # Starlette raises another error from one for which its refusal comes too late.
+                reason = error if isinstance(error, EskinError) else error.__cause__
+                if not answer.begun or not isinstance(reason, EskinError):
+                    raise
+                # The server closes a connection whose answer did not end.
+                log.warning("answer broken off: path=%r reason=%s", scope["path"], reason)
 
 
 class _Answer:
     """One answer, judged before it begins and before each piece.
 
     Attributes:
+        begun: Whether its head was sent.
         replaced: Whether the refusal was sent in its place.
     """
 
-    def __init__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    def __init__(
+        self, scope: Scope, receive: Receive, send: Send, damaged: Sequence[object]
+    ) -> None:
         self._scope = scope
         self._receive = receive
         self._send = send
+        self._damaged = damaged
         self._checks: list[_Check] = scope.setdefault(_KEY, [])
         self._judged = time.monotonic()  # at the earliest
         self._piece = _PIECE
+        self.begun = False
         self.replaced = False
 
     async def send(self, message: Message) -> None:
@@ -110,8 +133,15 @@ class _Answer:
             await self._judge()
         except EskinError as error:
             self.replaced = True
-            await refuse(Request(self._scope), error)(self._scope, self._receive, self._send)
+            refusal = PROBLEMS.refuse(Request(self._scope), error)
+            await refusal(self._scope, self._receive, self._send)
             raise
+        if self._damaged:
+            named = [f'"{row}"' for row in self._damaged[:_FEW]]
+            named += ['"..."'] if len(self._damaged) > _FEW else []
+            header = DAMAGED.lower().encode(), ", ".join(named).encode()
+            message["headers"] = [*message["headers"], header]
+        self.begun = True
         await self._send(message)
 
     async def _judge(self) -> None:
