@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import ssl
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
@@ -14,19 +13,26 @@ import uvicorn
 from authority.application import create_application
 from authority.problems import REFUSALS
 from authority.tokens import TOKENS_FILE, Tokens
-from eskin.doorway import Doorway, bind
 from eskin.errors import IdentityError, LockedError
-from eskin.identity import Authority, Identity, IdentityKind, is_due, new_key, numbered
+from eskin.identity import (
+    Authority,
+    Identity,
+    IdentityKind,
+    is_due,
+    new_key,
+    numbered,
+    server_context,
+)
 from eskin.identity.authority import CA_SERVICE
-from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE, write_whole
+from eskin.identity.identity import ROOT_FILE, write_whole
 from eskin.limiting import LimitsMiddleware, RateLimit
-from eskin.listening import BARE_HEADERS, Bounds, guarded
+from eskin.listener import Listener, bind
+from eskin.listening import BARE_HEADERS, Bounds
 from eskin.lockfile import LockFile
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
-    from socket import socket
 
     from fastapi import FastAPI
 
@@ -86,7 +92,7 @@ def _only_one(directory: Path) -> Iterator[None]:
         yield
 
 
-class Server(uvicorn.Server):
+class Server(Listener):
     """Serves under a certificate of its own CA: a fresh one at the start, and when it is due.
 
     Args:
@@ -113,29 +119,18 @@ class Server(uvicorn.Server):
         self._enrolling = enrolling
         self._looking: asyncio.Task[None] | None = None
         self._fault = ""
-        bounds = Bounds(body_bytes=_MOST_BODY)
-        self._doorway = Doorway(bind("authority", settings.host, settings.port), bounds)
-        self._identity = self._shown = _server_identity(settings, authority)
-        config = uvicorn.Config(
+        bound = bind("authority", settings.host, settings.port)
+        self._identity = _server_identity(settings, authority)
+        super().__init__(
             app,
-            loop="asyncio",  # uvloop, which it takes where it is, accepts past the doorway
-            http=guarded(bounds, greet=self._doorway.greet),
-            ws="none",
-            ssl_certfile=self._identity.directory / CHAIN_FILE,
-            ssl_keyfile=self._identity.directory / KEY_FILE,
-            ssl_version=ssl.PROTOCOL_TLS_SERVER,
+            bound,
+            context=server_context(self._identity, client_certificates=False),
+            bounds=Bounds(body_bytes=_MOST_BODY),
             headers=_HEADERS,
-            log_config=None,
-            access_log=False,
-            proxy_headers=False,
-            server_header=False,
         )
-        super().__init__(config)
         app.state.follow = self._follow
 
-    async def startup(self, sockets: list[socket] | None = None) -> None:
-        """Accept, through the doorway."""
-        await super().startup(sockets or [self._doorway])
+    capture_signals = uvicorn.Server.capture_signals
 
     async def on_tick(self, counter: int) -> bool:
         """Look after certificate and roots once a second; uvicorn calls ten times as often."""
@@ -158,15 +153,8 @@ class Server(uvicorn.Server):
         await asyncio.shield(self._look_again() if look is None or look is before else look)
 
     def _look_again(self) -> asyncio.Task[None]:
-        self._looking = asyncio.create_task(self._look_and_show())
+        self._looking = asyncio.create_task(asyncio.to_thread(self._look))
         return self._looking
-
-    async def _look_and_show(self) -> None:
-        """Wait in a thread, but touch the TLS context here: connections are made from it."""
-        try:
-            await asyncio.to_thread(self._look)
-        finally:
-            self._show()
 
     def _tell(self, look: asyncio.Task[None]) -> None:
         """Say why it failed, once as long as it stays the same: it is tried each second."""
@@ -186,19 +174,10 @@ class Server(uvicorn.Server):
         issuer = self._authority.issuer(IdentityKind.SERVER, CA_SERVICE).certificate
         due = is_due(self._identity.certificate, datetime.now(UTC))
         if due or self._identity.chain[1] != issuer:
-            self._identity = _server_identity(self._settings, self._authority)
+            own = self._identity = _server_identity(self._settings, self._authority)
+            log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
         for folder in self._enrolling:
             _spread_roots(self._authority, folder)
-
-    def _show(self) -> None:
-        """Have new connections shown the newest certificate."""
-        own = self._identity
-        if own is self._shown:
-            return
-        if self.config.ssl is not None:
-            self.config.ssl.load_cert_chain(own.directory / CHAIN_FILE, own.directory / KEY_FILE)
-        self._shown = own
-        log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
 
 
 def _hand_out(

@@ -31,12 +31,11 @@ from cloud.state import Cloud
 from cloud.store import Store
 from cloud.warmup import warm_up
 from cloud.watch import watch
-from eskin.doorway import bind
 from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
 from eskin.identity import Identity, Trust, server_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.limiting import RateLimit
-from eskin.listener import Listener
+from eskin.listener import Listener, bind
 from eskin.listening import LOCALHOST, Bounds
 from eskin.lockfile import LockFile
 from eskin.memory import settle
@@ -174,7 +173,7 @@ async def _serve(cloud: Cloud) -> None:
     certificates = [] if outer is None else [outer]
     async with asyncio.TaskGroup() as group:
         for listener, name in zip(listeners, ("people", "gateways"), strict=True):
-            group.create_task(listener.run_until_told(), name=name)
+            group.create_task(listener.serve(), name=name)
         listening = None
         if not isinstance(cloud.store.place, Path):
             listening = group.create_task(relay(cloud, cloud.store.place), name="relay")

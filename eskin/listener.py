@@ -1,36 +1,54 @@
-"""A listener: one uvicorn server on a socket of its own, with TLS where it has a certificate."""
+"""A listener: one uvicorn server on a socket of its own, with TLS where it has a certificate.
+
+uvicorn, and so `eskin.listening`, knows nothing of a connection before its TLS handshake. A client
+that never begins one would hold as many sockets as the process may open. So the listener accepts
+connections itself, and bounds those whose handshake is not over.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import functools
+import logging
+import os
+import socket
 from typing import TYPE_CHECKING, Final
 
 import uvicorn
 
-from eskin.doorway import Doorway
-from eskin.listening import guarded
+from eskin.errors import SettingsError
+from eskin.limiting import source_of
+from eskin.listening import GuardedProtocol
 
 if TYPE_CHECKING:
     import ssl
     from collections.abc import Iterator, Sequence
-    from socket import socket
 
     from starlette.types import ASGIApp
 
     from eskin.listening import Bounds
 
+log = logging.getLogger(__name__)
+
 _GRACE_SECONDS: Final = 10
+_MARGIN: Final = 32
+"""So many more may come as far as the protocol, which ends an idle one for each, or refuses."""
+_PAUSE_S: Final = 1.0
 
 
 class Listener(uvicorn.Server):
-    """A server whose signals and whose state are somebody else's.
+    """A server whose signals and whose state are the caller's.
+
+    Of connections whose handshake is not over, the one that began first is ended where there are
+    too many of one address, or in all: a client that means it takes a moment only. How many may be
+    open after that the protocol decides.
 
     Args:
         app: What answers.
         bound: Where it listens; it is taken over.
         context: For TLS; ``None`` for plain HTTP.
-        bounds: What a stranger may take.
+        bounds: What a client may take; a handshake has as long as a head.
         headers: Added to each answer of the application.
 
     Attributes:
@@ -40,16 +58,16 @@ class Listener(uvicorn.Server):
     def __init__(
         self,
         app: ASGIApp,
-        bound: socket,
+        bound: socket.socket,
         *,
         context: ssl.SSLContext | None,
         bounds: Bounds,
         headers: Sequence[tuple[str, str]] = (),
     ) -> None:
-        doorway = Doorway(bound, bounds)
         config = uvicorn.Config(
             app,
-            http=guarded(bounds, greet=doorway.greet),
+            http=functools.partial(GuardedProtocol, bounds=bounds),  # type: ignore[arg-type]
+            loop="asyncio",
             ws="none",
             lifespan="off",
             headers=list(headers),
@@ -62,27 +80,124 @@ class Listener(uvicorn.Server):
         config.load()
         config.ssl = context
         super().__init__(config)
-        self._bound = doorway
-        self._context = context
+        self.servers = []
+        self._bound = bound
+        self._bounds = bounds
+        self._accepting: asyncio.Task[None] | None = None
+        self._handshakes: dict[asyncio.Task[None], str] = {}
         self.ready = asyncio.Event()
 
     @property
     def url(self) -> str:
         """Where it is reached."""
         host, port = self._bound.getsockname()[:2]
-        scheme = "http" if self._context is None else "https"
+        scheme = "http" if self.config.ssl is None else "https"
         return f"{scheme}://{f'[{host}]' if ':' in host else host}:{port}"
 
-    async def run_until_told(self) -> None:
-        """Serve until ``should_exit``."""
-        await self.serve(sockets=[self._bound])
-
-    async def startup(self, sockets: list[socket] | None = None) -> None:
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Accept, and say so."""
-        await super().startup(sockets)
+        del sockets
+        self._bound.setblocking(False)  # noqa: FBT003 - its only parameter
+        self._accepting = asyncio.create_task(self._accept(), name="accept")
+        self._accepting.add_done_callback(self._stop)
+        self.started = True
         self.ready.set()
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Accept no more, end handshakes, and let requests end."""
+        del sockets
+        tasks = [task for task in (self._accepting, *self._handshakes) if task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        self._bound.close()
+        await super().shutdown()
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         """Leave signals to the process."""
         yield
+
+    async def _accept(self) -> None:
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                arrived, address = await loop.sock_accept(self._bound)
+            except ConnectionAbortedError:  # the client left before
+                continue
+            except OSError as error:  # the process has no descriptors or memory left
+                log.warning("no connection can be accepted, trying again: %s", error)
+                await asyncio.sleep(_PAUSE_S)
+                continue
+            self._admit(arrived, address[0])
+            await asyncio.sleep(0)  # others have a turn
+
+    def _admit(self, arrived: socket.socket, address: str) -> None:
+        source, bounds = source_of(address), self._bounds
+        same = [task for task, other in self._handshakes.items() if other == source]
+        if len(same) >= bounds.of_one and not bounds.is_proxy(address):
+            self._end(same[0])
+        elif len(self._handshakes) + len(self.server_state.connections) >= (
+            bounds.connections + _MARGIN
+        ):
+            if not self._handshakes:
+                arrived.close()
+                return
+            self._end(next(iter(self._handshakes)))
+        task = asyncio.create_task(self._shake_hands(arrived))
+        self._handshakes[task] = source
+
+        def forget(task: asyncio.Task[None]) -> None:
+            self._handshakes.pop(task, None)
+            if task.cancelled():  # also where it had not begun
+                arrived.close()
+
+        task.add_done_callback(forget)
+
+    def _end(self, task: asyncio.Task[None]) -> None:
+        del self._handshakes[task]
+        task.cancel()
+
+    async def _shake_hands(self, arrived: socket.socket) -> None:
+        context = self.config.ssl
+        # The client left, was too slow, or speaks no TLS.
+        with contextlib.suppress(OSError):
+            await asyncio.get_running_loop().connect_accepted_socket(
+                self._protocol,
+                arrived,
+                ssl=context,
+                ssl_handshake_timeout=None if context is None else self._bounds.head_s,
+            )
+
+    def _protocol(self) -> asyncio.Protocol:
+        made: asyncio.Protocol = self.config.http_protocol_class(  # type: ignore[call-arg]
+            config=self.config, server_state=self.server_state, app_state=self.lifespan.state
+        )
+        return made
+
+    def _stop(self, accepting: asyncio.Task[None]) -> None:
+        """A listener that accepts no more ends."""
+        if not accepting.cancelled():
+            log.error("listener ends: reason=%r", accepting.exception())
+        self.should_exit = True
+
+
+def bind(section: str, host: str, port: int) -> socket.socket:
+    """Take an address.
+
+    Raises:
+        SettingsError: It cannot be had.
+    """
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        bound = socket.create_server((host, port), family=family, backlog=2048)
+    except OSError as error:
+        unknown = isinstance(error, socket.gaierror)
+        name = f"{section}.host" if unknown else f"{section}.port"
+        why = error.strerror if unknown else os.strerror(error.errno or 0)
+        remedy = "" if unknown else "; choose another port, or 0 for any free one"
+        raise SettingsError(name, f"{host}:{port} cannot be listened on: {why}{remedy}") from error
+    # What is accepted inherits it. asyncio sets it for sockets alone that name their protocol, and
+    # without it the body of each answer waits 40 ms for the peer to acknowledge its head.
+    bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return bound

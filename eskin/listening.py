@@ -94,22 +94,11 @@ class Bounds:
         return any(found in network for network in self.proxies)
 
 
-def guarded(bounds: Bounds, *, greet: Callable[[int], None] = lambda _: None) -> Any:
-    """What uvicorn takes as its ``http``.
-
-    Args:
-        bounds: What a stranger may take.
-        greet: Told of each connection whose handshake is over, by its file descriptor.
-    """
-    return functools.partial(GuardedProtocol, bounds=bounds, greet=greet)
-
-
 class GuardedProtocol(HttpToolsProtocol):
     """One connection.
 
     Args:
         bounds: What it may take.
-        greet: Told of it once it is open.
         others: As uvicorn gives them.
 
     Attributes:
@@ -119,10 +108,9 @@ class GuardedProtocol(HttpToolsProtocol):
         idle_since: When it began, or was last answered; the event loop's time.
     """
 
-    def __init__(self, *, bounds: Bounds, greet: Callable[[int], None], **others: Any) -> None:
+    def __init__(self, *, bounds: Bounds, **others: Any) -> None:
         super().__init__(**others)
         self._bounds = bounds
-        self._greet = greet
         self._timer: asyncio.TimerHandle | None = None
         self._stall: asyncio.TimerHandle | None = None
         self.source: str | None = None
@@ -139,7 +127,6 @@ class GuardedProtocol(HttpToolsProtocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]  # TCP
         """Take a connection, if there is room for it."""
         super().connection_made(transport)
-        self._greet(transport.get_extra_info("socket").fileno())
         self._limit_unsent(_UNSENT_BYTES, _UNSENT_BYTES)
         address = self.client[0] if self.client else ""
         self._proxied = self._bounds.is_proxy(address)

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any, Final
 import orjson
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
-from eskin.doorway import bind
 from eskin.limiting import RateLimit
-from eskin.listener import Listener
+from eskin.listener import Listener, bind
 from eskin.listening import BARE_HEADERS, LOCALHOST, Bounds
 from eskin.problems import MEDIA_TYPE, details
 
@@ -71,7 +70,7 @@ class Monitor:
         self._thread.join()
 
     def _serve(self) -> None:
-        asyncio.run(self._listener.run_until_told())
+        asyncio.run(self._listener.serve())
 
 
 class _Pages:

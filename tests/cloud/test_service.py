@@ -17,9 +17,9 @@ import pytest
 from cloud.access import create_login_code
 from cloud.settings import CloudSettings
 from cloud.store import Store
-from eskin.doorway import bind
 from eskin.errors import SettingsError
 from eskin.identity import Identity, IdentityKind, client_context
+from eskin.listener import bind
 from eskin.settings import table
 from tests.cloud.clouds import batch
 from tests.cloud.messages import CHANNEL, NODE, block, peak

@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from eskin.doorway import bind
-from eskin.listener import Listener
+from eskin.listener import Listener, bind
 from eskin.listening import CALLER, LOCALHOST, PROMPT, Bounds
 from tests.eskin.passing import LONG_S, outlast
 
@@ -57,7 +56,7 @@ async def listening(
     bound = bind("people", "127.0.0.1", 0)
     port = bound.getsockname()[1]
     listener = Listener(app, bound, context=context, bounds=bounds)
-    task = asyncio.create_task(listener.run_until_told())
+    task = asyncio.create_task(listener.serve())
     await listener.ready.wait()
     try:
         yield port

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 import pytest
 
 from cloud.certificate import Certificate
-from eskin.doorway import _MARGIN, Doorway
 from eskin.identity import IdentityKind
+from eskin.listener import _MARGIN
 from eskin.listening import Bounds
 from tests.eskin.passing import LONG_S, pass_time
-from tests.eskin.test_listening import GET, listening
+from tests.eskin.test_listening import GET, listening, say
 
 if TYPE_CHECKING:
     from tests.identities import Identities
@@ -32,7 +32,7 @@ def anyio_backend() -> str:
 
 @pytest.fixture
 def context(identities: Identities) -> ssl.SSLContext:
-    folder = identities.make(IdentityKind.SERVER, "server.doorway").directory
+    folder = identities.make(IdentityKind.SERVER, "server.listener").directory
     return Certificate("people.identity", folder).context
 
 
@@ -88,24 +88,45 @@ async def test_handshake_that_is_not_begun_in_time_is_ended(
         assert b" 200 " in await ask(port, come_from="127.0.0.1")
 
 
-async def test_network_of_one_ipv6_user_is_one_source(monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_network_of_one_ipv6_user_is_one_source(
+    context: ssl.SSLContext, monkeypatch: pytest.MonkeyPatch
+) -> None:
     arrivals = iter([*(f"2001:db8:1:2::{k + 1:x}" for k in range(3)), "2001:db8:1:3::1", "::1"])
     outside: list[socket.socket] = []
 
-    def accept(_: socket.socket) -> tuple[socket.socket, tuple[str, int, int, int]]:
+    async def accept(_: object, __: object) -> tuple[socket.socket, tuple[str, int, int, int]]:
+        address = next(arrivals, None)
+        if address is None:
+            await asyncio.Event().wait()
+            raise AssertionError
         guest, peer = socket.socketpair()
+        peer.settimeout(20)
         outside.append(peer)
-        return guest, (next(arrivals), 1024, 0, 0)
+        return guest, (address, 1024, 0, 0)
 
-    with Doorway(socket.create_server(("127.0.0.1", 0)), FEW) as doorway:
-        monkeypatch.setattr(socket.socket, "accept", accept)
-        guests = [doorway.accept()[0] for _ in range(5)]
-        assert doorway.inside == 5
-        assert outside[0].recv(1) == b"", "the first of three is ended"
+    monkeypatch.setattr(asyncio.SelectorEventLoop, "sock_accept", accept)
+    async with listening(FEW, context=context):
+        assert await asyncio.to_thread(lambda: outside[0].recv(1)) == b"", "one of three is ended"
+        assert len(outside) == 5
         for peer in outside[1:]:
             peer.setblocking(False)  # noqa: FBT003 - its only parameter
             with pytest.raises(BlockingIOError):
                 peer.recv(1)
-        for each in (*guests, *outside):
-            each.close()
-        assert not doorway.inside
+    for peer in outside:
+        peer.close()
+
+
+async def test_listener_that_has_no_descriptors_left_accepts_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    accept, failures = asyncio.SelectorEventLoop.sock_accept, [OSError(24, "too many open files")]
+
+    async def fail_once(loop: asyncio.SelectorEventLoop, bound: socket.socket) -> object:
+        if failures:
+            raise failures.pop()
+        return await accept(loop, bound)
+
+    monkeypatch.setattr(asyncio.SelectorEventLoop, "sock_accept", fail_once)
+    async with listening(FEW) as port:
+        said = await say(port, GET.replace(b"Host", b"Connection: close\r\nHost"))
+        assert b" 200 " in said
