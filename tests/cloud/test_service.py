@@ -167,7 +167,7 @@ def test_client_that_leaves_in_mid_body_is_one_quiet_line(standing: Service) -> 
         context.wrap_socket(plain, server_hostname="localhost") as connection,
     ):
         connection.sendall(head.encode() + body[:-1])
-    left = "client left in the middle of its body: path=/api/v1/ingest"
+    left = "client left in the middle of its body"
     standing.wait_for(lambda: left in standing.output(), "it is told")
     # A request that comes after it is answered, so all that was to be said of it was said.
     assert standing.ingest(batch(block(1))).status_code == 200
