@@ -34,6 +34,8 @@ log = logging.getLogger(__name__)
 _GRACE_SECONDS: Final = 10
 _MARGIN: Final = 32
 """So many more may come as far as the protocol, which ends an idle one for each, or refuses."""
+_AT_ONCE: Final = 16
+"""Connections that are accepted before others have a turn."""
 _PAUSE_S: Final = 1.0
 
 
@@ -83,7 +85,6 @@ class Listener(uvicorn.Server):
         self.servers = []
         self._bound = bound
         self._bounds = bounds
-        self._accepting: asyncio.Task[None] | None = None
         self._handshakes: dict[asyncio.Task[None], str] = {}
         self.ready = asyncio.Event()
 
@@ -98,19 +99,19 @@ class Listener(uvicorn.Server):
         """Accept, and say so."""
         del sockets
         self._bound.setblocking(False)  # noqa: FBT003 - its only parameter
-        self._accepting = asyncio.create_task(self._accept(), name="accept")
-        self._accepting.add_done_callback(self._stop)
+        self._listen()
         self.started = True
         self.ready.set()
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Accept no more, end handshakes, and let requests end."""
         del sockets
-        tasks = [task for task in (self._accepting, *self._handshakes) if task is not None]
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
+        asyncio.get_running_loop().remove_reader(self._bound)
         self._bound.close()
+        handshakes = list(self._handshakes)
+        for task in handshakes:
+            task.cancel()
+        await asyncio.gather(*handshakes, return_exceptions=True)
         await super().shutdown()
 
     @contextlib.contextmanager
@@ -118,19 +119,23 @@ class Listener(uvicorn.Server):
         """Leave signals to the process."""
         yield
 
-    async def _accept(self) -> None:
+    def _listen(self) -> None:
+        if self._bound.fileno() >= 0:  # not closed meanwhile
+            asyncio.get_running_loop().add_reader(self._bound, self._accept)
+
+    def _accept(self) -> None:
         loop = asyncio.get_running_loop()
-        while True:
+        for _ in range(_AT_ONCE):
             try:
-                arrived, address = await loop.sock_accept(self._bound)
-            except ConnectionAbortedError:  # the client left before
-                continue
+                arrived, address = self._bound.accept()
+            except (BlockingIOError, InterruptedError, ConnectionAbortedError):
+                return
             except OSError as error:  # the process has no descriptors or memory left
                 log.warning("no connection can be accepted, trying again: %s", error)
-                await asyncio.sleep(_PAUSE_S)
-                continue
+                loop.remove_reader(self._bound)
+                loop.call_later(_PAUSE_S, self._listen)
+                return
             self._admit(arrived, address[0])
-            await asyncio.sleep(0)  # others have a turn
 
     def _admit(self, arrived: socket.socket, address: str) -> None:
         source, bounds = source_of(address), self._bounds
@@ -174,12 +179,6 @@ class Listener(uvicorn.Server):
             config=self.config, server_state=self.server_state, app_state=self.lifespan.state
         )
         return made
-
-    def _stop(self, accepting: asyncio.Task[None]) -> None:
-        """A listener that accepts no more ends."""
-        if not accepting.cancelled():
-            log.error("listener ends: reason=%r", accepting.exception())
-        self.should_exit = True
 
 
 def bind(section: str, host: str, port: int) -> socket.socket:

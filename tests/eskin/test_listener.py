@@ -17,6 +17,7 @@ from eskin.listener import _MARGIN
 from eskin.listening import Bounds
 from tests.eskin.passing import LONG_S, pass_time
 from tests.eskin.test_listening import GET, listening, say
+from tests.processes import wait_until
 
 if TYPE_CHECKING:
     from tests.identities import Identities
@@ -94,18 +95,19 @@ async def test_network_of_one_ipv6_user_is_one_source(
     arrivals = iter([*(f"2001:db8:1:2::{k + 1:x}" for k in range(3)), "2001:db8:1:3::1", "::1"])
     outside: list[socket.socket] = []
 
-    async def accept(_: object, __: object) -> tuple[socket.socket, tuple[str, int, int, int]]:
+    def accept(_: socket.socket) -> tuple[socket.socket, tuple[str, int, int, int]]:
         address = next(arrivals, None)
         if address is None:
-            await asyncio.Event().wait()
-            raise AssertionError
+            raise BlockingIOError
         guest, peer = socket.socketpair()
         peer.settimeout(20)
         outside.append(peer)
         return guest, (address, 1024, 0, 0)
 
-    monkeypatch.setattr(asyncio.SelectorEventLoop, "sock_accept", accept)
-    async with listening(FEW, context=context):
+    monkeypatch.setattr(socket.socket, "accept", accept)
+    async with listening(FEW, context=context) as port, AsyncExitStack() as stack:
+        await silent(port, stack)
+        await asyncio.to_thread(wait_until, lambda: bool(outside), "they are accepted")
         assert await asyncio.to_thread(lambda: outside[0].recv(1)) == b"", "one of three is ended"
         assert len(outside) == 5
         for peer in outside[1:]:
@@ -119,14 +121,14 @@ async def test_network_of_one_ipv6_user_is_one_source(
 async def test_listener_that_has_no_descriptors_left_accepts_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    accept, failures = asyncio.SelectorEventLoop.sock_accept, [OSError(24, "too many open files")]
+    accept, failures = socket.socket.accept, [OSError(24, "too many open files")]
 
-    async def fail_once(loop: asyncio.SelectorEventLoop, bound: socket.socket) -> object:
+    def fail_once(bound: socket.socket) -> object:
         if failures:
             raise failures.pop()
-        return await accept(loop, bound)
+        return accept(bound)
 
-    monkeypatch.setattr(asyncio.SelectorEventLoop, "sock_accept", fail_once)
+    monkeypatch.setattr(socket.socket, "accept", fail_once)
     async with listening(FEW) as port:
         said = await say(port, GET.replace(b"Host", b"Connection: close\r\nHost"))
         assert b" 200 " in said
