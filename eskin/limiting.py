@@ -1,7 +1,7 @@
 """How often one address may do something: in memory, by sliding windows.
 
 Requests a second are counted over ten seconds, as a page asks for much at once; what is refused,
-over a minute. Whoever is told to come again is told to wait for as long.
+over a minute. A client that is told to come again is told to wait for as long.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class RateLimit:
         seconds: In which time.
 
     Attributes:
-        pause: Header of the answer to whoever has no more of them.
+        pause: Header of the answer to a client that has no more of them.
     """
 
     def __init__(self, most: int, seconds: int) -> None:

@@ -250,7 +250,7 @@ class GuardedProtocol(HttpToolsProtocol):
             if len(crowd) >= most:
                 if not idle:
                     return False
-                # Whoever proved its name goes last.
+                # A client that proved its name goes last.
                 min(idle, key=lambda each: (each.authenticated, each.idle_since)).transport.abort()
         return True
 
