@@ -24,9 +24,9 @@ from authority.asking import NotReadyError
 from authority.enrolment import fetch_anchor, fetch_revocations, fetch_revoked
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind, Trust
-from eskin.identity.identity import CHAIN_FILE, ROOT_FILE, write_whole
-from eskin.identity.revocations import revoked_serials
-from eskin.identity.version import version
+from eskin.identity.identity import ROOT_FILE, write_whole
+from eskin.mosquitto import revoked, versions
+from eskin.mosquitto.configuration import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,10 +35,8 @@ if TYPE_CHECKING:
 
     from eskin.identity.version import Version
 
-
 log = logging.getLogger(__name__)
 
-KINDS: Final = (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT)
 CONTROL: Final = "$CONTROL/dynamic-security/v1"
 _LOOK_S: Final = 0.5
 _ROLE: Final = "guard"
@@ -70,8 +68,8 @@ class Guard:
         argv: The broker.
         identity: Folder of its identity, which a `Keeper` renews.
         url: The CA service.
-        folder: Takes ``KIND.pem``, ``KIND.crl.pem`` and ``dynamic-security.json``; in it the broker
-            listens on ``control.sock``.
+        folder: Takes ``KIND.anchor.pem``, ``KIND.crl.pem`` and ``dynamic-security.json``; in it
+            the broker listens on ``control.sock``.
     """
 
     def __init__(self, argv: Sequence[str], *, identity: Path, url: str, folder: Path) -> None:
@@ -162,15 +160,14 @@ class Guard:
             raise faults[0]
 
     def _fetch_of(self, kind: IdentityKind) -> None:
-        fetch_anchor(self._url, self._identity, kind, self._folder / f"{kind}.pem")
+        fetch_anchor(self._url, self._identity, kind, self._folder / f"{kind}.anchor.pem")
         file = self._folder / f"{kind}.crl.pem"
         fetch_revocations(self._url, self._identity, kind, file)
         self._trust.revocations(kind, file.read_bytes())
 
     def _listed(self) -> set[tuple[str, str]]:
         """Whom the broker refuses by the lists that it has: others could come back at once."""
-        files = [self._folder / f"{kind}.crl.pem" for kind in KINDS]
-        refused = {serial for file in files for serial in revoked_serials(file.read_bytes())}
+        refused = revoked(self._folder)
         told = {one for kind in KINDS for one in fetch_revoked(self._url, self._identity, kind)}
         return {(name, serial) for name, serial in told if serial in refused}
 
@@ -184,9 +181,7 @@ class Guard:
         self._revoked = listed
 
     def _state(self) -> tuple[Version, ...]:
-        files = [self._identity / CHAIN_FILE]
-        files += [self._folder / f"{kind}{end}" for kind in KINDS for end in (".pem", ".crl.pem")]
-        return tuple(version(file) for file in files)
+        return versions(identity=self._identity, anchors=self._folder)
 
 
 def end_connections(control: Path, names: Sequence[str]) -> None:

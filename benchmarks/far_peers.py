@@ -128,7 +128,7 @@ class Upstream(Running):
         anchor = stack.identities.authority.anchor_file(IdentityKind.GATEWAY)
         file = folder / "mosquitto.conf"
         file.write_text(_UPSTREAM.format(port=self.port, anchor=anchor, server=server))
-        super().__init__([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
+        super().__init__([str(mosquitto()), "-c", str(file)], log=folder / "mosquitto.log")
         self._identity = stack.identities.make(IdentityKind.GATEWAY, _COUNTER)
         self.count = 0
         self.heard = 0.0
@@ -225,7 +225,7 @@ def _bridge(stack: RealStack, upstream: Upstream) -> Running:
             identity=identity,
         )
     )
-    return Running([mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
+    return Running([str(mosquitto()), "-c", str(file)], log=folder / "mosquitto.log")
 
 
 def _thingsboard(stack: RealStack, upstream: Upstream, storage: dict[str, object]) -> Running:

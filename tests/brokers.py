@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import astuple
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
 from authority.guard import DYNAMIC_SECURITY
 from demo.ports import free_ports
 from eskin.identity import IdentityKind
+from eskin.mosquitto import BrokerPorts, configuration, find_mosquitto
+from eskin.mosquitto.configuration import KINDS
 from tests.processes import Running, accepts
 
 if TYPE_CHECKING:
@@ -18,13 +21,13 @@ if TYPE_CHECKING:
     from eskin.identity import Identity
     from tests.identities import Identities
 
-PRODUCTION = Path(__file__).parents[1] / "services" / "broker"
-"""Folder of the configuration that the broker's image takes."""
+_GUARD = Path(__file__).parents[1] / "services" / "broker" / "guard.conf"
+"""What containers add to the configuration."""
 
 
-def mosquitto() -> str:
+def mosquitto() -> Path:
     """Path of the broker's program."""
-    found = shutil.which("mosquitto", path="/usr/sbin:/usr/local/sbin:/usr/bin:/usr/local/bin")
+    found = find_mosquitto()
     assert found is not None, "mosquitto is missing; install it (apt-get install mosquitto)"
     return found
 
@@ -35,7 +38,7 @@ def write_configuration(
     server: Identity,
     *,
     host: str,
-    ports: Sequence[int],
+    ports: BrokerPorts,
 ) -> Path:
     """Fill in production's configuration.
 
@@ -44,30 +47,21 @@ def write_configuration(
         identities: Whose CAs the listeners trust.
         server: The broker's identity.
         host: Address to listen on.
-        ports: For nodes, gateways and clients.
+        ports: On which to listen.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for kind in (IdentityKind.NODE, IdentityKind.GATEWAY, IdentityKind.CLIENT):
-        shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.pem")
+    for kind in KINDS:
+        shutil.copy(identities.authority.anchor_file(kind), folder / f"{kind}.anchor.pem")
         shutil.copy(identities.authority.revocations_file(kind), folder / f"{kind}.crl.pem")
     (folder / "dynamic-security.json").write_text(json.dumps(DYNAMIC_SECURITY))
     (plugin,) = Path("/usr/lib").glob("*/mosquitto_dynamic_security.so")
-    config = (PRODUCTION / "mosquitto.conf").read_text()
-    for word, value in {
-        "HOST": host,
-        "NODES_PORT": ports[0],
-        "GATEWAYS_PORT": ports[1],
-        "CLIENTS_PORT": ports[2],
-        "IDENTITY": server.directory,
-        "ANCHORS": folder,
-        "ACL": PRODUCTION / "acl",
-        "DATA": folder,
-        "PLUGIN": plugin,
-    }.items():
-        config = config.replace(f"@{word}@", str(value))
+    config = configuration(
+        host=host, ports=ports, identity=server.directory, anchors=folder, data=folder
+    )
+    guard = _GUARD.read_text().replace("@ANCHORS@", str(folder)).replace("@PLUGIN@", str(plugin))
     file = folder / "mosquitto.conf"
     # Started as root, Mosquitto becomes another user, who must not need to read our keys.
-    file.write_text(f"user root\n{config}")
+    file.write_text(f"user root\n{config}{guard}")
     return file
 
 
@@ -87,11 +81,11 @@ class Mosquitto(Running):
 
     def __init__(self, folder: Path, identities: Identities, *, guard: Sequence[str] = ()) -> None:
         # Held at once: asked for one by one, two of them may be the same.
-        nodes, gateways, clients = ports = free_ports(3)
-        self.node_port, self.gateway_port, self.client_port = nodes, gateways, clients
+        ports = BrokerPorts(*free_ports(3))
+        self.node_port, self.gateway_port, self.client_port = astuple(ports)
         server = identities.make(IdentityKind.SERVER, "server.broker")
         file = write_configuration(folder, identities, server, host="127.0.0.1", ports=ports)
-        super().__init__([*guard, mosquitto(), "-c", str(file)], log=folder / "mosquitto.log")
+        super().__init__([*guard, str(mosquitto()), "-c", str(file)], log=folder / "mosquitto.log")
 
     def __enter__(self) -> Self:
         self.begin()

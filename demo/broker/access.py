@@ -1,4 +1,4 @@
-"""Who may publish and read what (the same rules as ``services/broker`` gives to Mosquitto)."""
+"""Who may publish and read what: the same rules as in ``eskin/mosquitto/acl``."""
 
 from __future__ import annotations
 

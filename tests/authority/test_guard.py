@@ -12,8 +12,9 @@ import pytest
 
 from authority import guard as guard_module
 from authority.asking import NotReadyError
-from authority.guard import KINDS, Guard
+from authority.guard import Guard
 from eskin.identity import IdentityKind
+from eskin.mosquitto.configuration import KINDS
 from tests.identities import Identities
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, Self
 from demo.layout import Layout
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
+from eskin.mosquitto import BrokerPorts
 from tests.brokers import mosquitto, write_configuration
 from tests.chaos.clocks import Wallclock, build_library
 from tests.chaos.database import Database
@@ -34,7 +35,7 @@ if TYPE_CHECKING:
 
 NODES: Final = ("fingertip", "palm", "forearm")
 GATEWAYS: Final = ("gateway-1", "gateway-2")
-_PORTS: Final = (8883, 8884, 8885)
+_PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
 _INGEST: Final = 8443
 _MEBIBYTE: Final = 1 << 20
 _NO_STORE: Final = ": the store cannot be "
@@ -211,7 +212,7 @@ class Site:
         )
         with file.open("a") as config:
             config.write(f"\nlistener {INSIDER} 127.0.0.1\nallow_anonymous true\n")
-        return self._part("broker", [mosquitto(), "-c", str(file)], host, disk, server)
+        return self._part("broker", [str(mosquitto()), "-c", str(file)], host, disk, server)
 
     def _make_database(self, host: Host) -> Database:
         hosts = (host.address,)
@@ -233,7 +234,7 @@ class Site:
         disk = Disk(spool.parent, 256 * _MEBIBYTE)
         own = self._identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
         config = write_settings(self.layout.root / f"{host.name}.toml", {
-            "broker": {"host": self.broker.host.address, "port": _PORTS[1], "group": "site",
+            "broker": {"host": self.broker.host.address, "port": _PORTS.gateways, "group": "site",
                        "keepalive_s": 5},
             "identity": {"directory": own.directory, "site": self._identities.site.directory},
             "cloud": {"url": f"https://{self.cloud.host.address}:{_INGEST}/api/v1/ingest",
@@ -254,7 +255,7 @@ class Site:
         config = write_settings(self.layout.node_settings(name), {
             "node": {"name": name, "profile": name, "seed": 1},
             "sampling": {"block_samples": 50, "overrun_s": 3.0},
-            "broker": {"host": self.broker.host.address, "port": _PORTS[0], "keepalive_s": 5,
+            "broker": {"host": self.broker.host.address, "port": _PORTS.nodes, "keepalive_s": 5,
                        "resend_s": 2.0, "drain_s": 60.0},
             "identity": {"directory": own.directory,
                          "site": self._identities.site.directory / CHAIN_FILE},

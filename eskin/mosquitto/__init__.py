@@ -1,0 +1,9 @@
+"""Mosquitto as our broker: its configuration, access lists, and the files it reads anew."""
+
+from __future__ import annotations
+
+from eskin.mosquitto.configuration import BrokerPorts, configuration
+from eskin.mosquitto.files import revoked, versions
+from eskin.mosquitto.program import find_mosquitto
+
+__all__ = ["BrokerPorts", "configuration", "find_mosquitto", "revoked", "versions"]
