@@ -26,7 +26,7 @@ def write_access(layout: Layout, ports: Ports, token: str) -> None:
         "token": token,
         "mqtt": {
             "host": LOOPBACK,
-            "port": ports.broker,
+            "port": ports.broker.clients,
             "ca": str(client / ROOT_FILE),
             "cert": str(client / CHAIN_FILE),
             "key": str(client / KEY_FILE),

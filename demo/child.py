@@ -68,6 +68,7 @@ class Child:
         """
         self._log_file.parent.mkdir(parents=True, exist_ok=True)
         self._began = time.monotonic()
+        self._asked = False
         try:
             with self._log_file.open("ab") as output:
                 self._log_before = output.tell()
@@ -118,6 +119,20 @@ class Child:
         elif now >= self._again_at:
             self._again_at = 0.0
             self.start()
+
+    def restart(self) -> None:
+        """End it and start it again, which is no death.
+
+        Raises:
+            ChildError: The program cannot be run.
+        """
+        self.stop()
+        self.start()
+
+    def reload(self) -> None:
+        """Have it read its files anew (SIGHUP)."""
+        if self._process is not None:
+            self._process.send_signal(signal.SIGHUP)
 
     def terminate(self) -> None:
         """Ask it to end, once."""

@@ -31,6 +31,11 @@ class Layout:
         return self.authority / f"{kind}.crl.pem"
 
     @property
+    def broker(self) -> Path:
+        """Mosquitto's configuration and what it keeps."""
+        return self.root / "broker"
+
+    @property
     def logs(self) -> Path:
         """One log file a process."""
         return self.root / "logs"

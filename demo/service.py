@@ -6,6 +6,7 @@ import logging
 import signal
 import time
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import timedelta
 from typing import TYPE_CHECKING, Final
 
@@ -21,6 +22,7 @@ from demo.settings_files import Ports, node_names
 from demo.stack import Stack
 from eskin.errors import IdentityError, LockedError, SettingsError
 from eskin.lockfile import LockFile
+from eskin.mosquitto import BrokerPorts, find_mosquitto
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -37,18 +39,35 @@ TOKEN_LIFETIME: Final = timedelta(days=30)
 LOGIN_LIFETIME: Final = timedelta(minutes=15)
 
 
+@dataclass(frozen=True, slots=True)
+class Options:
+    """What the user chooses.
+
+    Attributes:
+        nodes: How many sensor nodes.
+        port: Port of the dashboard.
+        speed: Emulated seconds per second; ``None`` leaves it to each node's file.
+        duration: Seconds to run once all is up; ``None`` runs until it is ended.
+        lifetime: Of certificates, which are renewed when a third of it is left.
+        embedded_broker: Whether Mosquitto is not used where it is installed.
+    """
+
+    nodes: int
+    port: int
+    speed: float | None
+    duration: float | None
+    lifetime: timedelta
+    embedded_broker: bool
+
+
 class _Stop(Exception):  # noqa: N818 - no error: the user's wish
     """SIGTERM or SIGINT arrived."""
 
 
 def run_demo(
     data: Path,
+    options: Options,
     *,
-    nodes: int,
-    port: int,
-    speed: float | None,
-    duration: float | None,
-    lifetime: timedelta,
     command: str,
     console: Console,
 ) -> None:
@@ -56,11 +75,7 @@ def run_demo(
 
     Args:
         data: Folder that keeps everything.
-        nodes: How many sensor nodes.
-        port: Port of the dashboard.
-        speed: Emulated seconds per second; ``None`` leaves it to each node's file.
-        duration: Seconds to run once all is up; ``None`` runs until it is ended.
-        lifetime: Of certificates, which are renewed when a third of it is left.
+        options: Of the command.
         command: How a shell here calls ``eskin``, for hints.
         console: Takes progress and the URL.
 
@@ -71,32 +86,15 @@ def run_demo(
     layout = Layout(data.resolve())
     with _locked(layout), _stop_on_signals():
         with suppress(_Stop):
-            _run(
-                layout,
-                nodes=nodes,
-                port=port,
-                speed=speed,
-                duration=duration,
-                lifetime=lifetime,
-                command=command,
-                console=console,
-            )
+            _run(layout, options, command=command, console=console)
         console.print(f"Stopped; the data stay in {layout.root}", soft_wrap=True, highlight=False)
 
 
-def _run(
-    layout: Layout,
-    *,
-    nodes: int,
-    port: int,
-    speed: float | None,
-    duration: float | None,
-    lifetime: timedelta,
-    command: str,
-    console: Console,
-) -> None:
-    ports = Ports(require_free(port), *free_ports(3))
-    names = node_names(nodes)
+def _run(layout: Layout, options: Options, *, command: str, console: Console) -> None:
+    mosquitto = None if options.embedded_broker else find_mosquitto()
+    ports = _ports(options.port, one_for_all_parties=mosquitto is None)
+    names = node_names(options.nodes)
+    lifetime = options.lifetime
     stack: Stack | None = None
     try:
         with _progress(console) as progress:
@@ -104,7 +102,14 @@ def _run(
             revoked = prepare_identities(layout, names, lifetime=lifetime)
             _require_own(layout, NEEDED & set(revoked))
             progress.advance(task)
-            stack = Stack(layout, ports, names, speed=speed, revoked=revoked)
+            stack = Stack(
+                layout,
+                ports,
+                names,
+                speed=options.speed,
+                revoked=revoked,
+                mosquitto=mosquitto,
+            )
             progress.update(task, description="store")
             token, login = _open_store(layout, ports)
             progress.advance(task)
@@ -113,14 +118,22 @@ def _run(
                 stack.start(stage)
                 progress.advance(task)
             progress.update(task, description="all up")
-        _greet(console, layout, login, command)
+        _greet(console, layout, login, command, mosquitto)
         for name in revoked:
             console.print(f"{name} was revoked, so it is kept out.", soft_wrap=True)
-        _watch(stack, duration, lambda: renew_identities(layout, names, lifetime=lifetime))
+        _watch(stack, options.duration, lambda: renew_identities(layout, names, lifetime=lifetime))
     finally:
         if stack is not None:
             with _ignoring_signals(), console.status("Ending all processes in order …"):
                 stack.stop()
+
+
+def _ports(people: int, *, one_for_all_parties: bool) -> Ports:
+    require_free(people)
+    ingest, gateway, nodes, gateways, clients = free_ports(5)
+    if one_for_all_parties:
+        gateways = clients = nodes
+    return Ports(people, ingest, BrokerPorts(nodes, gateways, clients), gateway)
 
 
 def _require_own(layout: Layout, revoked: frozenset[str]) -> None:
@@ -145,10 +158,15 @@ def _open_store(layout: Layout, ports: Ports) -> tuple[str, str]:
     return token, f"http://{LOOPBACK}:{ports.people}/login?code={code}"
 
 
-def _greet(console: Console, layout: Layout, login: str, command: str) -> None:
+def _greet(
+    console: Console, layout: Layout, login: str, command: str, mosquitto: Path | None
+) -> None:
+    broker = "embedded (amqtt)" if mosquitto is None else f"Mosquitto ({mosquitto})"
+
     console.print("\n[bold green]eskin is running.[/] Open this once, in a browser:\n")
     console.print(f"  {login}\n", soft_wrap=True, highlight=False)
     console.print(
+        f"Broker: {broker}\n"
         f"Scripts and MQTT clients: {layout.access}\n"
         f"Check the data: {command} audit --data {layout.root}\n"
         "Ctrl-C ends it; the data stay.",

@@ -15,6 +15,7 @@ from demo.identities import BROKER, CLOUD, GATEWAY, SITE
 from demo.ports import LOOPBACK
 from eskin.identity import IdentityKind
 from eskin.identity.identity import CHAIN_FILE
+from eskin.mosquitto import BrokerPorts, configuration
 from sensor_node.profile import Profile
 
 if TYPE_CHECKING:
@@ -22,6 +23,11 @@ if TYPE_CHECKING:
 
 PROFILES: Final = ("fingertip", "palm", "forearm", "hand")
 """The nodes that come with eskin; the demo takes them in turn."""
+_CLIENTS: Final = """
+# A client's certificate holds several connections, each with a client id of its own choice.
+use_username_as_clientid false
+max_connections 64
+"""
 TRUTH_BYTES: Final = 4_000_000_000
 """About a day of a node at 1 kHz and six channels."""
 
@@ -33,13 +39,13 @@ class Ports:
     Attributes:
         people: Dashboard and REST API (HTTP).
         ingest: The cloud's listener for gateways (HTTPS).
-        broker: MQTT (TLS).
+        broker: MQTT (TLS); the embedded broker takes all parties on one port.
         gateway: The gateway's health and metrics (HTTP).
     """
 
     people: int
     ingest: int
-    broker: int
+    broker: BrokerPorts
     gateway: int
 
 
@@ -75,7 +81,7 @@ def write_gateway(layout: Layout, ports: Ports) -> Path:
     return _write(
         layout.settings("gateway"),
         {
-            "broker": {"host": LOOPBACK, "port": ports.broker},
+            "broker": {"host": LOOPBACK, "port": ports.broker.gateways},
             "identity": {
                 "directory": layout.identity(GATEWAY),
                 "site": layout.identity(SITE),
@@ -116,8 +122,24 @@ def write_node(layout: Layout, name: str) -> Path:
 
 def node_environment(ports: Ports, speed: float | None) -> dict[str, str]:
     """What changes from start to start, so that a node's file stays the user's."""
-    broker = {"ESKIN_BROKER_HOST": LOOPBACK, "ESKIN_BROKER_PORT": str(ports.broker)}
+    broker = {"ESKIN_BROKER_HOST": LOOPBACK, "ESKIN_BROKER_PORT": str(ports.broker.nodes)}
     return broker if speed is None else broker | {"ESKIN_NODE_SPEED": repr(speed)}
+
+
+def write_mosquitto(layout: Layout, ports: Ports) -> Path:
+    """Write Mosquitto's configuration."""
+    text = configuration(
+        host=LOOPBACK,
+        ports=ports.broker,
+        identity=broker_identity(layout),
+        anchors=layout.authority,
+        data=layout.broker,
+    )
+    layout.broker.mkdir(mode=0o700, parents=True, exist_ok=True)
+    path = layout.broker / "mosquitto.conf"
+    # Started as root, Mosquitto becomes another user, who must not need to read our keys.
+    path.write_text(f"user root\n{text}{_CLIENTS}")
+    return path
 
 
 def broker_identity(layout: Layout) -> Path:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import ssl
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import TYPE_CHECKING, Final
 
 import httpx
 
 from demo.child import Child, ChildError
+from demo.mosquitto import Mosquitto
 from demo.ports import LOOPBACK, accepts
 from demo.settings_files import (
     Ports,
@@ -23,6 +24,7 @@ from demo.settings_files import (
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
+    from pathlib import Path
 
     from demo.layout import Layout
 
@@ -41,7 +43,16 @@ class Stage:
 
 
 class Stack:
-    """All processes of one demo."""
+    """All processes of one demo.
+
+    Args:
+        layout: Its folder.
+        ports: Where they listen.
+        nodes: Names of the nodes.
+        speed: Emulated seconds per second; ``None`` leaves it to each node's file.
+        revoked: Names that are not let in.
+        mosquitto: Program of the broker; ``None`` for the embedded one.
+    """
 
     def __init__(
         self,
@@ -51,6 +62,7 @@ class Stack:
         *,
         speed: float | None,
         revoked: Sequence[str],
+        mosquitto: Path | None,
     ) -> None:
         self._layout = layout
         self._ports = ports
@@ -61,12 +73,16 @@ class Stack:
             timeout=2.0, trust_env=False, verify=ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
         )
         eskin = [sys.executable, "-m", "eskin"]
-        self.broker = self._child(
-            "broker",
-            [
-                *(sys.executable, "-m", "demo.broker"),
-                *(broker_identity(layout), layout.authority, ports.broker),
-            ],
+        self.broker: Child = (
+            self._child(
+                "broker",
+                [
+                    *(sys.executable, "-m", "demo.broker"),
+                    *(broker_identity(layout), layout.authority, ports.broker.nodes),
+                ],
+            )
+            if mosquitto is None
+            else Mosquitto(mosquitto, layout=layout, ports=ports)
         )
         self.cloud = self._child("cloud", [*eskin, "cloud", "--config", write_cloud(layout, ports)])
         self.gateway = self._child(
@@ -153,7 +169,7 @@ class Stack:
         )
 
     def _broker_listens(self) -> bool:
-        return accepts(self._ports.broker)
+        return all(accepts(port) for port in set(astuple(self._ports.broker)))
 
     def _cloud_is_ready(self) -> bool:
         return self._is_ok(f"http://{LOOPBACK}:{self._ports.people}/readyz")

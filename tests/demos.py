@@ -6,6 +6,7 @@ import json
 import re
 import sqlite3
 from contextlib import closing
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import httpx
@@ -15,7 +16,6 @@ from tests.processes import ESKIN, PLAIN, Running, free_port, wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
-    from pathlib import Path
 
 
 class RunningDemo(Running):
@@ -88,7 +88,7 @@ class RunningDemo(Running):
                 line = child.cmdline()
             except psutil.Error:  # it is ending just now
                 continue
-            if "demo.broker" in line:
+            if "demo.broker" in line or (line and Path(line[0]).name == "mosquitto"):
                 found["broker"] = child
             elif "node" in line:
                 found[line[-1].split("/")[-2]] = child

@@ -41,20 +41,27 @@ def demo(
     certificate_days: Annotated[
         float, typer.Option(min=0.0001, max=398, help="Days of validity of certificates.")
     ] = 90.0,
+    embedded_broker: Annotated[
+        bool,
+        typer.Option("--embedded-broker", help="Leave Mosquitto alone where it is installed."),
+    ] = False,
 ) -> None:
     """Run the whole stack on this machine and print a URL that logs in."""
     from rich.console import Console
 
-    from demo.service import run_demo
+    from demo.service import Options, run_demo
 
     start_logs("WARNING")
     run_demo(
         data,
-        nodes=nodes,
-        port=port,
-        speed=speed,
-        duration=duration,
-        lifetime=timedelta(days=certificate_days),
+        Options(
+            nodes=nodes,
+            port=port,
+            speed=speed,
+            duration=duration,
+            lifetime=timedelta(days=certificate_days),
+            embedded_broker=embedded_broker,
+        ),
         command=_command(),
         console=Console(stderr=True),
     )

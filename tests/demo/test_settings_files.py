@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from cloud.settings import CloudSettings
 from demo.layout import Layout
 from demo.settings_files import Ports, write_cloud, write_gateway, write_node
+from eskin.mosquitto import BrokerPorts
 from gateway.settings import GatewaySettings
 from sensor_node.settings import NodeSettings
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
 
 def test_data_folder_can_be_moved(tmp_path: Path) -> None:
     before, after = tmp_path / "eskin-data", tmp_path / "elsewhere" / "moved"
-    layout, ports = Layout(before), Ports(8080, 8443, 8883, 9464)
+    layout, ports = Layout(before), Ports(8080, 8443, BrokerPorts(8883, 8884, 8885), 9464)
     files = [write_cloud(layout, ports), write_gateway(layout, ports), write_node(layout, "palm")]
     assert not any(str(tmp_path) in file.read_text() for file in files)
     after.parent.mkdir()
