@@ -14,9 +14,9 @@ from sqlalchemy import func, select
 
 from cloud.pyramid.building import AT_ONCE, claim, find_growing, repair
 from cloud.query.places import find_channel
+from cloud.store.block_row import BlockRow
 from cloud.store.bulk import insert_many
-from cloud.store.digest import checksum
-from cloud.store.intake import block_row
+from cloud.store.digest import digest
 from cloud.store.packs import join
 from cloud.store.schema import blocks, channels
 from cloud.store.tiles import stale
@@ -113,7 +113,8 @@ def _pattern(number: int, random: np.random.Generator) -> Row:
         said = block(k, lo, lo + 0.05, dt=DT, time=(t, t), encoding=Encoding.Q16).encode()
         summary = decode_summary(said)
         assert isinstance(summary, BlockSummary)
-        rows.append(block_row(NODE, summary, said, checksum(said), k - number * _BLOCKS, START))
+        row = BlockRow.of(NODE, summary, said, digest(said), k - number * _BLOCKS, START)
+        rows.append(row._asdict())
     return join(rows)
 
 
@@ -129,7 +130,7 @@ def _moved(row: Row, packs: int, cursor: int) -> Row:
     moved = data[:behind] + _written(numbers) + data[rest:]
     times = {name: row[name] + later for name in ("t", "t_end", "t_lo", "t_hi")}
     place = {"sequence": row["sequence"] + packs * _BLOCKS, "cursor": cursor + _BLOCKS - 1}
-    return row | times | place | {"data": moved, "digest": checksum(moved)}
+    return row | times | place | {"data": moved, "digest": digest(moved)}
 
 
 def _written(numbers: NDArray[np.int64]) -> bytes:

@@ -23,11 +23,13 @@ from benchmarks.long_store import DT, LongStore
 from benchmarks.questions import IN_STORE, POINTS, ask_in_turns, ask_service, ask_store
 from benchmarks.report import Row
 from cloud.store import Store
+from cloud.store.block_row import BlockRow
 from cloud.store.bulk import insert_many
 from cloud.store.channels import add_blocks, require_row
+from cloud.store.digest import digest
 from cloud.store.schema import blocks
 from eskin.messages import BlockSummary, Encoding, decode_summary
-from tests.cloud.messages import CHANNEL, NODE, START, block
+from tests.cloud.messages import NODE, START, block
 from tests.cloud.service import Service
 from tests.identities import Identities
 
@@ -101,42 +103,32 @@ def _rows(found: Mapping[int, Mapping[str, Took]]) -> Iterator[Row]:
             yield Row(title, ratio, "", None, None, ratio, 1 / _GROWTH, ratio >= 1 / _GROWTH)
 
 
-def patterns(dt: int = DT) -> Iterator[tuple[BlockSummary, dict[str, Any]]]:
+def patterns(dt: int = DT) -> Iterator[tuple[BlockSummary, BlockRow]]:
     """Blocks as the store reads and keeps them, of samples ``dt`` ns apart."""
     random = np.random.default_rng(1)
     for number in count():
         lo = np.sin(np.arange(_SAMPLES) / 50 + number) + random.normal(0, 0.01, _SAMPLES)
         made = block(number, lo, lo + 0.05, dt=dt, time=(START, START), encoding=Encoding.Q16)
-        row = {"node": NODE, "boot": 1, "channel": CHANNEL, "error": 0, "dt": dt, "n": _SAMPLES}
-        row |= {
-            "lo": made.bounds[0],
-            "hi": made.bounds[1],
-            "coverage": 1.0,
-            "received": START,
-            "packed": None,
-        }
         data = made.encode()
         summary = decode_summary(data)
         assert isinstance(summary, BlockSummary)
-        yield summary, row | {"data": data}
+        yield summary, BlockRow.of(NODE, summary, data, digest(data), 0, START)
 
 
-def fill(
-    store: Store, said: list[tuple[BlockSummary, dict[str, Any]]], standing: int, end: int
-) -> None:
+def fill(store: Store, said: list[tuple[BlockSummary, BlockRow]], standing: int, end: int) -> None:
     """Write blocks as ingest does, without reading messages again."""
-    dt = said[0][1]["dt"]
+    dt = said[0][0].dt
     span = _SAMPLES * dt
     for first in range(standing, end, _BATCH):
         numbers = range(first, min(first + _BATCH, end))
         rows = []
         for number in numbers:
             t = START + number * span
-            place = {"sequence": number, "cursor": number, "t": t, "t_end": t + span - dt}
-            rows.append(said[number % len(said)][1] | place | {"t_lo": t, "t_hi": t})
+            row = said[number % len(said)][1]._replace(sequence=number, cursor=number)
+            rows.append(row._replace(t=t, t_end=t + span - dt, t_lo=t, t_hi=t))
 
-        def keep(connection: Any, rows: list[dict[str, Any]] = rows) -> None:
-            insert_many(connection, blocks, rows)
+        def keep(connection: Any, rows: list[BlockRow] = rows) -> None:
+            insert_many(connection, blocks, [row._asdict() for row in rows])
             add_blocks(store.cache, require_row(connection, store.cache, NODE, said[0][0]), rows)
 
         store.write(keep).result()

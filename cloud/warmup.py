@@ -9,7 +9,7 @@ import numpy as np
 
 from cloud.pyramid.blocks import Buckets, fold
 from cloud.pyramid.pieces import Pieces
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from cloud.store.item import Item
 from eskin.interval import Interval
 from eskin.messages import Block, Encoding
@@ -36,7 +36,7 @@ def warm_up() -> None:
     tube, data = block.tube, block.encode()
     buckets = Buckets(0, len(tube) * tube.dt, 1)
     said = (0, tube.dt, len(tube), tube.time_error, tube.coverage, data)
-    row = (*said, checksum(data), "", *block.position, None)
+    row = (*said, digest(data), "", *block.position, None)
     pieces = fold([row], buckets.window, buckets)
     Pieces.unpack([pieces.grouped(buckets.of(pieces.first)).pack()])
     Pack.read(pack([Kept(data, 1, 0)])).blocks()

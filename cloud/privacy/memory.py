@@ -14,7 +14,7 @@ from sqlalchemy.pool import StaticPool
 
 from cloud.privacy.errors import ErasedError
 from cloud.privacy.sealed_rows import open_row
-from cloud.store.digest import checksum, digest
+from cloud.store.digest import digest
 from cloud.store.intake import take_in
 from cloud.store.item import Item
 from cloud.store.schema import (
@@ -102,8 +102,7 @@ def _open(reader: Reader, node: str, sealed: Sequence[RowMapping]) -> list[Item]
             continue
         message, plaintext = opened
         said = message.summary if isinstance(message, Block) else message
-        own = digest(plaintext), checksum(plaintext)
-        items.append(Item(node, plaintext, said, None, None, *own))
+        items.append(Item(node, plaintext, said, digest=digest(plaintext)))
     if lost is not None and not items:
         raise ErasedError(lost)
     return items

@@ -12,7 +12,7 @@ from cloud.pyramid.pieces import Pieces, concatenated
 from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.damage import is_sound_tile
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from cloud.store.grid import CHUNK, STEP, TOP
 from cloud.store.tiles import tiles
 from eskin.moment import MOST_MOMENT
@@ -74,7 +74,7 @@ def _replace(
     connection.execute(delete(tiles).where(_at(place, level, chunks)))
     key = {"node": place[0], "channel": place[1], "level": level}
     packed = {n: each.pack() for n, each in chunks.items() if len(each)}
-    rows = [key | {"chunk": n, "data": d, "digest": checksum(d)} for n, d in packed.items()]
+    rows = [key | {"chunk": n, "data": d, "digest": digest(d)} for n, d in packed.items()]
     if rows:
         connection.execute(insert(tiles), rows)
 

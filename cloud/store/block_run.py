@@ -11,6 +11,7 @@ from cloud.store.presence import note_blocks
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
+    from cloud.store.block_row import BlockRow
     from cloud.store.numbers import StoredNumbers
     from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import BlockSummary
@@ -25,6 +26,7 @@ class BlockRun:
         boot: In which of its boots.
         channel: Of which of its channels.
         ranges: What is stored of this boot; the cache's own.
+        digests: By number, those that are added of this boot; the cache's own.
         known: The channel's row; nothing before the first block.
         rows: The blocks' rows, in the batch's order.
     """
@@ -33,8 +35,9 @@ class BlockRun:
     boot: int
     channel: str
     ranges: StoredNumbers
+    digests: dict[int, bytes]
     known: Row = field(default_factory=dict)
-    rows: list[Row] = field(default_factory=list)
+    rows: list[BlockRow] = field(default_factory=list)
 
     @property
     def unit(self) -> str | None:
@@ -47,7 +50,7 @@ class BlockRun:
 
     def cursor(self) -> int:
         """The last block's place in the feed."""
-        return int(self.rows[-1]["cursor"])
+        return self.rows[-1].cursor
 
     def settle(self, connection: Connection, cache: WriteCache, *, now: int) -> tuple[int, int]:
         """Add the blocks to what is known of node and channel; gives the last one's lag, ns."""

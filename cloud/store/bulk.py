@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from cloud.store.copying import Copying
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from sqlalchemy import Connection, Table
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 
 class Inserts(Protocol):
-    """Rows on their way into a table; every one has every column, and no text holds a NUL."""
+    """Rows on their way into a table: all columns in their order; no text holds a NUL."""
 
-    def add(self, row: Row) -> None:
+    def add(self, row: tuple[Any, ...]) -> None:
         """Add a row.
 
         Raises:
@@ -36,14 +36,14 @@ class Inserts(Protocol):
 
 
 def insert_many(connection: Connection, table: Table, rows: Sequence[Row]) -> None:
-    """Add rows to a table.
+    """Add rows to a table; each of them has every column.
 
     Raises:
         DBAPIError: As from any other statement.
     """
-    into = inserts(connection, table)
+    into, values = inserts(connection, table), itemgetter(*table.columns.keys())
     for row in rows:
-        into.add(row)
+        into.add(values(row))
     into.finish()
 
 
@@ -62,11 +62,10 @@ class _Gathered:
         places = ", ".join("?" * len(names))
         self._words = f"INSERT INTO {table.name} ({', '.join(names)}) VALUES ({places})"  # noqa: S608 - ours
         self._connection = connection
-        self._values: Callable[[Row], tuple[Any, ...]] = itemgetter(*names)
         self._rows: list[tuple[Any, ...]] = []
 
-    def add(self, row: Row) -> None:
-        self._rows.append(self._values(row))
+    def add(self, row: tuple[Any, ...]) -> None:
+        self._rows.append(row)
 
     def finish(self) -> None:
         if self._rows:
@@ -79,15 +78,12 @@ class _Copied:
 
     def __init__(self, connection: Connection, table: Table) -> None:
         self._connection, self._table = connection, table
-        self._values: Callable[[Row], tuple[Any, ...]] = itemgetter(
-            *(column.name for column in table.columns)
-        )
         self._copying: Copying | None = None
 
-    def add(self, row: Row) -> None:
+    def add(self, row: tuple[Any, ...]) -> None:
         if self._copying is None or self._copying.ended:  # by a statement since the last row
             self._copying = Copying.into(self._connection, self._table)
-        self._copying.write(self._values(row))
+        self._copying.write(row)
 
     def finish(self) -> None:
         """The next statement ends it: until then the server need not be waited for."""

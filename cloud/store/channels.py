@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from operator import sub
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Final
 
 from cloud.store.grid import Comb, grain_of
 from cloud.store.schema import channels
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from cloud.store.block_row import BlockRow
     from cloud.store.write_cache import Row, WriteCache
     from eskin.messages import Summary
 
@@ -81,7 +81,7 @@ def require_row(connection: Connection, cache: WriteCache, node: str, block: Blo
     return row
 
 
-def add_blocks(cache: WriteCache, row: Row, rows: Sequence[Row]) -> None:
+def add_blocks(cache: WriteCache, row: Row, rows: Sequence[BlockRow]) -> None:
     """Add blocks to their channel's sums; a channel claims the least coverage of its blocks.
 
     Args:
@@ -89,30 +89,25 @@ def add_blocks(cache: WriteCache, row: Row, rows: Sequence[Row]) -> None:
         row: The channel's.
         rows: The blocks'.
     """
-    firsts, lasts = _column(rows, "t"), _column(rows, "t_end")
-    first, last = min(firsts), max(lasts)
-    lo, hi = min(_column(rows, "lo")), max(_column(rows, "hi"))
-    coverage, dt = min(_column(rows, "coverage")), min(_column(rows, "dt"))
+    first, last = min(each.t for each in rows), max(each.t_end for each in rows)
+    lo, hi = min(each.lo for each in rows), max(each.hi for each in rows)
+    coverage, dt = min(each.coverage for each in rows), min(each.dt for each in rows)
     if row["blocks"] == 0:
         row |= {"t_first": first, "t_last": last, "lo": lo, "hi": hi}
         row |= {"coverage": coverage, "dt": dt}
     if row["built"] is not None and first < row["built"]:
-        for each in zip(firsts, _column(rows, "dt"), _column(rows, "n"), strict=True):
-            cache.outdate(row, Comb(*each))
+        for each in rows:
+            cache.outdate(row, Comb(each.t, each.dt, each.n))
     if row["packed"] is not None:
         row["packed"] = min(row["packed"], first)
     row["blocks"] += len(rows)
-    row["samples"] += sum(_column(rows, "n"))
-    row["bytes"] += sum(map(len, _column(rows, "data")))
+    row["samples"] += sum(each.n for each in rows)
+    row["bytes"] += sum(len(each.data) for each in rows)
     row["t_first"], row["t_last"] = min(row["t_first"], first), max(row["t_last"], last)
-    row["longest"] = max(row["longest"], *map(sub, lasts, firsts))
+    row["longest"] = max(row["longest"], *(each.t_end - each.t for each in rows))
     row["lo"], row["hi"] = min(row["lo"], lo), max(row["hi"], hi)
     row["coverage"], row["dt"] = min(row["coverage"], coverage), min(row["dt"], dt)
     cache.change(channels, row["node"], row["channel"])
-
-
-def _column(rows: Sequence[Row], name: str) -> list[Any]:
-    return [row[name] for row in rows]
 
 
 def add_veiled(connection: Connection, cache: WriteCache, node: str, message: Veiled) -> None:

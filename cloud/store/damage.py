@@ -13,7 +13,7 @@ from contextvars import ContextVar
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from cloud.store.digest import checksum
+from cloud.store.digest import digest as digest_of
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
@@ -94,15 +94,15 @@ def require_sound(row: Mapping[str, Any] | RowMapping) -> None:
     Raises:
         DamagedRowError: It is not.
     """
-    if checksum(row["data"]) != row["digest"]:
+    if digest_of(row["data"]) != row["digest"]:
         damaged = DamagedRow(row["node"], row["boot"], row["sequence"], row["packed"])
         note_damaged("blocks", damaged)
         raise DamagedRowError(damaged)
 
 
-def is_sound(data: bytes, digest: int, place: DamagedRow) -> bool:
+def is_sound(data: bytes, digest: bytes, place: DamagedRow) -> bool:
     """Whether a block's bytes are as they were written; what is not is noted, and left out."""
-    if checksum(data) == digest:
+    if digest_of(data) == digest:
         return True
     note_damaged("blocks", place)
     return False
@@ -116,9 +116,9 @@ def note_damaged(table: str, place: DamagedRow) -> None:
         found.append(place)
 
 
-def is_sound_tile(data: bytes, digest: int, place: tuple[object, ...]) -> bool:
+def is_sound_tile(data: bytes, digest: bytes, place: tuple[object, ...]) -> bool:
     """The same of a chunk of tiles, in whose place blocks are read."""
-    if checksum(data) == digest:
+    if digest_of(data) == digest:
         return True
     damages.note("tiles", place)
     return False

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple, TypeAlias
 
 from sqlalchemy import insert, select
 
+from cloud.store.block_row import BlockRow
 from cloud.store.block_run import BlockRun
 from cloud.store.bulk import Inserts, inserts
 from cloud.store.channels import add_veiled, check_channels, declare, named
@@ -155,16 +156,18 @@ def take_in(
 
 
 def _prepare(batch: _Batch, items: Sequence[Item]) -> None:
+    runs: dict[tuple[str, int, str], None] = {}
     boots: dict[tuple[str, int], None] = {}
     places: dict[tuple[str, str], None] = {}
-    for node, _, message, *_ in items:
-        if message is None:
-            continue
-        boots[node, message.position.boot] = None
+    for item in items:
+        node, message = item.node, item.message
         if isinstance(message, BlockSummary):
-            places[node, message.channel] = None
-        else:
+            runs[node, message.position.boot, message.channel] = None
+        elif message is not None:
+            boots[node, message.position.boot] = None
             places |= dict.fromkeys((node, channel) for channel, _ in named(message))
+    boots |= dict.fromkeys((node, boot) for node, boot, _ in runs)
+    places |= dict.fromkeys((node, channel) for node, _, channel in runs)
     batch.cache.prepare(batch.connection, boots=boots, places=places)
 
 
@@ -205,7 +208,8 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
     run = batch.runs.get((node, boot, block.channel))
     if run is None:
         ranges = batch.cache.ranges(batch.connection, node, boot)
-        run = BlockRun(node, boot, block.channel, ranges)
+        digests = batch.cache.digests.added(node, boot)
+        run = BlockRun(node, boot, block.channel, ranges, digests)
         batch.runs[node, boot, block.channel] = run
     if sequence in run.ranges:
         return _compare(batch, item, block.position, gateway)
@@ -219,10 +223,10 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
         _see(batch, node, block.position)
         run.begin(batch.connection, batch.cache, block)
     cursor = batch.cache.next_cursor(batch.connection)
-    row = block_row(node, block, item.kept or item.data, item.checksum, cursor, batch.now)
+    row = BlockRow.of(node, block, item.kept or item.data, item.digest, cursor, batch.now)
     run.rows.append(row)
     run.ranges.add(sequence)
-    batch.cache.digests.add(node, boot, sequence, item.digest)
+    run.digests[sequence] = item.digest
     batch.blocks.add(row)
     batch.entries.append(Entry(cursor, node, block.channel, item.data, None, batch.now))
     return _KEPT
@@ -318,35 +322,6 @@ def _compare_flash(
 def _tell_if_any(batch: _Batch, row: Row | None) -> None:
     if row is not None:
         batch.tell(row)
-
-
-def block_row(
-    node: str, block: BlockSummary, data: bytes, checksum: int, cursor: int, now: int
-) -> Row:
-    """A block's row in the store."""
-    first = block.first_moment
-    (boot, sequence), (t_lo, t_hi), (lo, hi) = block.position, block.time, block.bounds
-    return {
-        "node": node,
-        "boot": boot,
-        "sequence": sequence,
-        "cursor": cursor,
-        "channel": block.channel,
-        "t": first,
-        "t_end": first + block.span,
-        "error": block.time_error,
-        "t_lo": t_lo,
-        "t_hi": t_hi,
-        "dt": block.dt,
-        "n": block.n,
-        "lo": lo,
-        "hi": hi,
-        "coverage": block.coverage,
-        "received": now,
-        "data": data,
-        "digest": checksum,
-        "packed": None,
-    }
 
 
 def _veiled_row(node: str, message: Veiled, data: bytes, cursor: int, now: int) -> Row:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from cloud.store.digest import checksum, digest
+from cloud.store.digest import digest
 from cloud.store.schema import NODE_LENGTH
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
@@ -40,8 +40,8 @@ class Item(NamedTuple):
         message: What they say; ``None`` if they say nothing.
         reason: Why not.
         kept: A block as the store keeps it, where that is shorter than its bytes.
-        digest: Of what it says (`cloud.store.digest`); empty where it says nothing.
-        checksum: Of its bytes as the store keeps them.
+        digest: Of its bytes as the store keeps them, or of what each sealing of it shares: by it
+            the store tells it from another message under its number. Empty where there is none.
     """
 
     node: str
@@ -50,7 +50,6 @@ class Item(NamedTuple):
     reason: str | None = None
     kept: bytes | None = None
     digest: bytes = b""
-    checksum: int = 0
 
     @classmethod
     def read(cls, node: str, data: bytes) -> Item:
@@ -72,7 +71,7 @@ class Item(NamedTuple):
     def _of(cls, node: str, data: bytes, block: BlockSummary | None, kept: bytes | None) -> Item:
         try:
             _require_node(node)
-            if is_veiled(data):
+            if block is None and is_veiled(data):
                 sealed = _require_biometric(Veiled.decode(data))
                 return cls(node, data, sealed, digest=digest(sealed.said))
             message = decode_summary(data) if block is None else block
@@ -83,9 +82,7 @@ class Item(NamedTuple):
             return cls.unread(node, data, str(error), instead=UNREAD)
         except IdentityError as error:
             return cls.unread(node, data, str(error))
-        own = digest(data)
-        checked = int.from_bytes(own, "big", signed=True) if kept is None else checksum(kept)
-        return cls(node, data, message, None, kept, own, checked)
+        return cls(node, data, message, None, kept, digest(kept or data))
 
     @classmethod
     def unread(cls, node: str, data: bytes, reason: str, *, instead: str | None = None) -> Item:

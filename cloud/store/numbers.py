@@ -47,9 +47,12 @@ class StoredNumbers(SequenceRanges):
         Raises:
             ValueError: ``first > last``.
         """
-        for known in self.near(first, first if last is None else last):
-            self._before.setdefault(*known)
-        self._before.setdefault(first, None)
+        if not self._lasts or first != self._lasts[-1] + 1:
+            for known in self.near(first, first if last is None else last):
+                self._before.setdefault(*known)
+            self._before.setdefault(first, None)
+        else:  # most numbers arrive in order
+            self._before.setdefault(self._firsts[-1], self._lasts[-1])
         super().add(first, last)
 
     def has_room_for(self, number: int) -> bool:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Final
 
+from cloud.store.block_row import BlockRow
 from cloud.store.damage import require_sound
-from cloud.store.digest import checksum
-from cloud.store.intake import block_row
+from cloud.store.digest import digest
 from eskin.errors import StoreError
 from eskin.messages.compression import decompress
 from eskin.messages.pack import Kept, Pack, pack
@@ -55,7 +55,7 @@ def join(rows: Sequence[Mapping[str, Any]]) -> Row:
         "hi": max(row["hi"] for row in rows),
         "received": max(row["received"] for row in rows),
         "data": data,
-        "digest": checksum(data),
+        "digest": digest(data),
         "packed": len(rows),
     }
 
@@ -73,7 +73,8 @@ def part(row: Mapping[str, Any]) -> list[Row]:
         if said is None:
             raise StoreError(f"a pack of {row['node']}/{row['channel']} holds what is no block")
         place = kept.cursor, kept.received
-        rows.append(block_row(row["node"], said, kept.data, checksum(kept.data), *place))
+        made = BlockRow.of(row["node"], said, kept.data, digest(kept.data), *place)
+        rows.append(made._asdict())
     return rows
 
 

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
+    from cloud.store.block_row import BlockRow
     from cloud.store.write_cache import Row, WriteCache
     from eskin.privacy import Veiled
 
@@ -52,7 +53,7 @@ def note_absent(
 
 
 def note_blocks(
-    connection: Connection, cache: WriteCache, rows: Sequence[Row], *, now: int
+    connection: Connection, cache: WriteCache, rows: Sequence[BlockRow], *, now: int
 ) -> tuple[int, int]:
     """Note where a node is, and how long after the last block's last sample that was stored.
 
@@ -66,14 +67,13 @@ def note_blocks(
         The lag: an enclosure, ns; `MOST_LAG` stands for more, too.
     """
     last = rows[-1]
-    span = last["t_end"] - last["t"]
-    lag = _lag(now - span, (last["t_lo"], last["t_hi"]))
-    row = cache.row(connection, nodes, last["node"])
+    lag = _lag(now - (last.t_end - last.t), (last.t_lo, last.t_hi))
+    row = cache.row(connection, nodes, last.node)
     if row is not None:
-        place = last["boot"], max(each["sequence"] for each in rows)
+        place = last.boot, max(each.sequence for each in rows)
         row["boot"], row["sequence"] = max((row["boot"], row["sequence"]), place)
         row["lag_lo"], row["lag_hi"] = lag
-        cache.change(nodes, last["node"])
+        cache.change(nodes, last.node)
     return lag
 
 

@@ -133,7 +133,7 @@ blocks = Table(
     Column("coverage", Double, nullable=False),
     Column("received", BigInteger, nullable=False),
     Column("data", LargeBinary, nullable=False),
-    Column("digest", BigInteger, nullable=False),
+    Column("digest", LargeBinary, nullable=False),
     Column("packed", Integer),
     Index("blocks_by_cursor", "cursor"),
     # Holds all that bounds are answered from, so that no block's bytes are touched for them.

@@ -7,6 +7,7 @@ numbers do, too.
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import defaultdict
 from operator import itemgetter
 from typing import TYPE_CHECKING, Final
 
@@ -16,14 +17,14 @@ from cloud.store.digest import DIGEST_BYTES
 from cloud.store.schema import digests
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection
 
-_FULL: Final = 64 * DIGEST_BYTES
-"""A row of so many bytes is written no more: each commit that adds to it writes it whole."""
-_LONGEST: Final = 1024 * DIGEST_BYTES
-"""Of a row, however many come at once."""
+_FULL: Final = 64
+"""A row of so many digests is written no more: each commit that adds to it writes it whole."""
+_LONGEST: Final = 1024
+"""Digests of a row, however many come at once."""
 _MOST_ASKED: Final = 500
 _MOST_OPEN: Final = 10_000
 _WRITE: Final = text(
@@ -36,26 +37,13 @@ class StoredDigests:
     """Digests as they are read and added by the writing thread; `save` writes what was added."""
 
     def __init__(self) -> None:
-        self._rows: dict[tuple[str, int], dict[int, bytearray]] = {}
-        self._last: dict[tuple[str, int], int] = {}
-        self._changed: dict[tuple[str, int, int], bytearray] = {}
+        self._added: dict[tuple[str, int], dict[int, bytes]] = defaultdict(dict)
+        self._open: dict[tuple[str, int], tuple[int, bytes]] = {}
         self._fetched: dict[tuple[str, int], list[tuple[int, bytes]]] = {}
 
-    def add(self, node: str, boot: int, sequence: int, digest: bytes) -> None:
-        """Remember the digest of a message that is stored for the first time."""
-        place = node, boot
-        first = self._last.get(place)
-        row = None if first is None else self._rows[place][first]
-        if (
-            first is None
-            or row is None
-            or sequence != first + len(row) // DIGEST_BYTES
-            or (len(row) >= _LONGEST)
-        ):
-            self._last[place], first, row = sequence, sequence, bytearray()
-            self._rows.setdefault(place, {})[sequence] = row
-        row += digest
-        self._changed[node, boot, first] = row
+    def added(self, node: str, boot: int) -> dict[int, bytes]:
+        """By number, those of messages that are stored for the first time: add to them."""
+        return self._added[node, boot]
 
     def fetch(
         self, connection: Connection, spans: Mapping[tuple[str, int], tuple[int, int]]
@@ -67,12 +55,11 @@ class StoredDigests:
             spans: Of nodes and their boots, the least and the greatest number.
         """
         d, places = digests.c, list(spans)
-        longest = _LONGEST // DIGEST_BYTES
         query = select(d.node, d.boot, d.first, d.data).order_by(d.first)
         self._fetched = {}
         for begin in range(0, len(places), _MOST_ASKED):
             wanted = [
-                and_(d.node == node, d.boot == boot, d.first > least - longest, d.first <= most)
+                and_(d.node == node, d.boot == boot, d.first > least - _LONGEST, d.first <= most)
                 for node, boot in places[begin : begin + _MOST_ASKED]
                 for least, most in [spans[node, boot]]
             ]
@@ -81,37 +68,41 @@ class StoredDigests:
 
     def find(self, connection: Connection, node: str, boot: int, sequence: int) -> bytes | None:
         """The digest of a stored message; ``None`` where the store has lost it."""
-        for first, row in self._rows.get((node, boot), {}).items():
-            found = _within(first, row, sequence)
-            if found is not None:
-                return found
+        added = self._added[node, boot].get(sequence)
+        if added is not None:
+            return added
         fetched = self._fetched.get((node, boot), [])
         at = bisect_right(fetched, sequence, key=itemgetter(0))
         known = _within(*fetched[at - 1], sequence) if at else None
         return known or find_digest(connection, node, boot, sequence)
 
     def save(self, connection: Connection) -> None:
-        """Write what was added, and go on adding to rows that are not full."""
+        """Write what was added, and go on adding to a boot's last row while it is not full."""
         self._fetched = {}
-        if not self._changed:
-            return
-        rows = [
-            {"node": node, "boot": boot, "first": first, "data": bytes(row)}
-            for (node, boot, first), row in self._changed.items()
-        ]
-        connection.execute(_WRITE, rows)
-        for node, boot, _ in self._changed:
-            place = node, boot
-            first = self._last.get(place)
-            standing = self._rows.pop(place, {})
-            if first is not None and len(standing[first]) < _FULL:
-                self._rows[place] = {first: standing[first]}
+        rows = []
+        for (node, boot), added in self._added.items():
+            for first, data in self._joined((node, boot), added):
+                rows.append({"node": node, "boot": boot, "first": first, "data": data})
+        self._added.clear()
+        if rows:
+            connection.execute(_WRITE, rows)
+        if len(self._open) > _MOST_OPEN:
+            self._open.clear()
+
+    def _joined(
+        self, place: tuple[str, int], added: Mapping[int, bytes]
+    ) -> Iterator[tuple[int, bytes]]:
+        """Rows of a boot, with the digests that were added."""
+        for numbers in _stretches(sorted(added)):
+            first, data = self._open.get(place, (0, b""))
+            if first + len(data) // DIGEST_BYTES != numbers[0]:
+                first, data = numbers[0], b""
+            data += b"".join(map(added.__getitem__, numbers))
+            yield first, data
+            if len(data) < _FULL * DIGEST_BYTES:
+                self._open[place] = first, data
             else:
-                self._last.pop(place, None)
-        self._changed.clear()
-        if len(self._last) > _MOST_OPEN:
-            self._rows.clear()
-            self._last.clear()
+                self._open.pop(place, None)
 
 
 def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> bytes | None:
@@ -122,7 +113,20 @@ def find_digest(connection: Connection, node: str, boot: int, sequence: int) -> 
     return None if standing is None else _within(standing.first, standing.data, sequence)
 
 
-def _within(first: int, row: bytes | bytearray, sequence: int) -> bytes | None:
+def _stretches(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
+    """Parts of sorted numbers, each without a hole and short enough for a row that is not full."""
+    begin = 0
+    for end in range(1, len(numbers) + 1):
+        if (
+            end == len(numbers)
+            or numbers[end] != numbers[end - 1] + 1
+            or end - begin == _LONGEST - _FULL
+        ):
+            yield numbers[begin:end]
+            begin = end
+
+
+def _within(first: int, row: bytes, sequence: int) -> bytes | None:
     """A number's digest in a row; ``None`` where the row ends before it."""
     at = (sequence - first) * DIGEST_BYTES
-    return bytes(row[at : at + DIGEST_BYTES]) if 0 <= at < len(row) else None
+    return row[at : at + DIGEST_BYTES] if 0 <= at < len(row) else None

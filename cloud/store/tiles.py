@@ -19,7 +19,7 @@ tiles = Table(
     Column("level", Integer, primary_key=True, autoincrement=False),
     Column("chunk", BigInteger, primary_key=True, autoincrement=False),
     Column("data", LargeBinary, nullable=False),
-    Column("digest", BigInteger, nullable=False),
+    Column("digest", LargeBinary, nullable=False),
 )
 """Chunks of tiles, packed; the tiles of a level are ``2^level`` ns wide.
 

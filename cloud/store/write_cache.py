@@ -175,7 +175,7 @@ class WriteCache:
     ) -> None:
         """Remember that a message is stored, with its digest."""
         self.ranges(connection, node, boot).add(sequence)
-        self.digests.add(node, boot, sequence, digest)
+        self.digests.added(node, boot)[sequence] = digest
         self.grow(node, boot)
 
     def grow(self, node: str, boot: int) -> None:

@@ -13,7 +13,7 @@ from cloud.live.feed import read_entries
 from cloud.pyramid.building import build
 from cloud.query.window import Window
 from cloud.store import Store
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from cloud.store.item import Item
 from cloud.store.packs import bytes_of
 from cloud.store.schema import blocks, channels
@@ -38,7 +38,7 @@ def sent() -> list[Block]:
 def plainly(messages: list[Block]) -> list[Item]:
     """Items as a cloud of before stored them."""
     items = Item.read_all([(NODE, each.encode()) for each in messages])
-    return [item._replace(kept=None, checksum=checksum(item.data)) for item in items]
+    return [item._replace(kept=None, digest=digest(item.data)) for item in items]
 
 
 def store_compressed(store: Store) -> list[bytes]:

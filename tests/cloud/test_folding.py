@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from cloud.pyramid.blocks import Buckets, decode, fold
 from cloud.query.window import Window
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from eskin.messages import Block, Encoding
 from eskin.messages.stored import read_bounds
 from tests.cloud.messages import START, block
@@ -43,7 +43,7 @@ def rows(said: list[Block]) -> list[tuple[Any, ...]]:
     return [
         (
             *(each.first_moment, each.dt, len(each), each.time_error, each.coverage, data),
-            *(checksum(data), "node", one.position.boot, one.position.sequence, None),
+            *(digest(data), "node", one.position.boot, one.position.sequence, None),
         )
         for one in said
         for each, data in [(one.tube, one.encode())]

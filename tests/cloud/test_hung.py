@@ -9,10 +9,10 @@ import pytest
 from sqlalchemy import func, select
 
 from cloud.store import Store
+from cloud.store.block_row import BlockRow
 from cloud.store.bulk import inserts
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from cloud.store.hung import end_hung_writer
-from cloud.store.intake import block_row
 from cloud.store.schema import blocks
 from eskin.errors import StoreError
 from eskin.messages import BlockSummary, decode_summary
@@ -38,7 +38,7 @@ def test_writer_that_hangs_between_rows_is_ended_and_tries_again(
         data = block(0).encode()
         said = decode_summary(data)
         assert isinstance(said, BlockSummary)
-        into.add(block_row(NODE, said, data, checksum(data), 1, START))
+        into.add(BlockRow.of(NODE, said, data, digest(data), 1, START))
         begun.set_result(None)
         held.result(120)
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sqlalchemy import event, select, update
 
 from cloud.store import Store
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from cloud.store.item import Item
 from cloud.store.presence import give_up
 from cloud.store.schema import (
@@ -73,7 +73,7 @@ def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
         "coverage": 0.5,
         "received": START,
         "data": said.encode(),
-        "digest": checksum(said.encode()),
+        "digest": digest(said.encode()),
         "packed": None,
     }
 

@@ -57,9 +57,9 @@ def stumble(_: Connection) -> None:
 
 def collide(connection: Connection) -> None:
     """Add a row that is there already: PostgreSQL tells when the COPY ends, maybe in other work."""
-    row = connection.execute(select(blocks).limit(1)).mappings().one()
+    row = connection.execute(select(blocks).limit(1)).one()
     inserts_ = inserts(connection, blocks)
-    inserts_.add(dict(row))
+    inserts_.add(tuple(row))
     inserts_.finish()
 
 

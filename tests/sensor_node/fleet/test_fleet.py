@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cloud.store.digest import checksum
+from cloud.store.digest import digest
 from demo.audit import audit
 from demo.layout import Layout
 from eskin.errors import SettingsError
@@ -76,7 +76,7 @@ def shift(stack: RealStack, node: str) -> None:
         lo[7] = hi[7] = np.max(hi)
         moved = Tube(tube.time, tube.dt, Interval(lo, hi), tube.unit, tube.coverage)
         data = Block.pack(block.position, block.channel, block.ticks, moved, Encoding.F64)
-        moved_row = data.encode(), checksum(data.encode()), row[0]
+        moved_row = data.encode(), digest(data.encode()), row[0]
         db.execute("UPDATE blocks SET data = ?, digest = ? WHERE rowid = ?", moved_row)
 
 
