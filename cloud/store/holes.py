@@ -1,5 +1,7 @@
 """Numbers that a node gave to messages which are stored nowhere here, and that no gap names.
 
+A message that became a dead letter is not missing either.
+
 A node counts its messages from 0 in each boot. So the ranges in `sequences` show what is missing
 between them; what a node or a gateway says of a boot's end shows what is missing behind them.
 Removal by age or erasure leaves `sequences` as they are: what was removed is not missing.
@@ -19,6 +21,7 @@ from sqlalchemy import (
     Table,
     and_,
     delete,
+    exists,
     func,
     insert,
     literal_column,
@@ -61,7 +64,7 @@ lost: Final = Table(
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("last", BigInteger, nullable=False),
 )
-"""Ranges of messages that gaps named as lost."""
+"""Ranges of messages that gaps named as lost, or that became dead letters."""
 
 ends: Final = Table(
     "ends",
@@ -119,10 +122,16 @@ class Hole(NamedTuple):
 
 
 def note_lost(connection: Connection, node: str, spans: Iterable[tuple[int, int, int]]) -> None:
-    """Keep what a gap names: ``(boot, first, last)``."""
-    rows = [{"node": node, "boot": b, "first": first, "last": last} for b, first, last in spans]
-    if rows:
-        connection.execute(_LOSE, rows)
+    """Keep what a gap names, or what became a dead letter: ``(boot, first, last)``.
+
+    A range that follows the one before it becomes a part of it.
+    """
+    o = lost.c
+    for boot, first, last in spans:
+        before = select(o.first, o.last).where(o.node == node, o.boot == boot, o.first <= first)
+        row = connection.execute(before.order_by(o.first.desc()).limit(1)).first()
+        begin = first if row is None or row.last < first - 1 else row.first
+        connection.execute(_LOSE, {"node": node, "boot": boot, "first": begin, "last": last})
 
 
 def note_ends(connection: Connection, node: str, stated: Iterable[tuple[int, int]]) -> None:
@@ -165,8 +174,11 @@ def _between() -> Select[Any]:
     before = func.lag(s.last).over(partition_by=(s.node, s.boot), order_by=s.first)
     first = (func.coalesce(before, -1) + 1).label("begin")
     ranges = select(s.node, s.boot, first, (s.first - 1).label("finish")).subquery()
-    r = ranges.c
-    return select(r.node, r.boot, r.begin, r.finish).where(r.begin <= r.finish).order_by(*r)
+    r, o = ranges.c, lost.c
+    # Most of what is explained is so by one range: that must not use up `MOST_HOLES`.
+    same = (o.node == r.node) & (o.boot == r.boot) & (o.first == r.begin) & (o.last >= r.finish)
+    missing = (r.begin <= r.finish) & ~exists().where(same)
+    return select(r.node, r.boot, r.begin, r.finish).where(missing).order_by(*r)
 
 
 def _behind() -> Select[Any]:
@@ -196,8 +208,14 @@ def find_tails(
         here = tuple_(s.node, s.boot).in_(keys[begin : begin + _MOST_ASKED])
         for node, boot, last in connection.execute(query.where(here)):
             stored[node, boot] = last
-    found = [(node, boot, stored.get((node, boot), -1) + 1, last) for node, boot, last in confirmed]
-    return [each for each in found if each[2] <= each[3]]
+    told = _explained(connection, keys)
+    return [
+        (node, boot, first, end)
+        for node, boot, last in confirmed
+        for first, end in subtract(
+            [(stored.get((node, boot), -1) + 1, last)], told.get((node, boot), ())
+        )
+    ]
 
 
 def _explained(connection: Connection, keys: Sequence[Boot]) -> dict[Boot, list[Span]]:

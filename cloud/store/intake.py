@@ -101,6 +101,7 @@ class _Batch:
     events: list[Row] = field(default_factory=list)
     veiled: list[Row] = field(default_factory=list)
     dead: list[Row] = field(default_factory=list)
+    refused: list[tuple[str, Position]] = field(default_factory=list)
     entries: list[Entry] = field(default_factory=list)
     runs: dict[tuple[str, int, str], BlockRun] = field(default_factory=dict)
     conflicts: int = 0
@@ -151,6 +152,8 @@ def take_in(
         connection.execute(insert(events), batch.events)
     if batch.veiled:
         connection.execute(insert(veiled), batch.veiled)
+    for node, (boot, sequence) in batch.refused:
+        note_lost(connection, node, [(boot, sequence, sequence)])
     buried = bury(connection, batch.dead, most=dead_letters) if batch.dead else 0
     return Outcome(results, batch.entries, buried, lag, batch.conflicts)
 
@@ -195,6 +198,8 @@ def _take(batch: _Batch, item: Item, gateway: str) -> Receipt:
             return _refuse(batch, item, _HOLES, gateway)
         reason = check_channels(batch.connection, batch.cache, item.node, message)
     if message is None or reason is not None:
+        if message is not None:
+            batch.refused.append((item.node, message.position))
         return _refuse(batch, item, reason or "no message", gateway)
     _see(batch, item.node, message.position)
     _store(batch, item.node, message, item.data)
@@ -218,6 +223,7 @@ def _take_block(batch: _Batch, item: Item, block: BlockSummary, gateway: str) ->
     if block.unit != run.unit:
         reason = check_channels(batch.connection, batch.cache, node, block)
         if reason is not None:
+            batch.refused.append((node, block.position))
             return _refuse(batch, item, reason, gateway)
     if not run.rows:
         _see(batch, node, block.position)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy.exc import SQLAlchemyError
 
 from cloud.store.faults import explain, is_of_the_store
+from cloud.store.holes import note_lost
 from cloud.store.intake import Outcome, take_in
 from cloud.store.item import Item
 
@@ -63,6 +64,9 @@ def take_in_apart(
             log.exception(
                 "message broke the store's work: node=%s bytes=%d", item.node, len(item.data)
             )
+            if item.message is not None:
+                boot, sequence = item.message.position
+                note_lost(connection, item.node, [(boot, sequence, sequence)])
             return take(Item.refused(item.node, item.data, f"it cannot be stored: {_told(error)}"))
         savepoint.commit()
         return outcome

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from cloud.missing import look
 from cloud.retention import sweep
 from cloud.settings import RetentionSection
+from cloud.store.channels import add_blocks
 from cloud.store.holes import count_missing, subtract
 from eskin.messages import Gap, Position
 from eskin.sequences import SequenceRanges
@@ -113,6 +114,32 @@ async def test_what_a_gap_names_is_explained(stand: Stand) -> None:
     assert await missing(stand) is None
 
 
+async def test_dead_letter_is_not_missing(stand: Stand) -> None:
+    refused = [block(number, unit="H") for number in (1, 2, 4)]
+    await bring(stand, block(0), refused[0], refused[1], block(3), refused[2])
+    await bring(stand, replace(status(0, boot=5), ended=((1, 4),)))
+    assert await wait(stand) is None
+
+
+async def test_dead_letters_hide_no_hole(stand: Stand) -> None:
+    said = [block(number, unit="FH"[number % 2]) for number in range(2100)]
+    await bring(stand, *said, block(2101))
+    assert ranges(await wait(stand)) == [(1, 2100, 2100)]
+
+
+async def test_message_that_the_store_cannot_keep_is_not_missing(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def add(*args: Any) -> None:
+        if any(row.sequence == 1 for row in args[-1]):
+            raise ZeroDivisionError
+        add_blocks(*args)
+
+    monkeypatch.setattr("cloud.store.block_run.add_blocks", add)
+    await bring(stand, *(block(number) for number in range(3)))
+    assert await wait(stand) is None
+
+
 async def test_end_of_a_former_boot_shows_its_tail(stand: Stand) -> None:
     await bring(stand, block(0), block(1), replace(status(0, boot=5), ended=((1, 9), (3, 2))))
     assert ranges(await wait(stand)) == [(1, 2, 9), (3, 0, 2)]
@@ -173,7 +200,9 @@ async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(sta
             return [tuple(item.values()) for item in answer.json()["items"]]
 
         assert await ask((NODE, 1, 3), (NODE, 1, 2)) == []
-        assert await ask((NODE, 1, 9), ("palm", 4, 0)) == [(NODE, 1, 4, 9), ("palm", 4, 0, 0)]
+        await bring(stand, block(4, unit="H"))
+        assert await ask((NODE, 1, 4)) == []
+        assert await ask((NODE, 1, 9), ("palm", 4, 0)) == [(NODE, 1, 5, 9), ("palm", 4, 0, 0)]
         body = cbor2.dumps([[NODE, 1, 3], ["thumb", 2, 7]])
         answer = await gateway.post("/api/v1/confirmed", content=body)
         assert answer.json() == {"items": [], "unknown_nodes": ["thumb"]}
@@ -182,7 +211,7 @@ async def test_store_that_lacks_what_it_confirmed_is_named_by_node_and_range(sta
     await look(stand.cloud)
     found = (await stand.get("/api/v1/nodes")).json()["items"]
     assert {node["id"]: ranges(node["missing"]) for node in found} == {
-        NODE: [(1, 4, 9)],
+        NODE: [(1, 5, 9)],
         "palm": [(4, 0, 0)],
     }
 
