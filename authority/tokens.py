@@ -17,6 +17,7 @@ from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Final
 
 from authority.uses import Uses
+from eskin.digest import with_check, without_check
 from eskin.errors import IdentityError
 from eskin.identity import is_numbered, numbered
 from eskin.identity.identity import write_whole
@@ -204,7 +205,7 @@ class Tokens:
         return sum(self._uses.key(name) is not None for name in names)
 
     def _write(self) -> None:
-        entries = [asdict(enrolment) for enrolment in self._enrolments.values()]
+        entries = [with_check(asdict(enrolment)) for enrolment in self._enrolments.values()]
         write_whole(self._path, json.dumps(entries, indent=1).encode(), mode=0o600)
 
 
@@ -237,7 +238,10 @@ def _read(path: Path) -> dict[str, Enrolment]:
             entry["name"]: Enrolment(
                 **entry | {"kind": IdentityKind(entry["kind"]), "hosts": tuple(entry["hosts"])}
             )
-            for entry in json.loads(path.read_bytes())
+            for entry in map(without_check, json.loads(path.read_bytes()))
         }
     except (OSError, ValueError, KeyError, TypeError) as error:
-        raise IdentityError(f"{path}: enrolment tokens cannot be read: {error!r}") from error
+        raise IdentityError(
+            f"{path}: enrolment tokens cannot be read: {error!r}; bring the file back from a "
+            "backup, or remove it and make new tokens"
+        ) from error

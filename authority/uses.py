@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING
 
+from eskin.digest import with_check, without_check
 from eskin.errors import IdentityError
 from eskin.identity.lines import append_lines, whole_lines
 
@@ -29,10 +30,12 @@ class Uses:
             return
         try:
             for line in whole_lines(path.read_bytes()):
-                use = json.loads(line)
+                use = without_check(json.loads(line))
                 self._keys[use["name"]] = use["key"]
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise IdentityError(f"{path}: enrolled names cannot be read: {error}") from error
+            raise IdentityError(
+                f"{path}: enrolled names cannot be read: {error}; bring the file back from a backup"
+            ) from error
 
     def key(self, name: str) -> str | None:
         """The key for which a name was enrolled; ``None`` if it was not."""
@@ -46,5 +49,5 @@ class Uses:
         """
         if self._keys.get(name) == key:
             return
-        append_lines(self._path, json.dumps({"name": name, "key": key}) + "\n")
+        append_lines(self._path, json.dumps(with_check({"name": name, "key": key})) + "\n")
         self._keys[name] = key

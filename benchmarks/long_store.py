@@ -16,10 +16,11 @@ from cloud.pyramid.building import AT_ONCE, claim, find_growing, repair
 from cloud.query.places import find_channel
 from cloud.store.block_row import BlockRow
 from cloud.store.bulk import insert_many
-from cloud.store.digest import digest
+from cloud.store.damage import Head
 from cloud.store.packs import join
 from cloud.store.schema import blocks, channels
 from cloud.store.tiles import stale
+from eskin.digest import digest
 from eskin.kernels.varints import LONGEST, read_varints, write_varints
 from eskin.messages import BlockSummary, Encoding, decode_summary
 from tests.cloud.clouds import put
@@ -130,7 +131,8 @@ def _moved(row: Row, packs: int, cursor: int) -> Row:
     moved = data[:behind] + _written(numbers) + data[rest:]
     times = {name: row[name] + later for name in ("t", "t_end", "t_lo", "t_hi")}
     place = {"sequence": row["sequence"] + packs * _BLOCKS, "cursor": cursor + _BLOCKS - 1}
-    return row | times | place | {"data": moved, "digest": digest(moved)}
+    made = row | times | place | {"data": moved, "digest": digest(moved)}
+    return made | {"head": Head.of(made).checksum()}
 
 
 def _written(numbers: NDArray[np.int64]) -> bytes:

@@ -26,8 +26,8 @@ from cloud.store import Store
 from cloud.store.block_row import BlockRow
 from cloud.store.bulk import insert_many
 from cloud.store.channels import add_blocks, require_row
-from cloud.store.digest import digest
 from cloud.store.schema import blocks
+from eskin.digest import digest
 from eskin.messages import BlockSummary, Encoding, decode_summary
 from tests.cloud.messages import NODE, START, block
 from tests.cloud.service import Service

@@ -60,9 +60,10 @@ class AnswerMiddleware:
     An answer that has not begun is replaced by the refusal; one that has is broken off, so that its
     reader sees that it is not whole. That is foreseen, and needs no traceback.
 
-    ``Eskin-Damaged`` names node, boot and sequence of damaged blocks that an answer lacks: a list
-    of strings (RFC 9651, section 3.1), at most 20, then ``"..."``. An answer that is sent while it
-    is made, as an export, has its header before its rows are read; the log names those.
+    ``Eskin-Damaged`` names the damaged rows that an answer lacks, by their keys: a list of strings
+    (RFC 9651, section 3.1), at most 20, then ``"..."``. An answer that is sent while it is made, as
+    an export, has its header before its rows are read: there a damaged block's samples are
+    unbounded, and the log names it.
 
     Args:
         app: The application inside.
@@ -137,7 +138,7 @@ class _Answer:
             await refusal(self._scope, self._receive, self._send)
             raise
         if self._damaged:
-            named = [f'"{row}"' for row in self._damaged[:_FEW]]
+            named = [f'"{_printable(row)}"' for row in self._damaged[:_FEW]]
             named += ['"..."'] if len(self._damaged) > _FEW else []
             header = DAMAGED.lower().encode(), ", ".join(named).encode()
             message["headers"] = [*message["headers"], header]
@@ -155,3 +156,11 @@ class _Answer:
 def _ask(checks: list[_Check]) -> None:
     for check in checks:
         check.ask()
+
+
+def _printable(row: object) -> str:
+    """A row's place, whatever its damaged name has become."""
+    return "".join(
+        letter if letter.isascii() and letter.isprintable() and letter not in '"\\' else "?"
+        for letter in str(row)
+    )

@@ -31,6 +31,7 @@ from cloud.state import Cloud
 from cloud.store import Store
 from cloud.warmup import warm_up
 from cloud.watch import watch
+from cloud.wholeness import keep_whole
 from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
 from eskin.identity import Identity, Trust, server_context
 from eskin.identity.identity import ROOT_FILE
@@ -184,6 +185,7 @@ async def _serve(cloud: Cloud) -> None:
         group.create_task(keep_built(cloud, stopping), name="pyramid")
         group.create_task(reclaim(cloud, stopping), name="memory")
         group.create_task(keep_packed(cloud, stopping), name="packing")
+        group.create_task(keep_whole(cloud, stopping), name="wholeness")
         for listener in listeners:
             await listener.ready.wait()
         settle()

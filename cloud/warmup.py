@@ -9,8 +9,10 @@ import numpy as np
 
 from cloud.pyramid.blocks import Buckets, fold
 from cloud.pyramid.pieces import Pieces
-from cloud.store.digest import digest
+from cloud.store.block_row import BlockRow
+from cloud.store.damage import Head
 from cloud.store.item import Item
+from eskin.digest import digest
 from eskin.interval import Interval
 from eskin.messages import Block, Encoding
 from eskin.messages.compression import decompress
@@ -36,7 +38,8 @@ def warm_up() -> None:
     tube, data = block.tube, block.encode()
     buckets = Buckets(0, len(tube) * tube.dt, 1)
     said = (0, tube.dt, len(tube), tube.time_error, tube.coverage, data)
-    row = (*said, digest(data), "", *block.position, None)
+    head = BlockRow.of("", block.summary, data, digest(data), 0, 0)
+    row = (*said, head.head, *Head.of(head._asdict()))
     pieces = fold([row], buckets.window, buckets)
     Pieces.unpack([pieces.grouped(buckets.of(pieces.first)).pack()])
     Pack.read(pack([Kept(data, 1, 0)])).blocks()

@@ -6,6 +6,7 @@ import json
 import os
 from typing import TYPE_CHECKING, Final
 
+from eskin.digest import with_check, without_check
 from eskin.errors import NoKeyError, PrivacyError
 from eskin.identity import IdentityKind
 from eskin.identity.version import version
@@ -108,11 +109,13 @@ class Assignments:
         known = self._read.get(node)
         if known is None or known[0] != seen:
             try:
-                entries = [
-                    (int(since), str(name)) for since, name in json.loads(read_private(path))
-                ]
-            except (ValueError, TypeError) as error:
-                raise PrivacyError(f"{path}: is no list of who wore the node") from error
+                said = without_check(json.loads(read_private(path)))
+                entries = [(int(since), str(name)) for since, name in said["worn"]]
+            except (ValueError, TypeError, KeyError) as error:
+                raise PrivacyError(
+                    f"{path}: is no list of who wore the node: {error}; bring back a copy of it, "
+                    "or remove it and say who wears the node (`eskin subjects assign`)"
+                ) from error
             if not entries or entries[0][0] != ALWAYS:
                 raise PrivacyError(f"{path}: does not say who wore the node from the beginning")
             known = self._read[node] = seen, entries
@@ -123,4 +126,4 @@ class Assignments:
 
 
 def _encoded(history: list[tuple[int, str]]) -> bytes:
-    return json.dumps(history).encode()
+    return json.dumps(with_check({"worn": [list(entry) for entry in history]})).encode()

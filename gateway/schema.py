@@ -14,6 +14,7 @@ _CHECKPOINT_PAGES: Final = 1000
 
 VERSION: Final = 1
 _TABLES: Final = (
+    # digest: of all else but the id; once a message is opened, no signature covers it any more.
     # AUTOINCREMENT: an id never comes back, so that order of ids is order of acceptance.
     """CREATE TABLE messages (
         id INTEGER PRIMARY KEY AUTOINCREMENT,
@@ -21,7 +22,8 @@ _TABLES: Final = (
         received INTEGER NOT NULL,
         body BLOB NOT NULL,
         boot INTEGER,
-        sequence INTEGER
+        sequence INTEGER,
+        digest INTEGER NOT NULL
     ) STRICT""",
     """CREATE TABLE nodes (
         node TEXT PRIMARY KEY,
@@ -29,7 +31,8 @@ _TABLES: Final = (
         held_sequence INTEGER NOT NULL,
         ranges BLOB NOT NULL,
         status BLOB,
-        thumbprint BLOB
+        thumbprint BLOB,
+        digest INTEGER NOT NULL
     ) STRICT, WITHOUT ROWID""",
     # The greatest number of each boot that the cloud has confirmed.
     """CREATE TABLE confirmed (
@@ -78,6 +81,8 @@ def prepare(connection: sqlite3.Connection) -> None:
 def connect(path: Path, synchronous: str) -> sqlite3.Connection:
     """Open the file; ``synchronous``: ``FULL`` where a commit must be durable, else ``NORMAL``."""
     connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+    # A damaged text is read as another one, which its row's digest tells.
+    connection.text_factory = lambda text: text.decode(errors="replace")
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute(f"PRAGMA synchronous = {synchronous}")
     # Debian's SQLite overwrites what is deleted: twice the writing, for what the cloud has anyway.

@@ -109,9 +109,10 @@ class Senders:
 
     def _keep(self, known: _Known) -> None:
         named = thumbprint(known.leaf)
-        if self._spool.sender(named) is None:
-            expires = int(known.leaf.not_valid_after_utc.timestamp())
-            self._fresh[named] = Sender(named, expires, der(known.leaf), der(known.issuer))
+        expires = int(known.leaf.not_valid_after_utc.timestamp())
+        sender = Sender(named, expires, der(known.leaf), der(known.issuer))
+        if self._spool.sender(named) != sender:  # there is none, or a damaged one
+            self._fresh[named] = sender
         known.kept = True
 
     def fresh(self) -> list[Sender]:

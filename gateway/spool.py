@@ -16,7 +16,8 @@ from contextlib import ExitStack, closing, contextmanager
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
-from eskin.errors import LockedError, MessageError, SpoolError
+from eskin.digest import row_checksum
+from eskin.errors import LockedError, SpoolError
 from eskin.lockfile import LockFile
 from eskin.messages import Position
 from eskin.sequences import SequenceRanges
@@ -37,9 +38,9 @@ log = logging.getLogger(__name__)
 
 RESERVE: Final = 8_000_000
 """Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
-_ADD_MESSAGE: Final = """INSERT INTO messages (node, received, body, boot, sequence)
-    VALUES (?, ?, ?, ?, ?)"""
-_OLDEST: Final = """SELECT id, node, received, body, boot, sequence FROM messages
+_ADD_MESSAGE: Final = """INSERT INTO messages (node, received, body, boot, sequence, digest)
+    VALUES (?, ?, ?, ?, ?, ?)"""
+_OLDEST: Final = """SELECT id, node, received, body, boot, sequence, digest FROM messages
     WHERE id NOT IN (SELECT value FROM json_each(?))
     AND node NOT IN (SELECT value FROM json_each(?)) ORDER BY id LIMIT ?"""
 _FORGET: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
@@ -49,7 +50,7 @@ _TRIM_CONFIRMED: Final = """DELETE FROM confirmed WHERE ? < (SELECT count(*)
     FROM confirmed AS later WHERE later.node = confirmed.node AND later.boot >= confirmed.boot)"""
 _MOST_BOOTS: Final = 16
 """Of a node: what the cloud confirmed of the latest ones is kept."""
-_KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?)"
+_KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?, ?)"
 _KEEP_SENDER: Final = "INSERT OR REPLACE INTO senders VALUES (?, ?, ?, ?)"
 _ADD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters (at, node, reason, body, digest)
     VALUES (?, ?, ?, ?, ?)"""
@@ -144,7 +145,8 @@ class Spool:
             )
         with self._lock:
             with self._transaction(self._intake) as connection:
-                connection.executemany(_ADD_MESSAGE, batch.entries)
+                entries = [(*entry, row_checksum(entry)) for entry in batch.entries]
+                connection.executemany(_ADD_MESSAGE, entries)
                 connection.executemany(_KEEP_NODE, [_row(*node) for node in batch.nodes.items()])
                 connection.executemany(_KEEP_SENDER, batch.senders)
                 buried = self._bury(connection, batch.dead)
@@ -164,6 +166,8 @@ class Spool:
     ) -> list[Stored]:
         """The oldest messages, in order; they stay until they are settled.
 
+        What is not as it was committed becomes a dead letter, and is not given.
+
         Args:
             most: Most messages.
             most_bytes: Most bytes; one message is given in any case.
@@ -174,21 +178,46 @@ class Spool:
             SpoolError: The file cannot be read.
         """
         self.filled.clear()
+        here = json.dumps([*besides]), json.dumps([*without]), most
+        while True:
+            taken, damaged = self._take(here, most_bytes)
+            if damaged:
+                self._give_up(damaged)
+            if taken or not damaged:
+                return taken
+
+    def _take(
+        self, here: tuple[str, str, int], most_bytes: int
+    ) -> tuple[list[Stored], list[Stored]]:
+        """The oldest messages, and the damaged ones that were met on the way."""
         taken: list[Stored] = []
+        damaged: list[Stored] = []
         size = 0
         try:
-            cursor = self._outlet.execute(
-                _OLDEST, (json.dumps([*besides]), json.dumps([*without]), most)
-            )
-            for row in cursor:
-                size += len(row[3])
-                if taken and size > most_bytes:
-                    break
-                taken.append(Stored(*row))
-            cursor.close()
+            with closing(self._outlet.execute(_OLDEST, here)) as cursor:
+                for *values, digest in cursor:
+                    message = Stored(*values)
+                    if row_checksum(message[1:]) != digest:
+                        body = values[3] if isinstance(values[3], bytes) else b""
+                        damaged.append(message._replace(body=body))
+                        continue
+                    size += len(message.body)
+                    if taken and size > most_bytes:
+                        break
+                    taken.append(message)
         except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
-        return taken
+        return taken, damaged
+
+    def _give_up(self, damaged: Sequence[Stored]) -> None:
+        """Keep damaged messages as dead letters; the cloud will miss their numbers."""
+        letters = []
+        for _, node, _, body, boot, sequence in damaged:
+            place = f"boot {boot} sequence {sequence}"
+            log.error("message damaged in the spool: path=%s node=%s %s", self._path, node, place)
+            reason = f"{place}: damaged in the spool: see whether the disk fails"
+            letters.append(DeadLetter(time.time_ns(), str(node), reason, body))
+        self.settle(damaged, letters)
 
     def settle(
         self,
@@ -222,19 +251,23 @@ class Spool:
                 self._regain()
 
     def node(self, name: str) -> NodeRecord | None:
-        """What is remembered of a node.
+        """What is remembered of a node; nothing where that is damaged.
+
+        What it forgets so, and sees again, the cloud knows to be stored.
 
         Raises:
-            SpoolError: The file cannot be read, or is damaged.
+            SpoolError: The file cannot be read.
+            MessageError: Another program wrote it.
         """
         rows = self._rows("SELECT * FROM nodes WHERE node = ?", name)
         if not rows:
             return None
-        _, boot, sequence, ranges, status, thumbprint = rows[0]
-        try:
-            return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
-        except MessageError as error:
-            raise SpoolError(f"spool {self._path} is damaged: {name}: {error}") from error
+        *values, digest = rows[0]
+        _, boot, sequence, ranges, status, thumbprint = values
+        if row_checksum(values) != digest:
+            log.error("record damaged, and forgotten: path=%s node=%s", self._path, name)
+            return None
+        return NodeRecord.restore(Position(boot, sequence), ranges, status, thumbprint)
 
     def confirmed(self) -> list[tuple[str, int, int]]:
         """Node, boot, and the greatest number of it that the cloud confirmed, of latest boots.
@@ -352,5 +385,6 @@ class Spool:
 
 
 def _row(name: str, record: NodeRecord) -> tuple[object, ...]:
-    held = record.held
-    return name, held.boot, held.sequence, record.encode_ranges(), record.status, record.thumbprint
+    held, ranges = record.held, record.encode_ranges()
+    values = name, held.boot, held.sequence, ranges, record.status, record.thumbprint
+    return *values, row_checksum(values)

@@ -11,6 +11,7 @@ from contextlib import ExitStack, closing, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
+from eskin.digest import row_checksum
 from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
 from eskin.wholeness import UNREADABLE, require_whole, why
@@ -20,7 +21,7 @@ from sensor_node.proof import PROOF, require_key
 from sensor_node.sealing import ANSWER, Row, Sealing, epitaph, kept_in_clear, read_row
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from sensor_node.firmware.chip import Kept, Position
@@ -54,7 +55,8 @@ _SCHEMA: Final = (
     ) STRICT""",
     """CREATE TABLE IF NOT EXISTS ended ( -- the last number of each boot
         boot INTEGER PRIMARY KEY,
-        last INTEGER NOT NULL
+        last INTEGER NOT NULL,
+        digest INTEGER NOT NULL      -- of both: the cloud counts what is missing by them
     ) STRICT""",
     PROOF,
     "CREATE INDEX IF NOT EXISTS message_weight ON message (weight, boot, sequence)",
@@ -81,6 +83,19 @@ _SELECT: Final = (
 )
 _CHARGE: Final = "charge"
 _GIVE_UP: Final = "UPDATE message SET kind = ?, body = ? WHERE boot = ? AND sequence = ?"
+
+
+def end(boot: int, last: int) -> tuple[int, int, int]:
+    """A boot's last number as a row, with its digest."""
+    return boot, last, row_checksum((boot, last))
+
+
+def sound_ends(rows: Sequence[Sequence[Any]], path: Path, *, before: int) -> list[Position]:
+    """The latest of what `end` gave, in order, before a boot; what is damaged is left out."""
+    found = [(row[0], row[1]) for row in rows if row[2] == row_checksum(row[:2])]
+    if len(found) < len(rows):
+        log.error("flash is damaged, the last number of a boot is unknown: path=%s", path)
+    return [each for each in found if each[0] < before][-MOST_ENDED:]
 
 
 class Flash:
@@ -196,13 +211,12 @@ class Flash:
             self._db.execute(
                 "UPDATE counter SET value = ? WHERE name = 'gaps'", (gaps - self._unreadable,)
             )
-            self._db.execute("INSERT OR REPLACE INTO ended VALUES (?, ?)", (self.boot, last))
+            self._db.execute("INSERT OR REPLACE INTO ended VALUES (?, ?, ?)", end(self.boot, last))
 
     def ended(self) -> list[Position]:
         """The latest former boots that kept a message, and the last number of each, in order."""
-        query = "SELECT boot, last FROM ended WHERE boot < ? ORDER BY boot DESC LIMIT ?"
-        rows = self._query(query, self.boot, MOST_ENDED)
-        return [(boot, last) for boot, last in reversed(rows)]
+        rows = self._query("SELECT boot, last, digest FROM ended ORDER BY boot")
+        return sound_ends(rows, self._path, before=self.boot)
 
     def answer(self) -> bytes | None:
         """The last result, also after it was acknowledged."""

@@ -23,6 +23,9 @@ STEPS: Final = {
     "chaos-postgresql": ["make", "chaos", "ARGS=--duration 300 --seed {seed} --store postgresql"],
     "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
     "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
+    "bitflips": [
+        *(".venv/bin/python", "-m", "tests.bitflips", "--flips", "1000", "--seed", "{seed}")
+    ],
     "boxes": [".venv/bin/python", "-m", "tests.boxes", "--count", "4000", "--seed", "{seed}"],
     "soak": ["make", "soak", "ARGS=--duration 600 --rate 1000"],
     "cortex-m33": [sys.executable, "-m", "tests.cortex_m33"],

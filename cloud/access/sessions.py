@@ -3,26 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
-from sqlalchemy import delete, func, insert, or_, select
+from sqlalchemy import bindparam, delete, func, insert, select
 
 from cloud.access.scopes import read_scopes, write_scopes
-from cloud.access.tokens import Doer, Holder, digest, find_token, new_secret, token_id
+from cloud.access.tokens import (
+    Doer,
+    Holder,
+    digest,
+    find_token,
+    good_token,
+    list_tokens,
+    new_secret,
+    token_id,
+)
 from cloud.store.audit_log import Action, Deed, record
+from cloud.store.row_digests import require_sound_row, sound
 from cloud.store.schema import login_codes, sessions, tokens
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
     from concurrent.futures import Future
 
-    from sqlalchemy import Connection, RowMapping
+    from sqlalchemy import Connection
 
     from cloud.store import Store
 
 
 LOGIN_LINK: Final = "login link"
 """Who holds a session that no token opened."""
+_SESSION: Final = select(sessions).where(sessions.c.digest == bindparam("digest"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +71,7 @@ def redeem_login_code(
     def work(connection: Connection) -> str | None:
         here = login_codes.c.digest == digest(code)
         row = connection.execute(select(login_codes).where(here)).mappings().one_or_none()
+        row = require_sound_row(connection, login_codes, row)
         # Taken by whoever deletes it: two that come at once cannot both have it.
         if row is None or connection.execute(delete(login_codes).where(here)).rowcount != 1:
             return None
@@ -94,16 +105,15 @@ def find_session(store: Store, secret: str) -> Holder | None:
         StoreError: The store cannot be read.
     """
     now = store.clock()
-    query = (
-        select(sessions.c.scopes, tokens.c.name)
-        .outerjoin(tokens, tokens.c.digest == sessions.c.token)
-        .where(sessions.c.digest == digest(secret), sessions.c.expires > now)
-        .where(tokens.c.revoked.is_(None))
-        .where(or_(tokens.c.expires.is_(None), tokens.c.expires > now))
-    )
     with store.read() as connection:
-        found = connection.execute(query).one_or_none()
-    return None if found is None else Holder(found[1] or LOGIN_LINK, read_scopes(found[0]))
+        row = connection.execute(_SESSION, {"digest": digest(secret)}).mappings().one_or_none()
+        row = require_sound_row(connection, sessions, row)
+        if row is None or row["expires"] <= now:
+            return None
+        if row["token"] is None:
+            return Holder(LOGIN_LINK, read_scopes(row["scopes"]))
+        token = good_token(connection, row["token"], now=now)
+    return None if token is None else Holder(token["name"], read_scopes(row["scopes"]))
 
 
 def close_session(store: Store, secret: str, *, address: str) -> Future[None]:
@@ -126,21 +136,25 @@ def close_session(store: Store, secret: str, *, address: str) -> Future[None]:
     return store.write(work)
 
 
-def list_sessions(connection: Connection, *, now: int) -> Sequence[RowMapping]:
+def list_sessions(connection: Connection, *, now: int) -> list[dict[str, Any]]:
     """Sessions that are good: ``id``, ``name``, ``scopes`` and ``expires``, the latest last."""
     c = sessions.c
-    query = (
-        select(
-            func.substr(c.digest, 1, len(token_id("0" * 64))).label("id"),
-            func.coalesce(tokens.c.name, LOGIN_LINK).label("name"),
-            c.scopes,
-            c.expires,
-        )
-        .outerjoin(tokens, tokens.c.digest == c.token)
-        .where(c.expires > now)
-        .order_by(c.expires, c.digest)
-    )
-    return connection.execute(query).mappings().all()
+    rows = connection.execute(select(sessions).order_by(c.expires, c.digest)).mappings()
+    names = {row["digest"]: row["name"] for row in list_tokens(connection)}
+    good = [
+        row
+        for row in sound(connection, sessions, rows)
+        if row["expires"] > now and (row["token"] is None or row["token"] in names)
+    ]
+    return [
+        {
+            "id": token_id(row["digest"]),
+            "name": LOGIN_LINK if row["token"] is None else names[row["token"]],
+            "scopes": row["scopes"],
+            "expires": row["expires"],
+        }
+        for row in good
+    ]
 
 
 def revoke_session(store: Store, number: str, *, doer: Doer | None = None) -> bool:

@@ -7,10 +7,11 @@ import secrets
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import bindparam, delete, func, insert, or_, select, update
+from sqlalchemy import bindparam, delete, func, insert, select, update
 
 from cloud.access.scopes import Scope, read_scopes, write_scopes
 from cloud.store.audit_log import Action, Deed, record
+from cloud.store.row_digests import require_sound_row, sound
 from cloud.store.schema import login_codes, sessions, tokens
 
 if TYPE_CHECKING:
@@ -25,11 +26,7 @@ _BYTES: Final = 32
 COMMAND_LINE: Final = "command line"
 """Who does what is done with the store in hand."""
 
-_GOOD: Final = select(tokens.c.name, tokens.c.scopes).where(
-    tokens.c.digest == bindparam("digest"),
-    tokens.c.revoked.is_(None),
-    or_(tokens.c.expires.is_(None), tokens.c.expires > bindparam("now")),
-)
+_TOKEN: Final = select(tokens).where(tokens.c.digest == bindparam("digest"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,7 +143,7 @@ def token_id(key: str) -> str:
 def list_tokens(connection: Connection) -> Sequence[RowMapping]:
     """All tokens that were ever made, the latest first."""
     query = select(tokens).order_by(tokens.c.created.desc(), tokens.c.digest)
-    return connection.execute(query).mappings().all()
+    return sound(connection, tokens, connection.execute(query).mappings())
 
 
 def revoke_token(store: Store, number: str, *, doer: Doer | None = None) -> bool:
@@ -188,10 +185,22 @@ def find_token(store: Store, token: str) -> Holder | None:
     Raises:
         StoreError: The store cannot be read.
     """
-    said = {"digest": digest(token), "now": store.clock()}
     with store.read() as connection:
-        found = connection.execute(_GOOD, said).one_or_none()
-    return None if found is None else Holder(found[0], read_scopes(found[1]))
+        row = good_token(connection, digest(token), now=store.clock())
+    return None if row is None else Holder(row["name"], read_scopes(row["scopes"]))
+
+
+def good_token(connection: Connection, key: str, *, now: int) -> RowMapping | None:
+    """A token's row by its digest; ``None`` if it is none, or no more.
+
+    Raises:
+        DamagedRowError: It is not as it was written.
+    """
+    row = connection.execute(_TOKEN, {"digest": key}).mappings().one_or_none()
+    row = require_sound_row(connection, tokens, row)
+    if row is None or row["revoked"] is not None:
+        return None
+    return row if row["expires"] is None or row["expires"] > now else None
 
 
 def _deed(doer: Doer | None, action: Action, target: str, detail: str) -> Deed:

@@ -16,8 +16,9 @@ from sqlalchemy import select
 
 from cloud.live.printing import Press
 from cloud.query.opaque import OpaqueIds
-from cloud.store.damage import DamagedRow, is_sound
+from cloud.store.damage import Head, is_sound
 from cloud.store.entry import Entry
+from cloud.store.row_digests import sound
 from cloud.store.schema import blocks, events, feed
 from cloud.store.sealed import veiled
 from eskin.messages.compression import decompress
@@ -222,21 +223,25 @@ def _open_places(
 def read_entries(connection: Connection, after: int, end: int) -> Sequence[Entry]:
     """Entries with ``after < cursor <= end``."""
     b = blocks.c
-    query = select(b.cursor, b.node, b.channel, b.data, b.received, b.digest, b.boot, b.sequence)
+    query = select(b.cursor, b.data, b.received, b.head, *(b[name] for name in Head._fields))
     rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
     found = [
-        Entry(cursor, node, channel, decompress(data), None, received)
-        for cursor, node, channel, data, received, digest, boot, sequence in rows
-        if is_sound(data, digest, DamagedRow(node, boot, sequence, None))
+        Entry(cursor, head[0], head[1], decompress(data), None, received)
+        for cursor, data, received, own, *head in rows
+        if is_sound(data, Head(*head), own)
     ]
     e = events.c
     told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
     found += [
         Entry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
-        for row in told
+        for row in sound(connection, events, told)
     ]
     v = veiled.c
     sealed = select(v.cursor, v.node, v.channel, v.data, v.received)
-    rows = connection.execute(sealed.where(v.cursor > after, v.cursor <= end))
-    found += [Entry(*row[:3], None, None, row[4], row[3]) for row in rows]
+    found += [
+        Entry(cursor, node, channel, None, None, received, data)
+        for cursor, node, channel, data, received in connection.execute(
+            sealed.where(v.cursor > after, v.cursor <= end)
+        )
+    ]
     return sorted(found, key=lambda entry: entry.cursor)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import func, select
 
 from cloud.chore import repeat
+from cloud.store.row_digests import sound
 from cloud.store.sealed import erased_subjects
 
 if TYPE_CHECKING:
@@ -27,9 +28,9 @@ def unheard(connection: Connection, known: AbstractSet[tuple[str, str]]) -> set[
     counted = select(func.count()).select_from(erased_subjects)
     if connection.execute(counted).scalar_one() <= len(known):
         return set()
-    e = erased_subjects.c
-    found = connection.execute(select(e.site, e.subject))
-    return {(row.site, row.subject) for row in found} - known
+    rows = connection.execute(select(erased_subjects)).mappings()
+    found = sound(connection, erased_subjects, rows)
+    return {(row["site"], row["subject"]) for row in found} - known
 
 
 async def hear(cloud: Cloud, stopping: asyncio.Event) -> None:

@@ -6,6 +6,7 @@ lies in memory alone, for as long as the question takes.
 
 from __future__ import annotations
 
+import sqlite3
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
@@ -14,9 +15,9 @@ from sqlalchemy.pool import StaticPool
 
 from cloud.privacy.errors import ErasedError
 from cloud.privacy.sealed_rows import open_row
-from cloud.store.digest import digest
 from cloud.store.intake import take_in
 from cloud.store.item import Item
+from cloud.store.row_digests import give_function
 from cloud.store.schema import (
     blocks,
     channels,
@@ -30,6 +31,7 @@ from cloud.store.schema import (
 from cloud.store.sealed import veiled
 from cloud.store.tiles import stale, tiles
 from cloud.store.write_cache import WriteCache
+from eskin.digest import digest
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Block, BlockSummary
 
@@ -116,6 +118,9 @@ def _engine() -> Engine:
 
 def _fill(memory: Connection, channel: RowMapping, items: Sequence[Item]) -> None:
     memory.exec_driver_sql("PRAGMA temp_store=MEMORY")  # a large sort must not go to the disk
+    driver = memory.connection.driver_connection
+    assert isinstance(driver, sqlite3.Connection)  # noqa: S101 - as `_engine` makes it
+    give_function(driver)
     metadata.create_all(memory, _TABLES)
     memory.execute(insert(feed).values(name="feed", cursor=0))
     first = items[0].message if items else None

@@ -13,7 +13,7 @@ from sqlalchemy import and_, bindparam, func, not_, select
 from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
 from cloud.query.span import TOUCHING, clip, near, touching
 from cloud.query.window import Window
-from cloud.store.damage import DamagedRow, is_sound
+from cloud.store.damage import Head, is_sound
 from cloud.store.schema import blocks
 from eskin.messages.pack import Pack, is_pack
 from eskin.messages.stored import read_bounds
@@ -31,10 +31,10 @@ DECODED: Final = tuple(
     blocks.c[name]
     for name in (
         *("t", "dt", "n", "error", "coverage", "data"),
-        *("digest", "node", "boot", "sequence", "packed"),
+        *("head", *Head._fields),
     )
 )
-"""Columns of a block's row that describe its samples, and its digest."""
+"""Columns of a block's row that describe its samples, its digests, and what these are of."""
 _IN_ORDER: Final = select(*DECODED).order_by(blocks.c.t, blocks.c.boot, blocks.c.sequence)
 _TOUCHING: Final = _IN_ORDER.where(TOUCHING)
 _COUNTS: Final = select(blocks.c.n).where(TOUCHING).limit(bindparam("most"))
@@ -112,8 +112,7 @@ def _holding(rows: Sequence[Any], window: Window) -> list[Any]:
     return [
         row[:6]
         for row in rows
-        if le(*clip(row[0], row[1], row[2], window))
-        and is_sound(row[5], row[6], DamagedRow(*row[7:]))
+        if le(*clip(row[0], row[1], row[2], window)) and is_sound(row[5], Head(*row[7:]), row[6])
     ]
 
 

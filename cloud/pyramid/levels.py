@@ -12,9 +12,9 @@ from cloud.pyramid.pieces import Pieces, concatenated
 from cloud.query.places import find_channel
 from cloud.query.window import Window
 from cloud.store.damage import is_sound_tile
-from cloud.store.digest import digest
 from cloud.store.grid import CHUNK, STEP, TOP
 from cloud.store.tiles import tiles
+from eskin.digest import digest
 from eskin.moment import MOST_MOMENT
 
 if TYPE_CHECKING:

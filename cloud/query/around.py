@@ -13,6 +13,7 @@ from cloud.pyramid.pieces import EMPTY, Pieces, concatenated
 from cloud.query.holding import Holding
 from cloud.query.span import touching
 from cloud.query.window import Window
+from cloud.store.damage import Head, sound_heads
 from cloud.store.schema import blocks
 from eskin.moment import MOST_MOMENT
 
@@ -25,10 +26,7 @@ if TYPE_CHECKING:
     from cloud.pyramid.pieces import Integers
 
 _ALWAYS: Final = Window(-MOST_MOMENT, MOST_MOMENT)
-COLUMNS: Final = tuple(
-    blocks.c[name]
-    for name in ("boot", "sequence", "t", "t_end", "n", "dt", "error", "lo", "hi", "coverage")
-)
+COLUMNS: Final = tuple(blocks.c[name] for name in (*Head._fields, "head"))
 """What of a block's row tells of its bounds."""
 
 
@@ -108,7 +106,7 @@ def _read_around(source: Source, window: Window) -> Sequence[RowMapping]:
             max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT)
         )
         query = select(*COLUMNS).where(touching(channel, wide)).order_by(b.t, b.boot, b.sequence)
-        rows = source.connection.execute(query).mappings().all()
+        rows = list(sound_heads(source.connection.execute(query).mappings()))
         if _is_enough(rows, window, wide, channel):
             return rows
         margin *= 4

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal
 
 from sqlalchemy import false, select, tuple_
 
+from cloud.store.row_digests import sound
 from cloud.store.schema import events
 
 if TYPE_CHECKING:
@@ -62,15 +63,18 @@ def find_events(
     found: list[RowMapping | Row] = [*connection.execute(_select(question)).mappings(), *opened]
     if opened:
         found.sort(key=lambda e: (e["t_lo"], e["cursor"]), reverse=question.order == "desc")
-    page = found[: question.limit]
-    if len(found) <= question.limit:
-        return page, None
-    return page, (page[-1]["t_lo"], page[-1]["cursor"])
+    more, page = len(found) > question.limit, found[: question.limit]
+    following = (page[-1]["t_lo"], page[-1]["cursor"]) if more else None
+    of_people = {id(row) for row in opened}
+    stored = {
+        id(row) for row in sound(connection, events, (r for r in page if id(r) not in of_people))
+    }
+    return [row for row in page if id(row) in stored or id(row) in of_people], following
 
 
 def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
     e = events.c
-    query: Select[tuple[object, ...]] = select(*(c for c in e if c.name != "data"))
+    query: Select[tuple[object, ...]] = select(events)
     for column, value in (
         (e.node, question.node),
         (e.channel, question.channel),

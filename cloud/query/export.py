@@ -14,11 +14,13 @@ import numpy as np
 from sqlalchemy import and_, case, or_, select, tuple_
 
 from cloud.query.span import before, clip, count, touching
-from cloud.store.damage import DamagedRow, is_sound
+from cloud.store.damage import DamagedRowError, Head, is_sound, is_sound_head
 from cloud.store.schema import blocks, channels
-from eskin.messages import Block
+from eskin.interval import Interval
+from eskin.messages import Block, Position
 from eskin.messages.compression import decompress
 from eskin.messages.pack import Pack
+from eskin.tube import Tube
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
     from sqlalchemy import ColumnElement, Connection, RowMapping, Select
 
     from cloud.query.window import Window
-    from eskin.messages import Position
 
 _AT_ONCE: Final = 128
 """Blocks in one part: 128,000 samples at most; rows that are read for it."""
@@ -71,11 +72,18 @@ class Source:
     number: Callable[[Position], int] = sequence_of
 
 
+class Unknown(NamedTuple):
+    """A damaged block: when its samples were taken, and nothing else."""
+
+    position: Position
+    tube: Tube
+
+
 class Part(NamedTuple):
     """Some consecutive blocks of one channel."""
 
     channel: RowMapping
-    blocks: Sequence[Block]
+    blocks: Sequence[Block | Unknown]
     number: Callable[[Position], int]
 
 
@@ -118,16 +126,22 @@ class Export:
         return None
 
     def read(self, until: Mark | None) -> Iterator[Part]:
-        """Decode blocks in order, up to and with ``until``."""
+        """Decode blocks in order, up to and with ``until``.
+
+        Of a damaged block each sample is there, and unbounded.
+
+        Raises:
+            DamagedRowError: Nobody can tell when a damaged block's samples were.
+        """
         for index, begin in self._marks():
             if until is not None and index > until.channel:
                 return
             for page in self._pages(index, begin, until, whole=True):
                 for k in range(0, len(page), _AT_ONCE):
-                    decoded = [
-                        Block.decode(decompress(found.data)) for found in page[k : k + _AT_ONCE]
-                    ]
                     source = self.sources[index]
+                    decoded = [
+                        _decoded(found, source.channel["unit"]) for found in page[k : k + _AT_ONCE]
+                    ]
                     yield Part(source.channel, decoded, source.number)
 
     def _pages(
@@ -194,24 +208,36 @@ class Export:
         if until is not None and until.channel == index:
             where += [b.t <= until.t, key <= until[1:]]
         data = b.data if whole else case((b.packed.is_not(None), b.data), else_=None)
-        query = select(b.t, b.boot, b.sequence, b.n, b.dt, b.packed, data, b.digest, b.node)
+        head = (b[name] for name in Head._fields)
+        query = select(b.t, b.boot, b.sequence, b.n, b.dt, b.packed, data, b.head, *head)
         return query.where(*where).order_by(b.t, b.boot, b.sequence)
 
 
 class _Found(NamedTuple):
-    """A block: middle of its first moment, boot and sequence; its samples; its bytes."""
+    """A block: middle of its first moment, boot and sequence; its samples; its bytes.
+
+    Of a damaged row only the columns are known.
+    """
 
     place: tuple[int, int, int]
     n: int
     dt: int
     data: bytes
+    damaged: Head | None = None
 
 
 def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_Found]:
-    """The blocks of a row, as `Export._ordered` asks for it; none of a damaged one."""
-    t, boot, sequence, n, dt, packed, data, digest, node = row
-    if data is not None and not is_sound(data, digest, DamagedRow(node, boot, sequence, packed)):
-        return []
+    """The blocks of a row, as `Export._ordered` asks for it; a damaged pack is one block.
+
+    Raises:
+        DamagedRowError: Nobody can tell when its samples were.
+    """
+    t, boot, sequence, n, dt, packed, data, own, *head = row
+    said = Head(*head)
+    if not is_sound_head(said, own):
+        raise DamagedRowError(said.place)
+    if data is not None and not is_sound(data, said, own):
+        return [_Found((t, boot, sequence), n, dt, b"", said)]
     if packed is None:
         return [_Found((t, boot, sequence), n, dt, data)]
     pack = Pack.read(data)
@@ -220,6 +246,16 @@ def _blocks(row: Sequence[Any], *, whole: bool) -> Iterable[_Found]:
     places = zip(times, repeat(boot), sequences, strict=False)
     each = [kept.data for kept in pack.blocks()] if whole else repeat(b"", packed)
     return map(_Found, places, counts, repeat(dt), each)
+
+
+def _decoded(found: _Found, unit: str) -> Block | Unknown:
+    if found.damaged is None:
+        return Block.decode(decompress(found.data))
+    head = found.damaged
+    unknown = Interval(np.full(head.n, -np.inf), np.full(head.n, np.inf))
+    time = head.t - head.error, head.t + head.error
+    tube = Tube(time, head.dt, unknown, unit, head.coverage)
+    return Unknown(Position(head.boot, head.sequence), tube)
 
 
 def _later(until: Mark | None, index: int) -> Mark:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import func, or_, select
 
 from cloud.query.cursors import read_texts, write_cursor
+from cloud.store.row_digests import sound
 from cloud.store.schema import channels, nodes
 from cloud.store.sealed import removals
 from eskin.privacy.biometric import BIOMETRIC, MARK
@@ -59,9 +60,12 @@ def sealed_nodes(connection: Connection, names: Sequence[str] | None = None) -> 
 
 def list_removed(connection: Connection, node: str) -> dict[str, tuple[int, int]]:
     """How many messages of each of a node's channels were removed, and before when, UTC ns."""
-    r = removals.c
-    query = select(r.channel, func.sum(r.messages), func.max(r.before)).where(r.node == node)
-    return {row[0]: (int(row[1]), row[2]) for row in connection.execute(query.group_by(r.channel))}
+    rows = connection.execute(select(removals).where(removals.c.node == node)).mappings()
+    found: dict[str, tuple[int, int]] = {}
+    for row in sound(connection, removals, rows):
+        messages, before = found.get(row["channel"], (0, row["before"]))
+        found[row["channel"]] = messages + row["messages"], max(before, row["before"])
+    return found
 
 
 def _page(
@@ -74,6 +78,7 @@ def _page(
     if cursor is not None:
         query = query.where(name > read_texts(cursor, 1)[0])
     found = connection.execute(query).mappings().all()
+    page = sound(connection, name.table, found[:_PAGE])
     if len(found) <= _PAGE:
-        return found, None
-    return found[:_PAGE], write_cursor(found[_PAGE - 1][name])
+        return page, None
+    return page, write_cursor(found[_PAGE - 1][name])

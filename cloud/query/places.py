@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import RowMapping, bindparam, select
 
 from cloud.query.errors import UnknownPlaceError
+from cloud.store.row_digests import require_sound_row
 from cloud.store.schema import channels, nodes
 from eskin.errors import QueryError
 
@@ -23,8 +24,10 @@ def find_node(connection: Connection, node: str) -> RowMapping:
 
     Raises:
         UnknownPlaceError: It never said anything.
+        DamagedRowError: Its row is damaged.
     """
     row = connection.execute(select(nodes).where(nodes.c.node == node)).mappings().one_or_none()
+    row = require_sound_row(connection, nodes, row)
     if row is None:
         raise UnknownPlaceError("node", f"{node!r} is not known; GET /api/v1/nodes lists all")
     return row
@@ -35,9 +38,11 @@ def find_channel(connection: Connection, node: str, channel: str) -> RowMapping:
 
     Raises:
         UnknownPlaceError: The node or the channel never said anything.
+        DamagedRowError: Its row is damaged.
     """
     said = {"node": node, "channel": channel}
     row = connection.execute(_CHANNEL, said).mappings().one_or_none()
+    row = require_sound_row(connection, channels, row)
     if row is None:
         find_node(connection, node)
         raise UnknownPlaceError(

@@ -12,6 +12,7 @@ from cloud.pyramid.blocks import DECODED, decode
 from cloud.query.descent import Descent
 from cloud.query.question import Answer
 from cloud.query.span import clip, longest_step, touching
+from cloud.store.damage import Head, sound_heads
 from cloud.store.schema import blocks
 
 if TYPE_CHECKING:
@@ -25,13 +26,7 @@ if TYPE_CHECKING:
     from cloud.query.window import Window
 
 _AT_ONCE: Final = 1000
-_COLUMNS: Final = tuple(
-    blocks.c[name]
-    for name in (
-        *("node", "boot", "sequence", "t", "t_end", "n", "dt"),
-        *("error", "coverage", "lo", "hi", "digest", "packed"),
-    )
-)
+_COLUMNS: Final = tuple(blocks.c[name] for name in (*Head._fields, "head"))
 
 
 @dataclass(slots=True)
@@ -140,7 +135,7 @@ def _clusters(
     query = query.where(touching(channel, window)).order_by(b.t, b.boot, b.sequence)
     cluster: list[RowMapping] = []
     end = 0
-    for row in connection.execute(query).mappings().yield_per(_AT_ONCE):
+    for row in sound_heads(connection.execute(query).mappings().yield_per(_AT_ONCE)):
         if cluster and row["t"] > end:
             yield cluster
             cluster = []

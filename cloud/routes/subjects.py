@@ -1,13 +1,14 @@
 """Subjects: of whom there is what, by pseudonym, and all that is held of one."""
 
 import asyncio
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from operator import itemgetter
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
-from sqlalchemy import func, select
+from sqlalchemy import Connection, RowMapping, Table, func, select
 from starlette.responses import Response, StreamingResponse
 
 from cloud.dependencies import Access, Administrator, BiometricReader, CloudState
@@ -28,6 +29,7 @@ from cloud.state import Cloud
 from cloud.store.audit_log import Action, Deed, record
 from cloud.store.events import peak_row
 from cloud.store.node_sites import node_sites
+from cloud.store.row_digests import sound
 from cloud.store.sealed import erased_subjects, veiled, wearers
 from eskin.errors import NoKeyError, QueryError
 from eskin.messages import Peak
@@ -45,30 +47,43 @@ def get_subjects(
 ) -> Response:
     """All pseudonyms that gateways told of, the nodes they wore, and what is held of them."""
     del query
-    n, v, e = node_sites.c, veiled.c, erased_subjects.c
-    owned = veiled.join(node_sites, n.node == v.node)
-    counted = select(n.site, v.subject, func.count()).select_from(owned)
-    told = wearers.join(node_sites, n.node == wearers.c.node)
-    wore = select(n.site, wearers.c.subject, wearers.c.node).select_from(told)
+    v = veiled.c
+    counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
     with cloud.store.read() as connection:
-        rows = connection.execute(counted.group_by(n.site, v.subject))
-        held = {(row[0], row[1]): int(row[2]) for row in rows}
-        rows = connection.execute(select(e.site, e.subject, e.erased))
-        gone = {(row[0], row[1]): row[2] for row in rows}
+        sites = dict(_sites(connection))
+        held: Counter[tuple[str, str]] = Counter()
+        for node, subject, messages in connection.execute(counted):
+            if node in sites:
+                held[sites[node], subject] += messages
+        erased = sound(connection, erased_subjects, _all(connection, erased_subjects))
+        gone = {(row["site"], row["subject"]): row["erased"] for row in erased}
         worn: dict[tuple[str, str], list[str]] = {}
-        for site, subject, node in connection.execute(wore.order_by(wearers.c.node)):
-            worn.setdefault((site, subject), []).append(node)
+        wore = sound(connection, wearers, _all(connection, wearers))
+        for row in wore:
+            if row["node"] in sites:
+                worn.setdefault((sites[row["node"]], row["subject"]), []).append(row["node"])
     items = [
         {
             "id": place[1],
             "site": place[0],
             "nodes": worn.get(place, []),
-            "messages": held.get(place, 0),
+            "messages": held[place],
             "erased": None if place not in gone else format_moment(gone[place]),
         }
         for place in sorted(held.keys() | gone.keys() | worn.keys(), key=itemgetter(1, 0))
     ]
     return as_json(page(items, None))
+
+
+def _sites(connection: Connection) -> Iterator[tuple[str, str]]:
+    """Each node with its site."""
+    for row in sound(connection, node_sites, _all(connection, node_sites)):
+        yield row["node"], row["site"]
+
+
+def _all(connection: Connection, table: Table) -> Iterable[RowMapping]:
+    """All rows, in the order of their keys."""
+    return connection.execute(select(table).order_by(*table.primary_key.columns)).mappings()
 
 
 class SubjectExportQuery(BaseModel):

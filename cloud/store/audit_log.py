@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import insert, select
 
+from cloud.store.damage import note_damaged
 from cloud.store.schema import audit_log
 from cloud.store.words import storable
 
@@ -89,14 +90,18 @@ def record(connection: Connection, deed: Deed, *, now: int) -> None:
 def list_deeds(
     connection: Connection, *, before: int | None, limit: int
 ) -> tuple[Sequence[RowMapping], int | None]:
-    """One page of deeds, latest first, and the number before which the next page goes on."""
+    """One page of deeds, latest first, and the number before which the next page goes on.
+
+    What is not as it was written is noted, and left out; so is the deed after a damaged digest.
+    """
     query = select(audit_log).order_by(audit_log.c.number.desc()).limit(limit + 1)
     if before is not None:
         query = query.where(audit_log.c.number < before)
     found = connection.execute(query).mappings().all()
-    if len(found) <= limit:
-        return found, None
-    return found[:limit], found[limit - 1]["number"]
+    older = [*(row["digest"] for row in found[1:]), ""]
+    pairs = zip(older[:limit], found[:limit], strict=True)
+    page = [row for seal, row in pairs if _is_sealed(seal, row)]
+    return page, found[limit - 1]["number"] if len(found) > limit else None
 
 
 def read_deeds(connection: Connection) -> Iterable[RowMapping]:
@@ -116,6 +121,13 @@ def check_deeds(connection: Connection) -> int | None:
             return expected
         before, expected = row["digest"], expected + 1
     return None
+
+
+def _is_sealed(before: str, row: RowMapping) -> bool:
+    if row["digest"] == _seal(before, row):
+        return True
+    note_damaged(audit_log.name, f"{audit_log.name} {row['number']}")
+    return False
 
 
 def _seal(before: str, row: Mapping[str, Any] | RowMapping) -> str:

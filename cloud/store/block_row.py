@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple, Self
 
+from cloud.store.damage import Head
+
 if TYPE_CHECKING:
     from eskin.messages import BlockSummary
 
@@ -30,6 +32,7 @@ class BlockRow(NamedTuple):
     data: bytes
     digest: bytes
     packed: int | None
+    head: int | None
 
     @classmethod
     def of(
@@ -48,6 +51,8 @@ class BlockRow(NamedTuple):
         (boot, sequence), channel, _, (t_lo, t_hi), dt, n, _, coverage, _, _, (lo, hi) = block
         first = (t_lo + t_hi) // 2
         last, error = first + dt * (n - 1), (t_hi - t_lo + 1) // 2
+        head = Head(node, channel, boot, sequence, first, last, error, t_lo, t_hi, dt,
+                    n, lo, hi, coverage, None, digest)  # fmt: skip
         return cls(
             node,
             boot,
@@ -68,4 +73,5 @@ class BlockRow(NamedTuple):
             data,
             digest,
             None,
+            head.checksum(),
         )

@@ -9,6 +9,7 @@ from sqlalchemy import insert, select, update
 
 from cloud.store.events import event_row
 from cloud.store.news import COMMANDS, tell
+from cloud.store.row_digests import require_sound_row
 from cloud.store.schema import commands, states
 
 if TYPE_CHECKING:
@@ -22,13 +23,15 @@ if TYPE_CHECKING:
 def find_command(connection: Connection, node: str, number: int) -> RowMapping | None:
     """A command's row."""
     query = select(commands).where(commands.c.node == node, commands.c.id == number)
-    return connection.execute(query).mappings().one_or_none()
+    row = connection.execute(query).mappings().one_or_none()
+    return require_sound_row(connection, commands, row)
 
 
 def find_state(connection: Connection, node: str) -> RowMapping | None:
     """How a node is and should be set; ``None`` if neither was ever said."""
     query = select(states).where(states.c.node == node)
-    return connection.execute(query).mappings().one_or_none()
+    row = connection.execute(query).mappings().one_or_none()
+    return require_sound_row(connection, states, row)
 
 
 def keep_state(connection: Connection, node: str, **values: Any) -> None:

@@ -10,20 +10,70 @@ from __future__ import annotations
 import logging
 from contextlib import contextmanager
 from contextvars import ContextVar
+from struct import Struct
+from struct import error as StructError  # noqa: N812 - it is a class
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Self
 
-from cloud.store.digest import digest as digest_of
+from eskin.digest import checksum
+from eskin.digest import digest as digest_of
 from eskin.errors import StoreError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from sqlalchemy import RowMapping
 
 log = logging.getLogger(__name__)
 
 _MOST: Final = 100_000
+
+
+_HEAD: Final = Struct("<10q8s3d")
+
+
+class Head(NamedTuple):
+    """The columns of a block's row that say what ``data`` holds, and the digest of ``data``.
+
+    Attributes:
+        node: As in its table, like all the others.
+    """
+
+    node: str
+    channel: str
+    boot: int
+    sequence: int
+    t: int
+    t_end: int
+    error: int
+    t_lo: int
+    t_hi: int
+    dt: int
+    n: int
+    lo: float
+    hi: float
+    coverage: float
+    packed: int | None
+    digest: bytes
+
+    @classmethod
+    def of(cls, row: Mapping[str, Any] | RowMapping) -> Self:
+        """Those of a row."""
+        return cls(*(row[name] for name in cls._fields))
+
+    @property
+    def place(self) -> DamagedRow:
+        """Where the row is."""
+        return DamagedRow(self.node, self.boot, self.sequence, self.packed)
+
+    def checksum(self) -> int | None:
+        """What column ``head`` holds; ``None`` where a damaged column has another type."""
+        packed = -1 if self.packed is None else self.packed
+        try:
+            said = _HEAD.pack(*self[2:11], packed, self.digest, *self[11:14])
+        except StructError:
+            return None
+        return checksum(f"{self.node} {self.channel} ".encode() + said)
 
 
 class DamagedRow(NamedTuple):
@@ -46,7 +96,7 @@ class DamagedRowError(StoreError):
         row: Where it is.
     """
 
-    def __init__(self, row: DamagedRow) -> None:
+    def __init__(self, row: object) -> None:
         self.row = row
         super().__init__(f"{row}: damaged in the store; bring it back from a backup")
 
@@ -71,13 +121,13 @@ class _Damages:
 
 
 damages: Final = _Damages()
-_collected: ContextVar[list[DamagedRow] | None] = ContextVar("damaged rows", default=None)
+_collected: ContextVar[list[object] | None] = ContextVar("damaged rows", default=None)
 
 
 @contextmanager
-def collected() -> Iterator[list[DamagedRow]]:
-    """The damaged blocks that are met while this runs, here and in threads that it starts."""
-    found: list[DamagedRow] = []
+def collected() -> Iterator[list[object]]:
+    """The damaged rows that are met while this runs, here and in threads that it starts."""
+    found: list[object] = []
     token = _collected.set(found)
     try:
         yield found
@@ -89,26 +139,44 @@ def require_sound(row: Mapping[str, Any] | RowMapping) -> None:
     """Require that a row of blocks is as it was written.
 
     Args:
-        row: With node, boot, sequence, packed, data and digest.
+        row: With all columns but what tells when it came.
 
     Raises:
         DamagedRowError: It is not.
     """
-    if digest_of(row["data"]) != row["digest"]:
-        damaged = DamagedRow(row["node"], row["boot"], row["sequence"], row["packed"])
-        note_damaged("blocks", damaged)
-        raise DamagedRowError(damaged)
+    head = Head.of(row)
+    if not is_sound(row["data"], head, row["head"]):
+        raise DamagedRowError(head.place)
 
 
-def is_sound(data: bytes, digest: bytes, place: DamagedRow) -> bool:
-    """Whether a block's bytes are as they were written; what is not is noted, and left out."""
-    if digest_of(data) == digest:
+def is_sound(data: bytes, head: Head, own: int) -> bool:
+    """Whether a block's row is as it was written; one that is not is noted, and left out.
+
+    Args:
+        data: Its bytes.
+        head: Its columns.
+        own: Column ``head``.
+    """
+    if digest_of(data) == head.digest and is_sound_head(head, own):
         return True
-    note_damaged("blocks", place)
+    note_damaged("blocks", head.place)
     return False
 
 
-def note_damaged(table: str, place: DamagedRow) -> None:
+def is_sound_head(head: Head, own: int) -> bool:
+    """The same of its columns alone."""
+    if head.checksum() == own:
+        return True
+    note_damaged("blocks", head.place)
+    return False
+
+
+def sound_heads(rows: Iterable[RowMapping]) -> Iterator[RowMapping]:
+    """Those of rows of blocks, read without their bytes, whose columns are as they were written."""
+    return (row for row in rows if is_sound_head(Head.of(row), row["head"]))
+
+
+def note_damaged(table: str, place: object) -> None:
     """Log and count a damaged row, and tell whoever collects them."""
     damages.note(table, place)
     found = _collected.get()

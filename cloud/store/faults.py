@@ -15,6 +15,8 @@ _SLOW: Final = "it is too slow; see what else it does, and give it more memory o
 _OF_FILES: Final[Mapping[int, str]] = {
     sqlite3.SQLITE_FULL: "free space",
     sqlite3.SQLITE_BUSY: "another program keeps the file for itself; end that one",
+    sqlite3.SQLITE_CORRUPT: "the file is damaged; bring back a copy",
+    sqlite3.SQLITE_NOTADB: "the file is damaged; bring back a copy",
 }
 """By SQLite's primary result code."""
 _REMEDIES: Final[Mapping[str, str]] = {
@@ -48,7 +50,10 @@ def is_of_the_store(error: Exception) -> bool:
     So are memory and disk: SQLite's driver tells of memory without an error of its own.
     """
     of_the_work = isinstance(error, DataError | IntegrityError)
-    return isinstance(error, SQLAlchemyError | MemoryError | OSError) and not of_the_work
+    return (
+        isinstance(error, SQLAlchemyError | MemoryError | OSError | UnicodeDecodeError)
+        and not of_the_work
+    )
 
 
 def explain(error: Exception) -> str:
@@ -61,6 +66,8 @@ def explain(error: Exception) -> str:
         return "no connection came free in time; ask less at once, or raise store.readers"
     if isinstance(error, MemoryError):
         return "there is no memory left; give it more"
+    if isinstance(error, UnicodeDecodeError):  # not even its error is a text
+        return "the file is damaged; bring back a copy"
     cause = getattr(error, "orig", None) or error
     said = "; ".join(line.strip() for line in str(cause).splitlines() if line.strip())
     remedy = _remedy(cause)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Final
 from sqlalchemy import BigInteger, Column, Table, insert, select, update
 
 from cloud.store.node_sites import SITE_LENGTH
+from cloud.store.row_digests import keep_checked, sound, without_digest
 from cloud.store.schema import NODE_LENGTH, metadata
 from cloud.store.words import Words
 
@@ -45,6 +46,7 @@ gateways: Final = Table(
 itself last, ``oldest`` for how long its oldest message had waited then. ``latest`` is when its
 latest block was stored, and ``lag_lo`` to ``lag_hi`` how long after that block's last sample.
 """
+keep_checked(gateways)
 _COUNTED: Final = ("stored", "duplicate", "rejected")
 
 
@@ -93,4 +95,5 @@ def hear(
 def list_gateways(connection: Connection) -> list[dict[str, Any]]:
     """All gateways, by name; they are few."""
     query = select(gateways).order_by(gateways.c.gateway)
-    return [dict(row) for row in connection.execute(query).mappings()]
+    rows = connection.execute(query).mappings()
+    return [without_digest(row) for row in sound(connection, gateways, rows)]

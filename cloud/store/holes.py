@@ -32,6 +32,7 @@ from sqlalchemy import (
 
 from cloud.store.entry import Entry
 from cloud.store.events import event_row
+from cloud.store.row_digests import keep_checked
 from cloud.store.schema import NODE_LENGTH, events, metadata, nodes, sequences
 from cloud.store.words import Words
 from eskin.errors import StoreError
@@ -65,6 +66,7 @@ lost: Final = Table(
     Column("last", BigInteger, nullable=False),
 )
 """Ranges of messages that gaps named as lost, or that became dead letters."""
+keep_checked(lost)
 
 ends: Final = Table(
     "ends",
@@ -74,6 +76,7 @@ ends: Final = Table(
     Column("last", BigInteger, nullable=False),
 )
 """The greatest number of a boot that is known to have been given out, where it was stated."""
+keep_checked(ends)
 
 holes: Final = Table(
     "holes",
@@ -86,6 +89,7 @@ holes: Final = Table(
     Column("named", Integer, nullable=False),
 )
 """What is missing: since when, UTC ns, and whether an event has named it."""
+keep_checked(holes)
 
 _LOSE: Final = text(
     "INSERT INTO lost (node, boot, first, last) VALUES (:node, :boot, :first, :last) "

@@ -5,8 +5,8 @@ from __future__ import annotations
 import functools
 from typing import TYPE_CHECKING, Final, NamedTuple
 
-from cloud.store.digest import digest
 from cloud.store.schema import NODE_LENGTH
+from eskin.digest import digest
 from eskin.errors import IdentityError, MessageError
 from eskin.identity import IdentityKind
 from eskin.messages import BlockSummary, Peak, Summary, decode_summary

@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from sqlalchemy import BigInteger, Column, LargeBinary, Table, insert, select
+from sqlalchemy import BigInteger, Column, LargeBinary, Table, delete, insert, select
 
+from cloud.store.row_digests import keep_checked, sound
 from cloud.store.schema import NODE_LENGTH, metadata
 from cloud.store.words import Words
 
@@ -30,16 +31,18 @@ node_sites: Final = Table(
     Column("presented", BigInteger, nullable=False),
 )
 """Each node with its site; ``certificate`` (DER) is the one that ``gateway`` presented."""
+keep_checked(node_sites)
 
 
 def sites_of(connection: Connection, nodes: Iterable[str]) -> dict[str, str]:
-    """The sites of some nodes; without those whose certificate nobody presented."""
+    """The sites of some nodes; without those that no certificate told, and damaged rows."""
     asked = list(nodes)
     found: dict[str, str] = {}
-    query = select(node_sites.c.node, node_sites.c.site)
+    query = select(node_sites)
     for begin in range(0, len(asked), _MOST_ASKED):
         part = query.where(node_sites.c.node.in_(asked[begin : begin + _MOST_ASKED]))
-        found |= {row.node: row.site for row in connection.execute(part)}
+        rows = sound(connection, node_sites, connection.execute(part).mappings())
+        found |= {row["node"]: row["site"] for row in rows}
     return found
 
 
@@ -77,5 +80,6 @@ def keep_sites(
         for node, data in fresh.items()
     ]
     if rows:
+        connection.execute(delete(node_sites).where(node_sites.c.node.in_(fresh)))  # if damaged
         connection.execute(insert(node_sites), rows)
     return standing | dict.fromkeys(fresh, site)

@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final
 
 from cloud.store.block_row import BlockRow
-from cloud.store.damage import require_sound
-from cloud.store.digest import digest
+from cloud.store.damage import Head, require_sound
+from eskin.digest import digest
 from eskin.errors import StoreError
 from eskin.messages.compression import decompress
 from eskin.messages.pack import Kept, Pack, pack
@@ -46,7 +46,7 @@ def join(rows: Sequence[Mapping[str, Any]]) -> Row:
         require_sound(row)
     first = rows[0]
     data = pack([Kept(row["data"], row["cursor"], row["received"]) for row in rows])
-    return dict(first) | {
+    made = dict(first) | {
         "cursor": max(row["cursor"] for row in rows),
         "t_end": rows[-1]["t_end"],
         "error": max(row["error"] for row in rows),
@@ -58,6 +58,7 @@ def join(rows: Sequence[Mapping[str, Any]]) -> Row:
         "digest": digest(data),
         "packed": len(rows),
     }
+    return made | {"head": Head.of(made).checksum()}
 
 
 def part(row: Mapping[str, Any]) -> list[Row]:

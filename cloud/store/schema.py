@@ -11,6 +11,7 @@ from typing import Final
 from sqlalchemy import BigInteger, Column, Double, Index, Integer, LargeBinary, MetaData, Table
 
 from cloud.store.append_only import keep_append_only
+from cloud.store.row_digests import keep_checked
 from cloud.store.words import Words
 
 metadata = MetaData()
@@ -135,6 +136,7 @@ blocks = Table(
     Column("data", LargeBinary, nullable=False),
     Column("digest", LargeBinary, nullable=False),
     Column("packed", Integer),
+    Column("head", BigInteger, nullable=False),
     Index("blocks_by_cursor", "cursor"),
     # Holds all that bounds are answered from, so that no block's bytes are touched for them.
     Index(
@@ -155,7 +157,8 @@ blocks = Table(
 
 ``t`` and ``t_end`` are the first and the last sample's middle; ``t_lo`` and ``t_hi`` enclose the
 first sample's moment; ``error`` is how far a moment may lie from its middle; ``digest`` is that of
-``data`` (`cloud.store.digest`), which every reader checks.
+``data`` (`eskin.digest`), and ``head`` that of the columns (`cloud.store.damage`): every reader of
+``data`` checks both.
 """
 
 events = Table(
@@ -249,7 +252,7 @@ digests = Table(
     Column("first", BigInteger, primary_key=True, autoincrement=False),
     Column("data", LargeBinary, nullable=False),
 )
-"""Digests of stored messages, 8 bytes for each number from ``first`` on (`cloud.store.digest`)."""
+"""Digests of stored messages, 8 bytes for each number from ``first`` on (`eskin.digest`)."""
 
 dead_letters = Table(
     "dead_letters",
@@ -313,3 +316,6 @@ audit_log = Table(
 """Who did what, append only; ``digest`` chains each row to all before it."""
 
 keep_append_only(audit_log)
+
+for _table in (nodes, channels, events, commands, states, sequences, tokens, login_codes, sessions):
+    keep_checked(_table)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import BigInteger, Column, Index, LargeBinary, Table, exists, select
 
 from cloud.store.node_sites import SITE_LENGTH, node_sites
+from cloud.store.row_digests import keep_checked
 from cloud.store.schema import CHANNEL_LENGTH, NODE_LENGTH, metadata
 from cloud.store.words import Words
 
@@ -37,6 +38,8 @@ veiled = Table(
 ``t_lo`` and ``t_hi`` are whole minutes; ``subject`` is a pseudonym. Nothing else is known of them.
 """
 
+keep_checked(veiled)
+
 erased_subjects = Table(
     "erased_subjects",
     metadata,
@@ -45,6 +48,7 @@ erased_subjects = Table(
     Column("erased", BigInteger, nullable=False),
 )
 """Pseudonyms, by site, whose keys are destroyed; what is left of their data is removed in time."""
+keep_checked(erased_subjects)
 
 
 def is_of_erased() -> ColumnElement[bool]:
@@ -64,6 +68,7 @@ wearers = Table(
     Column("told", BigInteger, nullable=False),
 )
 """Which pseudonyms wore which nodes, as gateways told."""
+keep_checked(wearers)
 
 removals = Table(
     "removals",
@@ -76,3 +81,4 @@ removals = Table(
     Column("at", BigInteger, nullable=False),
 )
 """What was removed of each channel and why: how many messages, all before when, and when last."""
+keep_checked(removals)

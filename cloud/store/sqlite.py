@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Final
 from sqlalchemy import URL, Engine, create_engine, event
 from sqlalchemy.pool import QueuePool
 
+from cloud.store.row_digests import give_function
+
 if TYPE_CHECKING:
     import sqlite3
     from pathlib import Path
@@ -46,6 +48,8 @@ def _engine(path: Path, *, size: int, begin: str, query_only: bool = False) -> E
     @event.listens_for(engine, "connect")
     def connect(connection: sqlite3.Connection, _: object) -> None:
         connection.isolation_level = None  # transactions begin where we say, see below
+        give_function(connection)
+        connection.text_factory = lambda text: text.decode(errors="replace")
         for pragma in _PRAGMAS:
             connection.execute(f"PRAGMA {pragma}")
         if query_only:

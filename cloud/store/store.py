@@ -15,9 +15,11 @@ from cloud.store.faults import explain
 from cloud.store.place import Place, reading_engine, show, writing_engine
 from cloud.store.schema import feed
 from cloud.store.version import prepare, require_current
+from cloud.store.wholeness import require_whole
 from cloud.store.write_cache import WriteCache
 from cloud.store.writer import Writer
 from eskin.errors import StoreError
+from eskin.wholeness import UNREADABLE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -68,7 +70,8 @@ class Store:
                 place.parent.mkdir(parents=True, exist_ok=True)
             with self._writing.begin() as connection:
                 prepare(connection, now=clock())
-        except (OSError, SQLAlchemyError, StoreError) as error:
+                require_whole(connection)
+        except (OSError, SQLAlchemyError, StoreError, *UNREADABLE) as error:
             self._dispose()
             raise StoreError(f"{self}: the store cannot be opened: {explain(error)}") from error
         self.writer = Writer(
@@ -141,7 +144,7 @@ class Store:
             with self._reading.begin() as connection:
                 require_current(connection)
                 yield connection
-        except SQLAlchemyError as error:
+        except (SQLAlchemyError, UnicodeDecodeError) as error:
             raise StoreError(f"{self}: the store cannot be read: {explain(error)}") from error
 
     def check(self) -> None:

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import and_, or_, select, text
 
-from cloud.store.digest import DIGEST_BYTES
 from cloud.store.schema import digests
+from eskin.digest import DIGEST_BYTES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -23,7 +23,7 @@ tiles = Table(
 )
 """Chunks of tiles, packed; the tiles of a level are ``2^level`` ns wide.
 
-``digest`` is that of ``data`` (`cloud.store.digest`).
+``digest`` is that of ``data`` (`eskin.digest`).
 """
 
 stale = Table(

@@ -11,6 +11,7 @@ from cloud.store.grid import CHUNK, grain_for
 from cloud.store.news import FEED, tell
 from cloud.store.node_sites import sites_of
 from cloud.store.numbers import StoredNumbers
+from cloud.store.row_digests import without_digest
 from cloud.store.schema import channels, feed, nodes, sequences
 from cloud.store.statements import ADD, CHANGE, REMOVE, placed
 from cloud.store.stored_digests import StoredDigests
@@ -148,7 +149,7 @@ class WriteCache:
         for part in _parts(unknown):
             query = select(table).where(tuple_(*columns).in_(part))
             for row in connection.execute(query).mappings():
-                rows[tuple(row[column.name] for column in columns)] = dict(row)
+                rows[tuple(row[column.name] for column in columns)] = without_digest(row)
 
     def _prepare_counts(self, connection: Connection, places: Iterable[tuple[str, str]]) -> None:
         known = self._rows[channels]
@@ -190,7 +191,7 @@ class WriteCache:
             for column, value in zip(table.primary_key.columns, key, strict=True):
                 query = query.where(column == value)
             found = connection.execute(query).mappings().one_or_none()
-            rows[key] = None if found is None else dict(found)
+            rows[key] = None if found is None else without_digest(found)
         return rows[key]
 
     def count_channels(self, connection: Connection, node: str) -> int:

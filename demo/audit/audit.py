@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 from sqlalchemy import func, select
 
-from cloud.store.damage import DamagedRowError, collected
+from cloud.store.damage import DamagedRowError, Head, collected
 from cloud.store.packs import bytes_of
 from cloud.store.place import Place, reading_engine
 from cloud.store.schema import blocks as table
@@ -32,7 +32,7 @@ _COLUMNS: Final = [
     table.c[name]
     for name in ("channel", "t", "t_end", "t_lo", "t_hi", "dt", "n", "lo", "hi", "coverage")
 ]
-_ROW: Final = [table.c[name] for name in ("node", "boot", "sequence", "packed", "data", "digest")]
+_ROW: Final = [table.c[name] for name in ("data", "head", *Head._fields)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +156,7 @@ def _pages(connection: Connection, node: str) -> Iterator[list[tuple[Block, bool
     last = Position(-1, -1)
     while True:
         query = (
-            select(*_ROW, *_COLUMNS)
+            select(*_ROW)
             .where(table.c.node == node)
             .where(
                 (table.c.boot > last.boot)

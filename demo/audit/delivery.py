@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any, Final
 
 from sqlalchemy import select
 
-from cloud.store.damage import DamagedRow, is_sound, note_damaged
-from cloud.store.digest import digest
+from cloud.store.damage import DamagedRow, Head, is_sound, note_damaged
 from cloud.store.removal import Reason
 from cloud.store.schema import blocks, events, sequences
 from cloud.store.sealed import removals
 from cloud.store.stored_digests import find_digest
 from demo.audit.sealed import sealed_positions
+from eskin.digest import digest
 from eskin.errors import AuditError
 from eskin.messages import Gap, Position, decode_message
 from eskin.messages.fields import MOST_COUNT
@@ -221,10 +221,10 @@ def _stored(node: str, connection: Connection) -> Sightings:
     query = select(b.boot, b.sequence).where(b.node == node, b.packed.is_(None))
     rows = connection.execute(query.order_by(b.boot, b.sequence))
     found = Sightings((row[0], row[1]) for row in rows)
-    packs = select(b.data, b.digest, b.node, b.boot, b.sequence, b.packed)
+    packs = select(b.data, b.head, *(b[name] for name in Head._fields))
     packs = packs.where(b.node == node, b.packed.is_not(None))
-    for data, own, *place in connection.execute(packs):
-        if not is_sound(data, own, DamagedRow(*place)):
+    for data, own, *head in connection.execute(packs):
+        if not is_sound(data, Head(*head), own):
             continue
         pack = Pack.read(data)
         for sequence in pack.column("sequence").tolist():

@@ -17,7 +17,16 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import common_name, issuer_kind, pem, site_of, thumbprint
+from eskin.identity.certificates import (
+    UNREADABLE,
+    common_name,
+    der,
+    issuer_kind,
+    pem,
+    read_certificate,
+    site_of,
+    thumbprint,
+)
 from eskin.ownership import create, make_folder
 
 if TYPE_CHECKING:
@@ -129,14 +138,14 @@ def load_certificates(path: Path) -> tuple[x509.Certificate, ...]:
     """
     try:
         return _certificates(path.read_bytes())
-    except (OSError, ValueError) as error:
+    except (OSError, IdentityError, *UNREADABLE) as error:
         raise IdentityError(f"{path}: no certificate can be read: {error}") from error
 
 
 @functools.lru_cache(16)
 def _certificates(data: bytes) -> tuple[x509.Certificate, ...]:
     """Read once what many identities have in common, as a fleet's have their roots."""
-    return tuple(x509.load_pem_x509_certificates(data))
+    return tuple(read_certificate(der(one)) for one in x509.load_pem_x509_certificates(data))
 
 
 def load_key(path: Path) -> ec.EllipticCurvePrivateKey:
@@ -149,7 +158,7 @@ def load_key(path: Path) -> ec.EllipticCurvePrivateKey:
         if path.stat().st_mode & 0o077:
             raise IdentityError(f"{path}: others may read this private key; chmod 600 it")
         key = serialization.load_pem_private_key(path.read_bytes(), password=None)
-    except (OSError, ValueError, TypeError) as error:
+    except (OSError, *UNREADABLE) as error:
         raise IdentityError(f"{path}: no private key can be read: {error}") from error
     if not isinstance(key, ec.EllipticCurvePrivateKey) or not isinstance(key.curve, ec.SECP256R1):
         raise IdentityError(f"{path}: the key is not on the curve P-256")

@@ -9,6 +9,7 @@ from datetime import datetime
 from threading import Lock
 from typing import TYPE_CHECKING
 
+from eskin.digest import with_check, without_check
 from eskin.errors import AuthorityError
 from eskin.identity.lines import append_lines, whole_lines
 
@@ -85,7 +86,7 @@ class Ledger:
         Raises:
             OSError: They cannot be written.
         """
-        append_lines(self._path, "".join(json.dumps(asdict(entry)) + "\n" for entry in entries))
+        append_lines(self._path, "".join(map(_line, entries)))
 
     def entries(self) -> list[Issued]:
         """The latest word on each certificate, in order of issue."""
@@ -151,12 +152,12 @@ class Ledger:
     def _take(self, line: bytes) -> None:
         number = self._lines + 1
         try:
-            entry = Issued(**json.loads(line))
+            entry = Issued(**without_check(json.loads(line)))
             revoked = entry.revoked and datetime.fromisoformat(entry.revoked)
         except (ValueError, TypeError) as error:
             raise AuthorityError(
                 f"{self._path}: line {number} is damaged: {error}; bring the file back from a "
-                "backup, or put that line right by hand: nothing is issued or revoked until then"
+                "backup: nothing is issued or revoked until then"
             ) from error
         self._read, self._lines = self._read + len(line), number
         self._latest[entry.serial] = entry
@@ -166,3 +167,7 @@ class Ledger:
         self._revocations[entry.name] = Revocation(number, revoked)
         if entry.key:
             self._revoked_keys.add(entry.key)
+
+
+def _line(entry: Issued) -> str:
+    return json.dumps(with_check(asdict(entry))) + "\n"

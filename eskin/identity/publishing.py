@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 from cryptography import x509
 
 from eskin.errors import IdentityError
-from eskin.identity.certificates import pem
-from eskin.identity.identity import load_certificates, write_whole
+from eskin.identity.certificates import UNREADABLE, pem
+from eskin.identity.identity import write_whole
 from eskin.identity.issuer import LIST_LIFETIME, issuing_certificates, load_issuers
-from eskin.identity.revocations import number_of, revoked_certificates
+from eskin.identity.revocations import number_of, read_lists, revoked_certificates
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,9 +100,10 @@ class RevocationLists:
         """Whether the issuing CAs that stand, and no others, have signed the list."""
         issuers = set(issuing_certificates(self._directory, kind))
         try:
-            return set(load_certificates(self.file(kind))) == issuers
-        except IdentityError:
+            lists = read_lists(self.file(kind).read_bytes(), {}, lambda _: None)
+        except (OSError, IdentityError):
             return False
+        return {each.issuer for each in lists.values()} == issuers
 
     def _next_number(self, kind: IdentityKind) -> int:
         standing, now = self._standing(kind), _second(datetime.now(UTC))
@@ -116,15 +117,17 @@ class RevocationLists:
         """Whom the list that stands revokes, by serial number; nobody where it cannot be read."""
         try:
             return revoked_certificates(self.file(kind).read_bytes())
-        except (OSError, ValueError):
+        except (OSError, *UNREADABLE):
             return {}
 
     def _standing(self, kind: IdentityKind) -> x509.CertificateRevocationList | None:
         """The list that stands; one that cannot be read is as good as none."""
         try:
-            return x509.load_pem_x509_crl(self.file(kind).read_bytes())
-        except (OSError, ValueError):
+            standing = x509.load_pem_x509_crl(self.file(kind).read_bytes())
+            _ = number_of(standing), standing.next_update_utc  # parsed when asked for, no sooner
+        except (OSError, *UNREADABLE):
             return None
+        return standing
 
 
 def _second(moment: datetime) -> int:

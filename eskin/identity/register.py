@@ -81,11 +81,15 @@ class Register:
         """
         if all(entry.name != name for entry in self.entries()):
             return None
+        path = self._issued / f"{name}.pem"
         try:
-            chain = load_certificates(self._issued / f"{name}.pem")
-        except IdentityError:
+            chain = load_certificates(path)
+        except IdentityError as error:
+            log.warning("the latest certificate of %s is not at hand: %s", name, error)
             return None
         entry = self._ledger.entry(_serial(chain[0]))
+        if entry is None:
+            log.warning("%s: the ledger does not know this certificate", path)
         return None if entry is None or entry.revoked is not None else chain
 
     def is_revoked(self, certificate: x509.Certificate) -> bool:

@@ -16,6 +16,7 @@ from contextlib import suppress
 from threading import Lock
 from typing import TYPE_CHECKING, Final
 
+from eskin.digest import with_check, without_check
 from eskin.errors import KeyConflictError, NoKeyError, PrivacyError
 from eskin.privacy.files import destroy, make_folder, partials, read_private, write_private
 from eskin.privacy.master import wrapped_key
@@ -200,7 +201,7 @@ class Vault:
         if not path.exists():
             return None
         try:
-            said = json.loads(read_private(path))
+            said = without_check(json.loads(read_private(path)))
             return Tombstone(pseudonym, said["erased"], said["confirmed"])
         except (ValueError, TypeError, KeyError) as error:
             raise PrivacyError(f"{path}: is no record of an erasure") from error
@@ -249,7 +250,7 @@ class Vault:
         return grave
 
     def _bury(self, grave: Tombstone) -> None:
-        said = {"erased": grave.erased, "confirmed": grave.confirmed}
+        said = with_check({"erased": grave.erased, "confirmed": grave.confirmed})
         write_private(self._graves / grave.pseudonym, json.dumps(said).encode())
 
     def _write(self, subject: Subject) -> None:

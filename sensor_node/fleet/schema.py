@@ -43,6 +43,7 @@ SCHEMA: Final = (
         member INTEGER NOT NULL,
         boot INTEGER NOT NULL,
         last INTEGER NOT NULL,
+        digest INTEGER NOT NULL,
         PRIMARY KEY (member, boot)
     ) STRICT, WITHOUT ROWID""",
     PROOF,

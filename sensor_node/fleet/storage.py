@@ -14,7 +14,7 @@ from eskin.errors import FlashError, LockedError
 from eskin.lockfile import LockFile
 from eskin.wholeness import UNREADABLE, require_whole, why
 from sensor_node.cipher import Cipher
-from sensor_node.flash import MOST_ENDED
+from sensor_node.flash import MOST_ENDED, end, sound_ends
 from sensor_node.fleet.schema import RECORDS, SCHEMA, SEAL, teach
 from sensor_node.migration import connect, migrate
 from sensor_node.proof import require_key
@@ -256,18 +256,16 @@ class Partition:
                 (gaps - self._unreadable, self._member),
             )
             self._storage.db.execute(
-                "INSERT OR REPLACE INTO ended VALUES (?, ?, ?)", (self._member, self.boot, last)
+                "INSERT OR REPLACE INTO ended VALUES (?, ?, ?, ?)",
+                (self._member, *end(self.boot, last)),
             )
 
     def ended(self) -> list[Position]:
         """The latest former boots that kept a message, and the last number of each, in order."""
         rows = self._storage.query(
-            "SELECT boot, last FROM ended WHERE member = ? AND boot < ? ORDER BY boot DESC LIMIT ?",
-            self._member,
-            self.boot,
-            MOST_ENDED,
+            "SELECT boot, last, digest FROM ended WHERE member = ? ORDER BY boot", self._member
         )
-        return [(boot, last) for boot, last in reversed(rows)]
+        return sound_ends(rows, self._storage.path, before=self.boot)
 
     def answer(self) -> bytes | None:
         """The last result, also after it was acknowledged."""

@@ -28,8 +28,9 @@ def clock() -> Clock:
 
 
 ALONE: Final = {f"tests.cloud.test_{room}" for room in (
-    "access", "chore", "client", "compared", "description", "gatekeeper", "http", "limits",
-    "odd_requests", "onlookers", "pyramid_rates", "subject_export", "withheld",
+    "access", "chore", "client", "compared", "damaged_rows", "description",
+    "gatekeeper", "http", "limits", "odd_requests", "onlookers", "pyramid_rates", "subject_export",
+    "withheld",
 )}  # fmt: skip
 """Asked of a cloud on SQLite alone: how it is asked and answers, and what others ask of both."""
 

@@ -13,10 +13,10 @@ from cloud.live.feed import read_entries
 from cloud.pyramid.building import build
 from cloud.query.window import Window
 from cloud.store import Store
-from cloud.store.digest import digest
 from cloud.store.item import Item
 from cloud.store.packs import bytes_of
 from cloud.store.schema import blocks, channels
+from eskin.digest import digest
 from eskin.messages import Encoding
 from eskin.messages.compression import is_compressed
 from tests.cloud.clouds import put_items

@@ -13,7 +13,9 @@ from hypothesis import strategies as st
 
 from cloud.pyramid.blocks import Buckets, decode, fold
 from cloud.query.window import Window
-from cloud.store.digest import digest
+from cloud.store.block_row import BlockRow
+from cloud.store.damage import Head
+from eskin.digest import digest
 from eskin.messages import Block, Encoding
 from eskin.messages.stored import read_bounds
 from tests.cloud.messages import START, block
@@ -43,10 +45,11 @@ def rows(said: list[Block]) -> list[tuple[Any, ...]]:
     return [
         (
             *(each.first_moment, each.dt, len(each), each.time_error, each.coverage, data),
-            *(digest(data), "node", one.position.boot, one.position.sequence, None),
+            *(head["head"], *Head.of(head)),
         )
         for one in said
         for each, data in [(one.tube, one.encode())]
+        for head in [BlockRow.of("node", one.summary, data, digest(data), 0, 0)._asdict()]
     ]
 
 

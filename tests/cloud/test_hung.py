@@ -11,9 +11,9 @@ from sqlalchemy import func, select
 from cloud.store import Store
 from cloud.store.block_row import BlockRow
 from cloud.store.bulk import inserts
-from cloud.store.digest import digest
 from cloud.store.hung import end_hung_writer
 from cloud.store.schema import blocks
+from eskin.digest import digest
 from eskin.errors import StoreError
 from eskin.messages import BlockSummary, decode_summary
 from tests.cloud.clouds import put

@@ -27,7 +27,7 @@ from cloud.store.packing import find_packable, pack_some
 from cloud.store.removal import Reason, Sweep, remove
 from cloud.store.schema import blocks, metadata
 from eskin.errors import StoreError
-from eskin.messages import Encoding
+from eskin.messages import Block, Encoding
 from tests.cloud.clouds import put, standing
 from tests.cloud.messages import CHANNEL, DT, NODE, START, block
 
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from cloud.state import Cloud
-    from eskin.messages import Block
     from tests.identities import Identities
 
 PLACE = NODE, CHANNEL
@@ -78,7 +77,12 @@ def exported(store: Store, window: Window, after: Mark | None, limit: int) -> li
     while True:
         export = Export([Source(channel, store.read)], window, after)
         after = export.find_end(limit)
-        found += [each.encode() for part in export.read(after) for each in part.blocks]
+        found += [
+            each.encode()
+            for part in export.read(after)
+            for each in part.blocks
+            if isinstance(each, Block)
+        ]
         if after is None:
             return found
 

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sqlalchemy import event, select, update
 
 from cloud.store import Store
-from cloud.store.digest import digest
+from cloud.store.damage import Head
 from cloud.store.item import Item
 from cloud.store.presence import give_up
 from cloud.store.schema import (
@@ -26,6 +26,7 @@ from cloud.store.schema import (
     sequences,
 )
 from cloud.store.tiles import stale
+from eskin.digest import digest
 from eskin.messages import ResetCause
 from eskin.moment import SECOND
 from eskin.sequences import SequenceRanges
@@ -75,6 +76,7 @@ def test_blocks_are_kept_byte_for_byte(store: Store) -> None:
         "data": said.encode(),
         "digest": digest(said.encode()),
         "packed": None,
+        "head": Head.of(row).checksum(),
     }
 
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from authority.uses import Uses
+from eskin.digest import with_check
 from eskin.errors import IdentityError
 from eskin.identity import Authority, IdentityKind, new_key
 from eskin.identity.ledger import Issued, Ledger
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 NODE = IdentityKind.NODE
 PALM = Issued("a1", "node", "palm", "2030-01-01T00:00:00+00:00", key="k1")
 SOLE = Issued("b2", "node", "sole", "2030-01-01T00:00:00+00:00", key="k2")
-LINE = json.dumps(asdict(SOLE)) + "\n"
+LINE = json.dumps(with_check(asdict(SOLE))) + "\n"
 
 
 @pytest.mark.parametrize("left", [1, 40, len(LINE) - 1])
@@ -46,7 +47,11 @@ def test_end_of_what_is_whole_is_found_however_long_the_rest(tmp_path: Path, who
     assert path.read_text() == whole + "c\n"
 
 
-@pytest.mark.parametrize("damage", ["{}", "[]", LINE[:40], LINE[:40] + LINE[:-1], "\0" * 9])
+@pytest.mark.parametrize(
+    "damage",
+    ["{}", "[]", LINE[:40], LINE[:40] + LINE[:-1], "\0" * 9, LINE[:-1].replace("b2", "b3"),
+     LINE[:-1].replace("k2", "k3"), LINE[:-1].replace("null", "0")],
+)  # fmt: skip
 def test_damaged_line_is_told_with_place_and_remedy(tmp_path: Path, damage: str) -> None:
     authority = Authority.open(tmp_path)
     authority.issue(NODE, "palm", new_key().public_key(), site=SITE)

@@ -8,6 +8,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -275,3 +276,43 @@ def test_second_gateway_on_one_spool_is_refused(tmp_path: Path, spool: Spool) ->
         opened(tmp_path)
     spool.close()
     opened(tmp_path).close()
+
+
+def damage(folder: Path, change: str) -> None:
+    """Change the file behind the gateway's back."""
+    with closing(sqlite3.connect(folder / "spool.db")) as db, db:
+        db.execute(change)
+
+
+@pytest.mark.parametrize(
+    "change", ["body = x'6f6e66'", "node = 'o'", "received = 7", "boot = 3", "sequence = 8"]
+)
+def test_damaged_message_becomes_a_dead_letter_and_others_go_on(
+    tmp_path: Path, change: str
+) -> None:
+    spool = opened(tmp_path)
+    spool.commit(Batch([Entry("n", 5, b"one", 1, 9), Entry("n", 6, b"two", 1, 10)]))
+    spool.close()
+    damage(tmp_path, f"UPDATE messages SET {change} WHERE id = 1")  # noqa: S608 - ours
+    spool = opened(tmp_path)
+    assert [message.body for message in spool.take(1, 1000) or spool.take(1, 1000)] == [b"two"]
+    (letter,) = spool.dead_letters()
+    assert "damaged" in letter.reason
+    assert (spool.statistics.messages, spool.statistics.dead_letters) == (1, 1)
+    spool.close()
+
+
+def test_damaged_record_of_a_node_is_forgotten(tmp_path: Path) -> None:
+    spool = opened(tmp_path)
+    record = NodeRecord(held=Position(1, 3))
+    record.add(Position(1, 7))
+    spool.commit(Batch(nodes={"n": record}))
+    spool.close()
+    damage(tmp_path, "UPDATE nodes SET held_sequence = 99")
+    spool = opened(tmp_path)
+    assert spool.node("n") is None
+    spool.commit(Batch(nodes={"n": record}))
+    again = spool.node("n")
+    assert again is not None
+    assert again.held == record.held
+    spool.close()

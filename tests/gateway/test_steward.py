@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from eskin.digest import with_check
 from eskin.errors import CloudError, NoKeyError, PrivacyError
 from eskin.privacy import FileMaster, Vault
 from gateway import steward as room
@@ -187,10 +189,10 @@ def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None
     assert steward.pending == 0
 
 
-@pytest.mark.parametrize("history", ["[]", '[[5, "somebody"]]'])
-def test_history_without_a_beginning_is_told_as_such(site: Site, history: str) -> None:
+@pytest.mark.parametrize("history", [[], [[5, "somebody"]]])
+def test_history_without_a_beginning_is_told_as_such(site: Site, history: list[Any]) -> None:
     site.assignments.assign(NODE, site.vault.create("Ada"), since=1)
-    (site.vault.directory / "nodes" / NODE).write_text(history)
+    (site.vault.directory / "nodes" / NODE).write_text(json.dumps(with_check({"worn": history})))
     assignments = Assignments(site.vault)
     for ask in (assignments.worn, assignments.wearers, lambda: assignments.subject(NODE, 3)):
         with pytest.raises(PrivacyError, match="from the beginning"):

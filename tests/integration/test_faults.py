@@ -12,6 +12,7 @@ import httpx
 import psutil
 import pytest
 
+from cloud.store.damage import Head
 from tests.demos import RunningDemo
 from tests.processes import ESKIN, wait_until
 
@@ -104,7 +105,13 @@ def test_audit_sees_a_store_that_was_tampered_with(data: Path) -> None:
     audit = [ESKIN, "audit", "--data", str(data)]
     assert subprocess.run(audit, capture_output=True, timeout=300, check=False).returncode == 0
     with closing(sqlite3.connect(data / "cloud" / "store.sqlite")) as db:
-        db.execute("UPDATE blocks SET lo = lo * 1.01 WHERE node = 'palm' AND sequence < 50")
+        db.row_factory = sqlite3.Row
+        for row in db.execute(
+            "SELECT * FROM blocks WHERE node = 'palm' AND sequence < 50"
+        ).fetchall():
+            moved = dict(row) | {"lo": row["lo"] * 1.01}
+            said = moved["lo"], Head.of(moved).checksum(), row["cursor"]
+            db.execute("UPDATE blocks SET lo = ?, head = ? WHERE cursor = ?", said)
         db.commit()
     done = subprocess.run(audit, capture_output=True, text=True, timeout=300, check=False)
     assert done.returncode == 1

@@ -28,8 +28,10 @@ EVENT = PeakEvent(CERTAIN, Span(0, 0.0, 1.0))
 class Store:
     """An outbox on a flash."""
 
-    def __init__(self, path: Path, capacity: int = ROOM, *, key: bytes = KEY) -> None:
-        self.flash = open_flash(path, key=key)
+    def __init__(
+        self, path: Path, capacity: int = ROOM, *, key: bytes = KEY, epoch: int = 1
+    ) -> None:
+        self.flash = open_flash(path, key=key, epoch=epoch)
         broker = BrokerSection(window=10_000)
         self.outbox = build_outbox(self.flash, capacity=capacity, broker=broker)
 

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -12,7 +13,7 @@ from eskin.sequences import SequenceRanges
 from sensor_node.firmware.losses import MOST_SPANS
 from sensor_node.firmware.reasons import FAILED, FULL, OVERRUN, TEXTS
 from tests.sensor_node.designs import waiting
-from tests.sensor_node.flashes import open_flash
+from tests.sensor_node.flashes import change, open_flash
 from tests.sensor_node.stores import Store, plain
 
 if TYPE_CHECKING:
@@ -283,3 +284,14 @@ def test_second_node_on_one_flash_is_refused(path: Path) -> None:
         open_flash(path)
     first.close()
     open_flash(path).close()
+
+
+def test_damaged_last_number_of_a_boot_is_told_to_nobody(tmp_path: Path) -> None:
+    path = tmp_path / "flash.sqlite"
+    for epoch in (10, 20):
+        store = Store(path, epoch=epoch)
+        store.fill(2)
+        store.flash.close()
+    change(path, "UPDATE ended SET last = last + 4 WHERE boot = 10")
+    with closing(open_flash(path, epoch=30)) as flash:
+        assert flash.ended() == [(20, 1)]

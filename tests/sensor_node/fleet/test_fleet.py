@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from cloud.store.digest import digest
+from cloud.store.damage import Head
 from demo.audit import audit
 from demo.layout import Layout
+from eskin.digest import digest
 from eskin.errors import SettingsError
 from eskin.identity import numbered
 from eskin.interval import Interval
@@ -69,15 +70,17 @@ def shift(stack: RealStack, node: str) -> None:
     """Move one stored interval of a node past all that was true."""
     with closing(sqlite3.connect(stack.store, timeout=60)) as db, db:
         where = "WHERE node = ? AND channel = 't01.capacitance' LIMIT 1"
-        row = db.execute(f"SELECT rowid, data FROM blocks {where}", (node,)).fetchone()  # noqa: S608
-        block = Block.decode(bytes(row[1]))
+        db.row_factory = sqlite3.Row
+        row = dict(db.execute(f"SELECT * FROM blocks {where}", (node,)).fetchone())  # noqa: S608
+        block = Block.decode(bytes(row["data"]))
         tube = block.tube
         lo, hi = tube.values.inf.copy(), tube.values.sup.copy()
         lo[7] = hi[7] = np.max(hi)
         moved = Tube(tube.time, tube.dt, Interval(lo, hi), tube.unit, tube.coverage)
         data = Block.pack(block.position, block.channel, block.ticks, moved, Encoding.F64)
-        moved_row = data.encode(), digest(data.encode()), row[0]
-        db.execute("UPDATE blocks SET data = ?, digest = ? WHERE rowid = ?", moved_row)
+        row["digest"] = digest(data.encode())
+        moved_row = data.encode(), row["digest"], Head.of(row).checksum(), row["cursor"]
+        db.execute("UPDATE blocks SET data = ?, digest = ?, head = ? WHERE cursor = ?", moved_row)
 
 
 def blocks_of(stack: RealStack) -> dict[str, int]:
