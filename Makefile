@@ -20,15 +20,15 @@ ON_ONE_LINE := | awk '{ gsub(/[^ -~]/, ""); printf "\r\033[K  %.100s", $$0; fflu
 DASHBOARD := cloud/dashboard
 DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2>/dev/null) \
 	$(DASHBOARD)/index.html $(DASHBOARD)/package.json $(DASHBOARD)/package-lock.json
-DASHBOARD_BUILT := $(DASHBOARD)/dist/index.html
+DASHBOARD_BUILT := cloud/eskin_cloud/dashboard/index.html
 
 # MicroPython, on which the tests run the firmware as it stands.
-MICROPYTHON := tests/micropython
+MICROPYTHON := tests/contract/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
 # Home Assistant, in an environment of its own: the tests ask it what it makes of our announcements.
 HOME_ASSISTANT := $(VENV)/homeassistant
-HOME_ASSISTANT_NEEDS := tests/gateway/homeassistant/requirements.txt
+HOME_ASSISTANT_NEEDS := tests/unit/gateway/homeassistant/requirements.txt
 
 # thingsboard-gateway, in an environment of its own: `make bench` measures the gateway beside it.
 THINGSBOARD := $(VENV)/thingsboard
@@ -48,7 +48,7 @@ test: $(VENV)/.development $(DASHBOARD_BUILT) $(MICROPYTHON_INSTALLED) $(HOME_AS
 
 test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real container engine and check it (root)
 	@services/install_test_packages.sh docker.io docker-compose debootstrap
-	$(BIN)/pytest tests/compose -m compose --timeout 1800 $(ARGS)
+	$(BIN)/pytest tests/system/compose -m compose --timeout 1800 $(ARGS)
 
 lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules
 	$(BIN)/ruff format --check .
@@ -67,14 +67,14 @@ soak: $(VENV)/.development ## Watch the real stack's memory under a steady load 
 
 chaos: $(VENV)/.development ## Put the real stack under a seeded plan of faults (root; ARGS="--duration 120 --seed 1 --store postgresql")
 	@services/install_test_packages.sh mosquitto iproute2 iptables gcc libc6-dev postgresql
-	$(BIN)/python -m tests.chaos $(ARGS)
+	$(BIN)/python -m tests.robustness.chaos $(ARGS)
 
 powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any byte (ARGS="--images 500 --seed 1")
 	@services/install_test_packages.sh gcc libc6-dev
-	$(BIN)/python -m tests.powercut $(ARGS)
+	$(BIN)/python -m tests.robustness.powercut $(ARGS)
 
 fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every way in (ARGS="--inputs 100000 --target wire")
-	$(BIN)/python -m tests.fuzz $(ARGS)
+	$(BIN)/python -m tests.robustness.fuzz $(ARGS)
 
 nightly: $(VENV)/.development ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
 	$(BIN)/python -m tests.nightly $(ARGS)
@@ -90,7 +90,7 @@ lock: ## Write requirements.lock anew: all libraries with their files' hashes (A
 
 docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
 	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
-		eskin '!eskin.command' '!eskin.kernels' $(ARGS)
+		eskin '!eskin.cli' '!eskin.kernels' $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 
@@ -102,7 +102,7 @@ system: ## Install the Debian packages that the tests need
 	@services/install_test_packages.sh mosquitto mosquitto-clients chromium gcc libc6-dev postgresql softhsm2 prometheus
 
 clean: ## Remove what was built (data folders stay)
-	rm -rf $(VENV) build $(DASHBOARD)/dist $(DASHBOARD)/node_modules
+	rm -rf $(VENV) build $(dir $(DASHBOARD_BUILT)) $(DASHBOARD)/node_modules
 
 $(VENV)/bin/pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
@@ -112,7 +112,7 @@ $(VENV)/bin/pip:
 
 $(VENV)/.runtime: pyproject.toml requirements.lock | $(VENV)/bin/pip
 	@echo "Installing eskin and what it needs …"
-	@services/install.sh $(VENV) figures $(ON_ONE_LINE)
+	@services/install.sh $(VENV) stack figures $(ON_ONE_LINE)
 	@touch $@
 
 $(VENV)/.development: pyproject.toml requirements.lock | $(VENV)/bin/pip

@@ -24,7 +24,7 @@ from benchmarks.pyramid import measure_pyramid
 from benchmarks.report import Row, as_table, write_json
 from benchmarks.storage import measure_storage
 from benchmarks.viewers import measure_viewers
-from tests.processes import unwound_by_signals
+from tests.support.processes import unwound_by_signals
 
 
 def main() -> None:

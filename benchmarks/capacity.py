@@ -26,12 +26,12 @@ from rich.table import Table
 
 from benchmarks.said import say
 from eskin.identity import client_context
-from eskin.messages import Encoding
-from tests.cloud.clouds import named_in
-from tests.cloud.service import Service
-from tests.identities import Identities
-from tests.postgresql import Cluster
-from tests.stores import ask_store
+from eskin.wire.messages import Encoding
+from tests.support.identities import Identities
+from tests.support.postgresql import Cluster
+from tests.support.stores import ask_store
+from tests.unit.cloud.clouds import named_in
+from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,13 +14,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from eskin_cloud.service import DASHBOARD
 from playwright.sync_api import sync_playwright
 
 from benchmarks.report import Row, at_most
 from benchmarks.stage import LIVE, Stage
-from cloud.service import DASHBOARD
-from tests.cloud.messages import CHANNEL, NODE, START
-from tests.dashboard.browsing import CHART, Visit, history, launch, visiting
+from tests.unit.cloud.messages import CHANNEL, NODE, START
+from tests.unit.dashboard.browsing import CHART, Visit, history, launch, visiting
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

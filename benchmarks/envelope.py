@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.report import Row
-from eskin.envelope import Opener, Sealer
 from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Position, decode_message
 from eskin.tube import Tube
-from tests.identities import Identities
+from eskin.wire.envelope import Opener, Sealer
+from eskin.wire.messages import Block, Encoding, Position, decode_message
+from tests.support.identities import Identities
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -23,15 +23,15 @@ from benchmarks.pipeline import cpu_seconds
 from benchmarks.relay import NAME
 from eskin.identity import Identity, IdentityKind, client_context
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, ROOT_FILE
-from eskin.topics import Stream, node_topic
-from tests.brokers import mosquitto
-from tests.processes import Running, accepts, free_port, wait_until
+from eskin.wire.topics import Stream, node_topic
+from tests.support.brokers import mosquitto
+from tests.support.processes import Running, accepts, free_port, wait_until
 
 if TYPE_CHECKING:
     from types import TracebackType
 
     from benchmarks.flood import Flood
-    from tests.stacks import RealStack
+    from tests.support.stacks import RealStack
 
 THINGSBOARD: Final = Path(sys.prefix) / "thingsboard" / "bin" / "thingsboard-gateway"
 FAR_PEERS: Final[dict[str, dict[str, object] | None]] = {

@@ -7,21 +7,21 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Final
 
 import psutil
+from eskin_sensor_node.fleet.cohort import Cohort
+from eskin_sensor_node.fleet.roster import Roster, RosterEntry
+from eskin_sensor_node.profile import Profile
+from eskin_sensor_node.settings import NodeSettings
 
 from benchmarks.pipeline import cpu_seconds
 from benchmarks.report import Row
-from sensor_node.fleet.cohort import Cohort
-from sensor_node.fleet.roster import Roster, RosterEntry
-from sensor_node.profile import Profile
-from sensor_node.settings import NodeSettings
-from tests.fleets import RunningFleet, enrol
-from tests.stacks import RealStack
+from tests.support.fleets import RunningFleet, enrol
+from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from tests.processes import Running
+    from tests.support.processes import Running
 
 _SAMPLING_HZ: Final = 128.0
 """A frame of 250 samples each 1.95 s, two channels: a little more than a block a second."""

@@ -10,13 +10,13 @@ import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from benchmarks.loader import sample_block
-from eskin.envelope import Opener, Sealer
 from eskin.identity import Identity, client_context
 from eskin.identity.identity import ROOT_FILE
-from eskin.messages import Acknowledgement, ChannelInfo, Position, Status
-from eskin.sequences import SequenceRanges
-from eskin.topics import Stream, node_topic
-from tests.processes import wait_until
+from eskin.wire.envelope import Opener, Sealer
+from eskin.wire.messages import Acknowledgement, ChannelInfo, Position, Status
+from eskin.wire.sequence_set import SequenceRanges
+from eskin.wire.topics import Stream, node_topic
+from tests.support.processes import wait_until
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

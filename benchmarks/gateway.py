@@ -26,8 +26,8 @@ from benchmarks.pipeline import cpu_seconds, resident_bytes
 from benchmarks.relay import NAME
 from benchmarks.report import Row
 from eskin.identity import IdentityKind
-from tests.processes import Running, wait_until
-from tests.stacks import RealStack
+from tests.support.processes import Running, wait_until
+from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
     from collections.abc import Callable

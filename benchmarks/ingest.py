@@ -13,6 +13,9 @@ from statistics import median
 from typing import TYPE_CHECKING, Any, Final, Protocol
 
 import cbor2
+from eskin_cloud.store import Store
+from eskin_cloud.store.write.ingest import ingest
+from eskin_cloud.store.write.parsed_message import ParsedMessage
 
 from benchmarks.report import Row
 from benchmarks.row_stores import (
@@ -25,24 +28,21 @@ from benchmarks.row_stores import (
     SQLiteRows,
 )
 from benchmarks.said import SAMPLES, say
-from cloud.store import Store
-from cloud.store.intake import take_in
-from cloud.store.item import Item
-from eskin.memory import settle
-from eskin.messages import Encoding
-from tests.cloud.messages import START
-from tests.cloud.service import Service
-from tests.identities import Identities
-from tests.postgresql import Cluster
+from eskin.runtime.memory import freeze_gc
+from eskin.wire.messages import Encoding
+from tests.support.identities import Identities
+from tests.support.postgresql import Cluster
+from tests.unit.cloud.messages import START
+from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
     import httpx
+    from eskin_cloud.store.location import Place
 
     from benchmarks.said import Said
-    from cloud.store.place import Place
 
 _BATCH: Final = 500
 _ROUNDS: Final = 3
@@ -90,8 +90,8 @@ class Stored:
         store = self._store
 
         def keep(batch: Said) -> Callable[[Any], object]:
-            items = Item.read_all(batch)
-            return lambda connection: take_in(
+            items = ParsedMessage.read_all(batch)
+            return lambda connection: ingest(
                 connection, store.cache, items, gateway="g", now=START, dead_letters=1
             )
 
@@ -188,7 +188,7 @@ def _take_turns(
             peer.prepare(number * peer.samples)
             rates.append(_rate(peer.store, peer.samples))
         if number == 0:
-            settle()
+            freeze_gc()
     return [median(rates[1:]) for rates in ours], [median(rates[1:]) for rates in theirs]
 
 

@@ -13,8 +13,8 @@ import httpx
 import numpy as np
 
 from benchmarks.report import Row
-from eskin.moment import parse_moment
-from tests.demos import RunningDemo
+from eskin.wire.timestamp import parse_timestamp
+from tests.support.demos import RunningDemo
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,11 +30,11 @@ def measure_latency(data: Path, *, seconds: float) -> list[Row]:
     with RunningDemo(data, watched=True) as demo:
         demo.wait_for_more(_NODES)
         begin = time.time_ns()
-        arrivals = _listen(demo, seconds)
+        received_messages = _listen(demo, seconds)
         stored = _stored(data, begin)
     return [
         *_rows("sample to stored", stored),
-        *_rows("sample to event stream", arrivals),
+        *_rows("sample to event stream", received_messages),
     ]
 
 
@@ -53,12 +53,12 @@ def _listen(demo: RunningDemo, seconds: float) -> NDArray[np.int64]:
             if line.startswith("event:"):
                 event = line[6:].strip()
             elif line.startswith("data:") and event == "block":
-                arrival = time.time_ns()
+                received_message = time.time_ns()
                 block = json.loads(line[5:])
-                first = parse_moment(block["t0"]) + block["t"][0]
+                first = parse_timestamp(block["t0"]) + block["t"][0]
                 width = block["dt"] if block["resolution"] == "hull" else 0
-                last = parse_moment(block["t0"]) + block["t"][-1] + width
-                found.append((first, last, arrival))
+                last = parse_timestamp(block["t0"]) + block["t"][-1] + width
+                found.append((first, last, received_message))
             if done.is_set():
                 break
     return np.array(found, dtype=np.int64)
@@ -73,11 +73,11 @@ def _stored(data: Path, begin: int) -> NDArray[np.int64]:
 
 
 def _rows(name: str, blocks: NDArray[np.int64]) -> Sequence[Row]:
-    first, last, arrival = blocks.T
+    first, last, received_message = blocks.T
     # All samples of a block are evenly spread between its first and its last.
     shares = np.linspace(0.0, 1.0, 101)
-    every = (arrival[:, None] - (first[:, None] + shares * (last - first)[:, None])) / 1e6
-    newest = (arrival - last) / 1e6
+    every = (received_message[:, None] - (first[:, None] + shares * (last - first)[:, None])) / 1e6
+    newest = (received_message - last) / 1e6
     return [
         Row(f"{name}, {which}, p{q}", float(np.percentile(values, q)), "ms")
         for which, values in (("every sample", every), ("block's last sample", newest))

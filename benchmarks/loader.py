@@ -15,14 +15,14 @@ import numpy as np
 import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
-from eskin.envelope import Opener, Sealer
 from eskin.identity import Identity, client_context
 from eskin.interval import Interval
-from eskin.messages import Acknowledgement, Block, ChannelInfo, Encoding, Position, Status
-from eskin.messages.fields import dump
-from eskin.messages.head import Kind, position_fields
-from eskin.topics import Stream, node_topic
 from eskin.tube import Tube
+from eskin.wire.envelope import Opener, Sealer
+from eskin.wire.messages import Acknowledgement, Block, ChannelInfo, Encoding, Position, Status
+from eskin.wire.messages.cbor_map import dump
+from eskin.wire.messages.header import Kind, position_fields
+from eskin.wire.topics import Stream, node_topic
 
 WINDOW: Final = 2000
 SAMPLES: Final = 250

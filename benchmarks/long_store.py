@@ -10,28 +10,27 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from eskin_cloud.rollup.builder import AT_ONCE, claim, find_growing, repair
+from eskin_cloud.store.compacted_rows import join
+from eskin_cloud.store.damage import Head
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.schema.tables import blocks, channels
+from eskin_cloud.store.schema.tile_tables import stale
+from eskin_cloud.store.write.block_row import BlockRow
+from eskin_cloud.store.write.bulk_insert import insert_many
 from sqlalchemy import func, select
 
-from cloud.pyramid.building import AT_ONCE, claim, find_growing, repair
-from cloud.query.places import find_channel
-from cloud.store.block_row import BlockRow
-from cloud.store.bulk import insert_many
-from cloud.store.damage import Head
-from cloud.store.packs import join
-from cloud.store.schema import blocks, channels
-from cloud.store.tiles import stale
-from eskin.digest import digest
 from eskin.kernels.varints import LONGEST, read_varints, write_varints
-from eskin.messages import BlockSummary, Encoding, decode_summary
-from tests.cloud.clouds import put
-from tests.cloud.messages import CHANNEL, NODE, START, block
+from eskin.runtime.digest import digest
+from eskin.wire.messages import BlockSummary, Encoding, decode_summary
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import CHANNEL, NODE, START, block
 
 if TYPE_CHECKING:
+    from eskin_cloud.rollup.builder import Key
+    from eskin_cloud.store import Store
     from numpy.typing import NDArray
     from rich.progress import Progress
-
-    from cloud.pyramid.building import Key
-    from cloud.store import Store
 
     Row = dict[str, Any]
 

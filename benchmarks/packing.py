@@ -13,12 +13,12 @@ import numpy as np
 
 from benchmarks.report import Row
 from eskin.interval import Interval
-from eskin.messages import Block, Encoding, Position
-from eskin.messages.compression import compress_all
-from eskin.messages.joined import Joined
-from eskin.messages.pack import Kept, Pack, pack
-from eskin.messages.stored import read_bounds
 from eskin.tube import Tube
+from eskin.wire.messages import Block, Encoding, Position
+from eskin.wire.messages.compacted_block import Kept, Pack, pack
+from eskin.wire.messages.compression import compress_all
+from eskin.wire.messages.concatenated import Joined
+from eskin.wire.messages.stored_bounds import read_bounds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

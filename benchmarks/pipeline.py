@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import psutil
 
 from benchmarks.report import Row
-from tests.processes import wait_until
-from tests.stacks import RealStack
+from tests.support.processes import wait_until
+from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tests.processes import Running
+    from tests.support.processes import Running
 
 
 def measure_pipeline(folder: Path, *, blocks: int) -> list[Row]:

@@ -16,13 +16,13 @@ import numpy as np
 from playwright.sync_api import sync_playwright
 
 from benchmarks.report import Row, at_most
-from tests.dashboard.browsing import launch, visiting
-from tests.demos import RunningDemo
+from tests.support.demos import RunningDemo
+from tests.unit.dashboard.browsing import launch, visiting
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tests.dashboard.browsing import Visit
+    from tests.unit.dashboard.browsing import Visit
 
 _NODES: Final = ("fingertip", "palm", "forearm")
 _HALF_MS: Final = 100.0

@@ -17,28 +17,29 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from eskin_cloud.store import Store
+from eskin_cloud.store.schema.tables import blocks
+from eskin_cloud.store.write.block_row import BlockRow
+from eskin_cloud.store.write.bulk_insert import insert_many
+from eskin_cloud.store.write.channels import add_blocks, require_row
 from rich.progress import Progress
 
 from benchmarks.long_store import DT, LongStore
 from benchmarks.questions import IN_STORE, POINTS, ask_in_turns, ask_service, ask_store
 from benchmarks.report import Row
-from cloud.store import Store
-from cloud.store.block_row import BlockRow
-from cloud.store.bulk import insert_many
-from cloud.store.channels import add_blocks, require_row
-from cloud.store.schema import blocks
-from eskin.digest import digest
-from eskin.messages import BlockSummary, Encoding, decode_summary
-from tests.cloud.messages import NODE, START, block
-from tests.cloud.service import Service
-from tests.identities import Identities
+from eskin.runtime.digest import digest
+from eskin.wire.messages import BlockSummary, Encoding, decode_summary
+from tests.support.identities import Identities
+from tests.unit.cloud.messages import NODE, START, block
+from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
+    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.read.window import Window
+
     from benchmarks.questions import Took
-    from cloud.query.window import Window
-    from cloud.store.place import Place
 
 _SAMPLES: Final = 500
 _BATCH: Final = 5000

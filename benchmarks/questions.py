@@ -9,19 +9,19 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, NamedTuple, Self
 
 import numpy as np
+from eskin_cloud.query.series import read_series
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
 
-from cloud.query.places import find_channel
-from cloud.query.series import read_series
-from cloud.query.window import Window
-from tests.cloud.messages import CHANNEL, NODE, START
+from tests.unit.cloud.messages import CHANNEL, NODE, START
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
 
     import httpx
+    from eskin_cloud.store import Store
 
-    from cloud.store import Store
-    from tests.cloud.service import Service
+    from tests.unit.cloud.service import Service
 
 POINTS: Final = 1000
 IN_STORE: Final = "in the store"

@@ -17,7 +17,7 @@ from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.identity import Identity, client_context
 from eskin.identity.identity import ROOT_FILE
-from eskin.topics import Stream, live_topic, node_topic
+from eskin.wire.topics import Stream, live_topic, node_topic
 
 NAME: Final = "gateway.relay"
 _INFLIGHT: Final = 1000

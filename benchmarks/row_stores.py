@@ -19,7 +19,7 @@ import psycopg
 import pyarrow as pa
 from chdb import session
 
-from tests.processes import Running, accepts, free_port
+from tests.support.processes import Running, accepts, free_port
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from tests.cloud.messages import START, block
+from tests.unit.cloud.messages import START, block
 
 if TYPE_CHECKING:
-    from eskin.messages import Encoding
+    from eskin.wire.messages import Encoding
 
 SAMPLES: Final = 500
 """Of a block."""

@@ -21,13 +21,13 @@ from rich.table import Table
 
 from benchmarks.flood import Flood
 from benchmarks.trend import LEAST, Trend
-from tests.processes import unwound_by_signals, wait_until
-from tests.stacks import RealStack
+from tests.support.processes import unwound_by_signals, wait_until
+from tests.support.stacks import RealStack
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tests.processes import Running
+    from tests.support.processes import Running
 
 _WINDOW: Final = 4000
 _AT_ONCE: Final = 100

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Final, Self
 
 import cbor2
 import numpy as np
+from eskin_cloud.rollup.builder import build
+from eskin_cloud.store import Store
 
 from benchmarks.pyramid import fill, patterns
-from cloud.pyramid.building import build
-from cloud.store import Store
-from eskin.messages import Encoding
-from tests.cloud.clouds import put
-from tests.cloud.messages import block
-from tests.cloud.service import Service
-from tests.identities import Identities
-from tests.processes import wait_until
+from eskin.wire.messages import Encoding
+from tests.support.identities import Identities
+from tests.support.processes import wait_until
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import block
+from tests.unit.cloud.service import Service
 
 if TYPE_CHECKING:
     from pathlib import Path

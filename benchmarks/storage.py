@@ -11,12 +11,13 @@ import time
 from pathlib import Path
 from typing import Final
 
+from eskin_cloud.rollup.builder import build
+from eskin_cloud.store import Store
+from eskin_cloud.store.compaction import find_packable, pack_some
+from eskin_cloud.store.disk_usage import measure_disk
+
 from benchmarks.report import Row
-from cloud.pyramid.building import build
-from cloud.store import Store
-from cloud.store.disk import measure_disk
-from cloud.store.packing import find_packable, pack_some
-from tests.demos import RunningDemo
+from tests.support.demos import RunningDemo
 
 _MOST_BYTES: Final = 3.0
 _SPEED: Final = 4.0

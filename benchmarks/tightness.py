@@ -6,7 +6,7 @@ import argparse
 
 import numpy as np
 
-from tests.eskin.kernels.tightness import CASES, UNSOUND
+from tests.unit.eskin.kernels.tightness import CASES, UNSOUND
 
 
 def main() -> None:

@@ -23,7 +23,7 @@ import psutil
 from benchmarks.pipeline import cpu_seconds
 from benchmarks.report import Row, at_most
 from benchmarks.stage import Stage
-from eskin.moment import parse_moment
+from eskin.wire.timestamp import parse_timestamp
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -98,7 +98,7 @@ class Viewer:
             self.last = self.begun
         elif line.startswith(b"data: ") and b'"resolution"' in line:
             told = json.loads(line[6:])
-            first = parse_moment(told["t0"])
+            first = parse_timestamp(told["t0"])
             width = told["dt"] if told["resolution"] == "hull" else _PERIOD
             until = first + told["t"][-1] + width
             self.events.append((int(self.begun), first, until, now, told["channel"]))

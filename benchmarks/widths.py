@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
+from eskin_sensor_node.machine.flash.flash import Flash
+from eskin_sensor_node.node.factory import build_node, build_outbox, chip_key
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from eskin_sensor_node.profile import Profile
+from eskin_sensor_node.settings import NodeSettings
 
-from eskin.messages import Block, decode_message
-from sensor_node.assembly import build_node, build_outbox, chip_key
-from sensor_node.flash import Flash
-from sensor_node.profile import Profile
-from sensor_node.settings import NodeSettings
-from sensor_node.truth import Truth
+from eskin.wire.messages import Block, decode_message
 
 if TYPE_CHECKING:
     from eskin.interval import Floats, Interval
@@ -51,7 +51,7 @@ def measured(folder: Path, changes: dict[str, Any]) -> dict[str, list[tuple[Inte
     }
     settings = NodeSettings(**given)
     flash = Flash(settings.flash.path, node="hand", key=chip_key(settings), epoch=1)
-    truth = Truth(settings.truth.path, limit=2**31)
+    truth = GroundTruth(settings.truth.path, limit=2**31)
     outbox = build_outbox(flash, capacity=2**30, broker=settings.broker)
     node, _ = build_node(settings, outbox=outbox, truth=truth, start=0)
     node.run_until(_SECONDS * _BILLION)
@@ -59,7 +59,7 @@ def measured(folder: Path, changes: dict[str, Any]) -> dict[str, list[tuple[Inte
     for kept in flash.after((-1, -1), 1_000_000):
         block = decode_message(kept.body)
         if isinstance(block, Block) and block.channel.startswith("t"):
-            true = Truth.read(settings.truth.path, [block.position])[block.position].values
+            true = GroundTruth.read(settings.truth.path, [block.position])[block.position].values
             quantity = block.channel.partition(".")[2]
             found.setdefault(quantity, []).append((block.tube.values, true))
     flash.close()

@@ -1,5 +1,5 @@
 """``python -m eskin`` is the command ``eskin``."""
 
-from eskin.command import main
+from eskin.cli import main
 
 main()

@@ -12,8 +12,8 @@ from limits.aio.storage import memory
 from xdist.scheduler import LoadScopeScheduling
 
 from eskin.identity import IdentityKind
-from tests.identities import Identities
-from tests.postgresql import Cluster
+from tests.support.identities import Identities
+from tests.support.postgresql import Cluster
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,12 +26,12 @@ settings.register_profile("hunt", PATIENT)
 settings.load_profile("steady")
 
 HERE = Path(__file__).parent
-FIRST = ("integration", "dashboard")
+FIRST = ("system", "unit/dashboard")
 """Rooms that share what takes long to start; they begin first, so that nobody waits for them."""
-LAST = ("eskin", "sensor_node")
+LAST = ("unit/eskin", "unit/sensor_node")
 """Rooms of many short files, which fill what is left of the time evenly."""
 
-TOGETHER = ("tests/eskin/figures/", "tests/eskin/models/icm/")
+TOGETHER = ("tests/unit/eskin/figures/", "tests/unit/eskin/models/icm/")
 """Files that need the same large kernels, which a fresh machine then compiles once."""
 
 
@@ -40,8 +40,8 @@ class RoomScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no
 
     def _split_scope(self, nodeid: str) -> str:
         file = nodeid.partition("::")[0]
-        room = file.split("/")[1]
-        return room if room in FIRST else next((t for t in TOGETHER if file.startswith(t)), file)
+        rooms = (*(f"tests/{room}/" for room in FIRST), *TOGETHER)
+        return next((room for room in rooms if file.startswith(room)), file)
 
 
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> RoomScheduling:
@@ -57,7 +57,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     order = dict.fromkeys(LAST, len(FIRST) + 1) | {room: n for n, room in enumerate(FIRST)}
 
     def rank(item: pytest.Item) -> tuple[int, bool]:
-        room = item.path.relative_to(HERE).parts[0]
+        file = item.path.relative_to(HERE).as_posix()
+        room = next((room for room in order if file.startswith(f"{room}/")), "")
         return order.get(room, len(FIRST)), "demo" in getattr(item, "fixturenames", ())
 
     items.sort(key=rank)

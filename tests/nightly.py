@@ -24,11 +24,27 @@ STEPS: Final = {
     "powercut": ["make", "powercut", "ARGS=--images 500 --seed {seed}"],
     "fuzz": ["make", "fuzz", "ARGS=--inputs 100000 --seed {seed}"],
     "bitflips": [
-        *(".venv/bin/python", "-m", "tests.bitflips", "--flips", "1000", "--seed", "{seed}")
+        *(
+            ".venv/bin/python",
+            "-m",
+            "tests.robustness.bitflips",
+            "--flips",
+            "1000",
+            "--seed",
+            "{seed}",
+        )
     ],
-    "boxes": [".venv/bin/python", "-m", "tests.boxes", "--count", "4000", "--seed", "{seed}"],
+    "boxes": [
+        ".venv/bin/python",
+        "-m",
+        "tests.robustness.boxes",
+        "--count",
+        "4000",
+        "--seed",
+        "{seed}",
+    ],
     "soak": ["make", "soak", "ARGS=--duration 600 --rate 1000"],
-    "cortex-m33": [sys.executable, "-m", "tests.cortex_m33"],
+    "cortex-m33": [sys.executable, "-m", "tests.robustness.cortex_m33"],
     "test-compose": ["make", "test-compose"],
 }
 """What runs, by the name of its log; ``{seed}`` is what ``--seed`` says."""

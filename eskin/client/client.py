@@ -11,20 +11,20 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from eskin.client.arrow import read_tubes
-from eskin.client.joining import joined
-from eskin.client.moments import written_moments
-from eskin.client.pages import API, Pages
-from eskin.client.questions import Questions
+from eskin.client.concatenate import joined
+from eskin.client.http import API, HttpClient
+from eskin.client.queries import Queries
+from eskin.client.timestamps import written_moments
 from eskin.errors import QueryError
 from eskin.identity import client_context
-from eskin.loopback import is_loopback
+from eskin.runtime.loopback import is_loopback
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
     from types import TracebackType
 
-    from eskin.client.moments import Moment
+    from eskin.client.timestamps import Moment
     from eskin.tube import Tube
 
 _ARROW: Final = "application/vnd.apache.arrow.stream"
@@ -64,10 +64,10 @@ def connect(
         timeout=_TIMEOUT_S,
         transport=transport,
     )
-    return Client(Pages(http, retry_s=retry_s), page=page)
+    return Client(HttpClient(http, retry_s=retry_s), page=page)
 
 
-class Client(Questions):
+class Client(Queries):
     """What a cloud knows, as tubes. A context manager; made by `connect`.
 
     Args:
@@ -75,7 +75,7 @@ class Client(Questions):
         page: Samples in one request of a long read.
     """
 
-    def __init__(self, pages: Pages, *, page: int) -> None:
+    def __init__(self, pages: HttpClient, *, page: int) -> None:
         super().__init__(pages)
         self._page = page
 

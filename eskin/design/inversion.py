@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.design.bounded import require_bounded
 from eskin.design.paving import Paving, Region
+from eskin.design.preconditions import require_bounded
 from eskin.errors import DesignError
 from eskin.interval import Interval, require_plain
 

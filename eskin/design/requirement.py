@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Final, Protocol, TypeAlias
 
 import numpy as np
 
-from eskin.design.bounded import require_bounded, require_pieces
-from eskin.design.spread import enclose_spread
+from eskin.design.preconditions import require_bounded, require_pieces
+from eskin.design.tolerance import enclose_spread
 from eskin.errors import DesignError
 from eskin.interval import Interval, require_plain, watch_domains
 

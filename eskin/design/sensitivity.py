@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.design.bounded import require_bounded, require_pieces
 from eskin.design.dual import Dual
+from eskin.design.preconditions import require_bounded, require_pieces
 from eskin.errors import DesignError
 from eskin.interval import Interval, watch_domains
 

@@ -55,7 +55,7 @@ def write_figures(
         ImportError: matplotlib is not installed.
         OSError: The folder or a file cannot be written.
     """
-    from eskin.figures.picture import write_picture  # noqa: PLC0415 - matplotlib is an extra
+    from eskin.figures.plot import write_picture  # noqa: PLC0415 - matplotlib is an extra
 
     directory.mkdir(parents=True, exist_ok=True)
     written = []

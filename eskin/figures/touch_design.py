@@ -45,7 +45,7 @@ def write_design(path: Path) -> Path:
         ImportError: matplotlib is not installed.
         OSError: The file cannot be written.
     """
-    from eskin.figures.picture import write_paving  # noqa: PLC0415 - matplotlib is an extra
+    from eskin.figures.plot import write_paving  # noqa: PLC0415 - matplotlib is an extra
 
     write_paving(
         path,

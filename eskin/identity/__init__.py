@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from eskin.identity.authority import Authority
+from eskin.identity.ca import CertificateAuthority
 from eskin.identity.certificates import common_name, der, issuer_kind, new_key, site_of, thumbprint
+from eskin.identity.chain_verifier import ChainVerifier
+from eskin.identity.fleet_names import is_numbered, numbered
 from eskin.identity.identity import Identity, load_certificates
-from eskin.identity.kinds import IdentityKind
-from eskin.identity.ledger import Issued
-from eskin.identity.numbered import is_numbered, numbered
+from eskin.identity.identity_kind import IdentityKind
+from eskin.identity.issuance_log import Issued
 from eskin.identity.renewal import (
     forget_past,
     install,
@@ -20,16 +21,15 @@ from eskin.identity.renewal import (
 from eskin.identity.revocation_file import RevocationFile
 from eskin.identity.rotation import RootRotation
 from eskin.identity.tls import client_context, server_context
-from eskin.identity.trust import Trust
 
 __all__ = [
-    "Authority",
+    "CertificateAuthority",
+    "ChainVerifier",
     "Identity",
     "IdentityKind",
     "Issued",
     "RevocationFile",
     "RootRotation",
-    "Trust",
     "client_context",
     "common_name",
     "der",

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from eskin.errors import IdentityError
-from eskin.identity.kinds import IdentityKind
+from eskin.identity.identity_kind import IdentityKind
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

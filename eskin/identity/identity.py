@@ -27,12 +27,12 @@ from eskin.identity.certificates import (
     site_of,
     thumbprint,
 )
-from eskin.ownership import create, make_folder
+from eskin.runtime.files.create import create, make_folder
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.identity.kinds import IdentityKind
+    from eskin.identity.identity_kind import IdentityKind
 
 KEY_FILE: Final = "key.pem"
 CHAIN_FILE: Final = "chain.pem"

@@ -23,7 +23,7 @@ from eskin.identity.identity import (
     write_whole,
 )
 from eskin.identity.roots import is_issued_by
-from eskin.ownership import make_folder
+from eskin.runtime.files.create import make_folder
 
 if TYPE_CHECKING:
     from datetime import datetime, timedelta

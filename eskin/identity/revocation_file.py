@@ -8,15 +8,15 @@ import time
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import UntrustedCertificateError
-from eskin.identity.version import version
+from eskin.runtime.files.stamp import version
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from eskin.identity.kinds import IdentityKind
-    from eskin.identity.trust import Trust
-    from eskin.identity.version import Version
+    from eskin.identity.chain_verifier import ChainVerifier
+    from eskin.identity.identity_kind import IdentityKind
+    from eskin.runtime.files.stamp import Version
 
 log = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class RevocationFile:
 
     def __init__(
         self,
-        trust: Trust,
+        trust: ChainVerifier,
         kind: IdentityKind,
         path: Path | None,
         *,

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import IdentityError
 from eskin.identity.certificates import pem
 from eskin.identity.identity import ROOT_FILE, load_certificates, write_whole
-from eskin.identity.issuer import found_issuer, load_issuers, promote_issuer, retire_issuers
-from eskin.identity.kinds import IdentityKind
+from eskin.identity.identity_kind import IdentityKind
+from eskin.identity.issuing_ca import found_issuer, load_issuers, promote_issuer, retire_issuers
 from eskin.identity.roots import found_root, is_issued_by, newer_root, retire_root, root_key
 
 if TYPE_CHECKING:
-    from eskin.identity.authority import Authority
+    from eskin.identity.ca import CertificateAuthority
 
 SPREAD: Final = timedelta(minutes=5)
 """In which running parties have heard of a new root: they ask every second, or as they are told."""
@@ -31,7 +31,7 @@ class RootRotation:
         authority: The CA.
     """
 
-    def __init__(self, authority: Authority) -> None:
+    def __init__(self, authority: CertificateAuthority) -> None:
         self._authority = authority
         self._directory = authority.directory
 

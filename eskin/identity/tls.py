@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from eskin.errors import IdentityError
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE, NEXT, ROOT_FILE
-from eskin.identity.version import Version, version
+from eskin.runtime.files.stamp import Version, version
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from eskin.interval.answer import Answer
 from eskin.interval.conversion import Floats, require_plain, round_down, round_up
 from eskin.interval.decoration import DomainWatch, watch_domains
 from eskin.interval.interval import Interval, as_interval
+from eskin.interval.verdict import Verdicts
 
 __all__ = [
-    "Answer",
     "DomainWatch",
     "Floats",
     "Interval",
+    "Verdicts",
     "as_interval",
     "require_plain",
     "round_down",

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any, Final, Self
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval.answer import Answer
+from eskin.interval.format import format_up, text_of
 from eskin.interval.markup import html_table, html_text
-from eskin.interval.printing import format_up, text_of
 from eskin.interval.reductions import Reductions
+from eskin.interval.verdict import Verdicts
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,7 +31,7 @@ class Interval(Reductions):
     """An array of closed intervals.
 
     Behaves as a numpy array of numbers does: it is broadcast, indexed and calculated with, and
-    numpy's own functions (``np.sqrt(x)``, ``np.add(x, y)``) take it. Comparisons give an `Answer`
+    numpy's own functions (``np.sqrt(x)``, ``np.add(x, y)``) take it. Comparisons give an `Verdicts`
     of three values. The arrays of bounds are shared with whoever gave them and not to be changed.
 
     Args:
@@ -67,26 +67,26 @@ class Interval(Reductions):
         """``value · [1 - tolerance, 1 + tolerance]``, rounded outward: a part's data sheet."""
         return cls(value) * cls.around(1.0, tolerance)
 
-    def __lt__(self, other: Bounds | ArrayLike) -> Answer:
+    def __lt__(self, other: Bounds | ArrayLike) -> Verdicts:
         that = self._compared(other)
-        return Answer(self.sup < that.inf, self.inf >= that.sup)
+        return Verdicts(self.sup < that.inf, self.inf >= that.sup)
 
-    def __le__(self, other: Bounds | ArrayLike) -> Answer:
+    def __le__(self, other: Bounds | ArrayLike) -> Verdicts:
         that = self._compared(other)
-        return Answer(self.sup <= that.inf, self.inf > that.sup)
+        return Verdicts(self.sup <= that.inf, self.inf > that.sup)
 
-    def __gt__(self, other: Bounds | ArrayLike) -> Answer:
+    def __gt__(self, other: Bounds | ArrayLike) -> Verdicts:
         return ~(self <= other)
 
-    def __ge__(self, other: Bounds | ArrayLike) -> Answer:
+    def __ge__(self, other: Bounds | ArrayLike) -> Verdicts:
         return ~(self < other)
 
-    def __eq__(self, other: object) -> Answer:  # type: ignore[override]  # three values, as an array's many
+    def __eq__(self, other: object) -> Verdicts:  # type: ignore[override]  # three values, as an array's many
         that = self._compared(other)
         same = self.is_singleton & that.is_singleton & (self.inf == that.inf)
-        return Answer(same, self.disjoint(that))
+        return Verdicts(same, self.disjoint(that))
 
-    def __ne__(self, other: object) -> Answer:  # type: ignore[override]  # three values, as `==`
+    def __ne__(self, other: object) -> Verdicts:  # type: ignore[override]  # three values, as `==`
         return ~(self == other)
 
     def _compared(self, other: Any) -> Self:
@@ -272,8 +272,8 @@ _FUNCTIONS: Final[dict[Any, Callable[..., Any]]] = {
     np.prod: Interval.prod,
     np.diff: Interval.diff,
     np.where: Interval.where,
-    np.all: lambda answer, axis=None: Answer.of(answer).all(axis),
-    np.any: lambda answer, axis=None: Answer.of(answer).any(axis),
+    np.all: lambda answer, axis=None: Verdicts.of(answer).all(axis),
+    np.any: lambda answer, axis=None: Verdicts.of(answer).any(axis),
     np.clip: _clip,
     np.stack: Interval.stack,
     np.concatenate: Interval.concatenate,

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from eskin.errors import IntervalError
-from eskin.interval.answer import Answer
 from eskin.interval.conversion import enclose, round_up
 from eskin.interval.decoration import undefined_where
 from eskin.interval.functions import Functions
+from eskin.interval.verdict import Verdicts
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -108,7 +108,7 @@ class Sets(Functions):
 
     @classmethod
     def where(
-        cls, condition: Answer | ArrayLike, x: Bounds | ArrayLike, y: Bounds | ArrayLike
+        cls, condition: Verdicts | ArrayLike, x: Bounds | ArrayLike, y: Bounds | ArrayLike
     ) -> Self:
         """``x`` where the condition is certain, ``y`` where it is impossible, else their hull.
 
@@ -117,7 +117,7 @@ class Sets(Functions):
             x: What is taken where it is true.
             y: What is taken where it is false.
         """
-        asked, true, false = Answer.of(condition), cls.of(x), cls.of(y)
+        asked, true, false = Verdicts.of(condition), cls.of(x), cls.of(y)
         try:
             either = true.convex_hull(false)
             lo, hi = (

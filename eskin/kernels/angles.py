@@ -5,19 +5,19 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arctangent import HALF_PI, PI, angle_of, cosine_of
 from eskin.kernels.arithmetic import unless_empty
-from eskin.kernels.compiled import inlined, kernel, part
+from eskin.kernels.double_double import GREATEST, above, below, signed
 from eskin.kernels.exponential import power_of_two
-from eskin.kernels.instructions import to_bits
+from eskin.kernels.intrinsics import to_bits
+from eskin.kernels.jit import inlined, kernel, part
 from eskin.kernels.logarithm import ONE
 from eskin.kernels.rounding import div_down, div_up, greater, lesser, next_down
-from eskin.kernels.two_words import GREATEST, above, below, signed
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 _TINY: Final = 2.0**-900  # below it, an angle is its tangent to all digits
 _SLIM: Final = 2.0**-300  # likewise, of a quotient
@@ -43,7 +43,7 @@ def _asin_up(x: float) -> float:
 @inlined
 def _acos_of(x: float) -> Two:
     angle = angle_of(cosine_of(x), (abs(x), 0.0))
-    return two_words.sub(PI, angle) if x < 0.0 else angle
+    return double_double.sub(PI, angle) if x < 0.0 else angle
 
 
 @part
@@ -57,7 +57,7 @@ def _angle(y: float, x: float) -> Two:
     exponent = (to_bits(greater(size, y)) >> 52) - 1023
     first, second = power_of_two(-exponent)
     angle = angle_of((y * first * second, 0.0), (size * first * second, 0.0))
-    return two_words.sub(PI, angle) if x < 0.0 else angle
+    return double_double.sub(PI, angle) if x < 0.0 else angle
 
 
 @part

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
-from eskin.kernels.compiled import inlined
-from eskin.kernels.instructions import fma
+from eskin.kernels import double_double
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import inlined
 
 if TYPE_CHECKING:
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 PI: Final = (3.141592653589793, 1.2246467991473532e-16)
 HALF_PI: Final = (1.5707963267948966, 6.123233995736766e-17)
@@ -46,9 +46,11 @@ def _tail(s: float) -> float:
 
 @inlined
 def _of_fraction(f: Two) -> Two:
-    s = two_words.mul(f, f)
-    series = two_words.mul(s, two_words.add(_MINUS_THIRD, two_words.scaled(s, _tail(s[0]))))
-    return two_words.add(f, two_words.mul(f, series))
+    s = double_double.mul(f, f)
+    series = double_double.mul(
+        s, double_double.add(_MINUS_THIRD, double_double.scaled(s, _tail(s[0])))
+    )
+    return double_double.add(f, double_double.mul(f, series))
 
 
 @inlined
@@ -59,14 +61,14 @@ def angle_of(y: Two, x: Two) -> Two:
     t = over[0] / under[0]
     c = 0.0 if t < _FROM_TANGENT else (_TANGENT if t < _FROM_ONE else 1.0)
     turned = NOTHING if t < _FROM_TANGENT else (_ANGLE if t < _FROM_ONE else _QUARTER_PI)
-    rest = two_words.sub(over, two_words.scaled(under, c))
-    f = two_words.div(rest, two_words.add(under, two_words.scaled(over, c)))
-    angle = two_words.add(turned, _of_fraction(f))
-    return two_words.sub(HALF_PI, angle) if steep else angle
+    rest = double_double.sub(over, double_double.scaled(under, c))
+    f = double_double.div(rest, double_double.add(under, double_double.scaled(over, c)))
+    angle = double_double.add(turned, _of_fraction(f))
+    return double_double.sub(HALF_PI, angle) if steep else angle
 
 
 @inlined
 def cosine_of(sine: float) -> Two:
     """``√(1 - x²)`` for ``|x| <= 1``."""
-    product = two_words.mul(two_words.sum_of(1.0, -sine), two_words.sum_of(1.0, sine))
-    return two_words.sqrt(product)
+    product = double_double.mul(double_double.sum_of(1.0, -sine), double_double.sum_of(1.0, sine))
+    return double_double.sqrt(product)

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Final, TypeAlias
 
 import numpy as np
 
-from eskin.kernels.compiled import inlined, kernel, part
-from eskin.kernels.instructions import fma
+from eskin.kernels.double_double import product_of, sum_of
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import inlined, kernel, part
 from eskin.kernels.rounding import (
     EXACT_PRODUCT,
     FACTOR,
@@ -29,7 +30,6 @@ from eskin.kernels.rounding import (
     sqrt_down,
     sqrt_up,
 )
-from eskin.kernels.two_words import product_of, sum_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arithmetic import unless_empty
-from eskin.kernels.compiled import inlined, kernel
+from eskin.kernels.double_double import LEAST, above, below
 from eskin.kernels.exponential import (
     exp2_of,
     exp10_of,
@@ -22,13 +22,13 @@ from eskin.kernels.exponential import (
     expm1_of_two,
     power_of_two,
 )
+from eskin.kernels.jit import inlined, kernel
 from eskin.kernels.logarithm import log1p_of_two, log2_of, log10_of, log_of_two
 from eskin.kernels.rounding import greater, lesser
-from eskin.kernels.two_words import LEAST, above, below
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 TENS: Final = np.array([float(10**n) for n in range(23)])
 """All powers of ten that are floats."""
@@ -63,7 +63,7 @@ def _exp10_pair(x: float) -> Pair:
 @inlined
 def _expm1_down(x: float) -> float:
     value = (x, 0.0) if abs(x) < _TINY else expm1_of_two((x, 0.0))
-    return greater(greater(below(value), x if x <= two_words.GREATEST else -1.0), -1.0)
+    return greater(greater(below(value), x if x <= double_double.GREATEST else -1.0), -1.0)
 
 
 @inlined

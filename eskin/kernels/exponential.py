@@ -21,7 +21,7 @@ Together below 0.0012 u; `TAIL_ERROR` is 0.00195 u. So a bound is not the tighte
 float lies within 0.0032 u of ``exp(r)``. A subnormal result is scaled back, which is exact, to see
 whether it was rounded to the wrong side.
 
-`exp_of_two` works in two words (`eskin.kernels.two_words`): only the terms from ``r**5`` on are
+`exp_of_two` works in two words (`eskin.kernels.double_double`): only the terms from ``r**5`` on are
 rounded to floats, at most 1.2e-4 of ``expm1(r)``, with a relative error of 1.2 u. That and
 truncation after ``r**16/16!`` stay below ``2**-65`` of the result.
 """
@@ -31,13 +31,13 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
-from eskin.kernels.compiled import inlined
-from eskin.kernels.instructions import fma, from_bits, to_bits
+from eskin.kernels import double_double
+from eskin.kernels.intrinsics import fma, from_bits, to_bits
+from eskin.kernels.jit import inlined
 from eskin.kernels.rounding import greater, lesser
 
 if TYPE_CHECKING:
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 TAIL_ERROR: Final = 2.0**-62
 """Proven absolute error of the sum of two floats that the bounds are made of."""
@@ -97,15 +97,17 @@ def _long_tail(r: float) -> float:
 @inlined
 def _of_rest(r: float, rest: float) -> Two:
     """``exp(r + rest)`` for ``|r| <= 0.3466`` and a rest of at most half of its last place."""
-    sixth, sixth_low = two_words.ordered(_SIXTH[0], r * fma(r, _long_tail(r), _QUARTER_OF_SIXTH[0]))
-    half, half_low = two_words.product_of(r, sixth)
-    half, more = two_words.ordered(0.5, half)
+    sixth, sixth_low = double_double.ordered(
+        _SIXTH[0], r * fma(r, _long_tail(r), _QUARTER_OF_SIXTH[0])
+    )
+    half, half_low = double_double.product_of(r, sixth)
+    half, more = double_double.ordered(0.5, half)
     half_low = more + fma(r, sixth_low + _SIXTH[1], half_low)
-    square, square_low = two_words.product_of(r, r)
-    q, q_low = two_words.product_of(square, half)
+    square, square_low = double_double.product_of(r, r)
+    q, q_low = double_double.product_of(square, half)
     q_low = fma(square_low, half, fma(square, half_low, q_low))
-    p, p_low = two_words.ordered(r, q)
-    high, low = two_words.ordered(1.0, p)
+    p, p_low = double_double.ordered(r, q)
+    high, low = double_double.ordered(1.0, p)
     return high, low + (p_low + (q_low + fma(rest, p, rest)))
 
 
@@ -126,7 +128,7 @@ def exp_up(x: float) -> float:
     r, rest, k = _reduced(x)
     high, low = _of_rest(r, rest)
     first, second = power_of_two(k)
-    near, error = two_words.ordered(high, low + TAIL_ERROR)
+    near, error = double_double.ordered(high, low + TAIL_ERROR)
     near = (from_bits(to_bits(near) + 1) if error > 0.0 else near) * first
     scaled = near * second
     bound = scaled + (LEAST if scaled * _inverse(second) < near else 0.0)
@@ -140,7 +142,7 @@ def exp_down(x: float) -> float:
     r, rest, k = _reduced(x)
     high, low = _of_rest(r, rest)
     first, second = power_of_two(k)
-    near, error = two_words.ordered(high, low - TAIL_ERROR)
+    near, error = double_double.ordered(high, low - TAIL_ERROR)
     near = (from_bits(to_bits(near) - 1) if error < 0.0 else near) * first
     scaled = near * second
     bound = lesser(scaled - (LEAST if scaled * _inverse(second) > near else 0.0), _LARGEST)
@@ -151,16 +153,16 @@ def exp_down(x: float) -> float:
 @inlined
 def expm1_excess(r: Two) -> Two:
     """``(exp(r) - 1 - r)/r²`` for ``|r| <= 0.3467``, within ``2**-62``."""
-    sum_ = two_words.add(_QUARTER_OF_SIXTH, two_words.scaled(r, _long_tail(r[0])))
-    sum_ = two_words.add(_SIXTH, two_words.mul(r, sum_))
-    return two_words.add((0.5, 0.0), two_words.mul(r, sum_))
+    sum_ = double_double.add(_QUARTER_OF_SIXTH, double_double.scaled(r, _long_tail(r[0])))
+    sum_ = double_double.add(_SIXTH, double_double.mul(r, sum_))
+    return double_double.add((0.5, 0.0), double_double.mul(r, sum_))
 
 
 @inlined
 def expm1_of_rest(r: Two) -> Two:
     """``exp(r) - 1`` for ``|r| <= 0.3467``."""
-    sum_ = two_words.add((1.0, 0.0), two_words.mul(r, expm1_excess(r)))
-    return two_words.mul(r, sum_)
+    sum_ = double_double.add((1.0, 0.0), double_double.mul(r, expm1_excess(r)))
+    return double_double.mul(r, sum_)
 
 
 @inlined
@@ -182,8 +184,8 @@ def multiple_of_ln2(x: Two) -> tuple[int, Two]:
     """``k`` and ``r`` with ``x = k·ln 2 + r``, ``|r| <= 0.3467``; for ``|x| <= 760``."""
     shifted = fma(x[0], _INVERSE_LN2, _INTEGER)
     k = shifted - _INTEGER
-    high, low = two_words.product_of(k, _LN2_LOW)
-    r = two_words.sub((fma(-k, _LN2_HIGH, x[0]), x[1]), (high, low))
+    high, low = double_double.product_of(k, _LN2_LOW)
+    r = double_double.sub((fma(-k, _LN2_HIGH, x[0]), x[1]), (high, low))
     return to_bits(shifted) - _INTEGER_BITS, r
 
 
@@ -198,7 +200,7 @@ def within_reach(x: Two) -> Two:
 def exp_of_two(x: Two, exponent: int) -> Two:
     """``2**exponent · exp(x)`` of a number of two words."""
     k, r = multiple_of_ln2(within_reach(x))
-    high, low = two_words.add((1.0, 0.0), expm1_of_rest(r))
+    high, low = double_double.add((1.0, 0.0), expm1_of_rest(r))
     first, second = power_of_two(k + exponent)
     return high * first * second, low * first * second
 
@@ -208,10 +210,10 @@ def expm1_of_two(x: Two) -> Two:
     """``exp(x) - 1`` of a number of two words."""
     k, r = multiple_of_ln2(within_reach(x))
     rest = expm1_of_rest(r)
-    high, low = two_words.add((1.0, 0.0), rest)
+    high, low = double_double.add((1.0, 0.0), rest)
     first, second = power_of_two(k)
     grown = (high * first * second, low * first * second)
-    less = grown if grown[0] == math.inf else two_words.add(grown, (-1.0, 0.0))
+    less = grown if grown[0] == math.inf else double_double.add(grown, (-1.0, 0.0))
     return rest if k == 0 else less
 
 
@@ -221,8 +223,8 @@ def exp2_of(x: float) -> Two:
     near = lesser(greater(x, -1100.0), 1030.0)
     shifted = near + _INTEGER
     k = to_bits(shifted) - _INTEGER_BITS
-    rest = expm1_of_rest(two_words.scaled(_LN2, near - (shifted - _INTEGER)))
-    high, low = two_words.add((1.0, 0.0), rest)
+    rest = expm1_of_rest(double_double.scaled(_LN2, near - (shifted - _INTEGER)))
+    high, low = double_double.add((1.0, 0.0), rest)
     first, second = power_of_two(k)
     return high * first * second, low * first * second
 
@@ -231,4 +233,4 @@ def exp2_of(x: float) -> Two:
 def exp10_of(x: float) -> Two:
     """``10**x``."""
     near = lesser(greater(x, -330.0), 310.0)
-    return exp_of_two(two_words.scaled(_LN10, near), 0)
+    return exp_of_two(double_double.scaled(_LN10, near), 0)

@@ -10,17 +10,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arithmetic import mig_of, unless_empty
-from eskin.kernels.compiled import inlined, kernel
+from eskin.kernels.double_double import above, below, signed
 from eskin.kernels.exponential import exp_of_two, expm1_of_two
+from eskin.kernels.jit import inlined, kernel
 from eskin.kernels.logarithm import ONE, TWO, acosh_of, asinh_of, atanh_of
 from eskin.kernels.rounding import greater, lesser
-from eskin.kernels.two_words import above, below, signed
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 TINY: Final = 2.0**-900
 """Below it, these functions are their argument to all digits, and products lose theirs."""
@@ -32,8 +32,8 @@ _FLAT: Final = 50.0  # tanh(50) is 1 - 7e-44
 def _halves(x: float) -> tuple[Two, Two]:
     """``exp(x)/2`` and ``exp(-x)/2`` for ``x >= 0``."""
     grown = exp_of_two((x, 0.0), -1)
-    shrunk = two_words.div((0.25, 0.0), grown)
-    return grown, (shrunk if grown[0] < two_words.GREATEST else (0.0, 0.0))
+    shrunk = double_double.div((0.25, 0.0), grown)
+    return grown, (shrunk if grown[0] < double_double.GREATEST else (0.0, 0.0))
 
 
 @inlined
@@ -41,9 +41,9 @@ def _sinh_of(x: float) -> Two:
     """``sinh x`` for ``x >= 0``; where it is small, ``(m + m/(m + 1))/2`` with ``m = expm1(x)``."""
     grown, shrunk = _halves(x)
     m = expm1_of_two((lesser(x, _STEEP), 0.0))
-    high, low = two_words.add(m, two_words.div(m, two_words.add(m, ONE)))
-    steep = two_words.sub(grown, shrunk)
-    steep = steep if grown[0] < two_words.GREATEST else grown
+    high, low = double_double.add(m, double_double.div(m, double_double.add(m, ONE)))
+    steep = double_double.sub(grown, shrunk)
+    steep = steep if grown[0] < double_double.GREATEST else grown
     return steep if x > _STEEP else (0.5 * high, 0.5 * low)
 
 
@@ -51,15 +51,15 @@ def _sinh_of(x: float) -> Two:
 def _cosh_of(x: float) -> Two:
     """``cosh x`` for ``x >= 0``."""
     grown, shrunk = _halves(x)
-    both = two_words.add(grown, shrunk)
-    return both if grown[0] < two_words.GREATEST else grown
+    both = double_double.add(grown, shrunk)
+    return both if grown[0] < double_double.GREATEST else grown
 
 
 @inlined
 def _tanh_of(x: float) -> Two:
     """``tanh x`` for ``x >= 0``."""
     m = expm1_of_two((2.0 * lesser(x, _FLAT), 0.0))
-    return two_words.div(m, two_words.add(m, TWO))
+    return double_double.div(m, double_double.add(m, TWO))
 
 
 @inlined
@@ -67,7 +67,7 @@ def _sinh_up(x: float) -> float:
     size = abs(x)
     value = (size, 0.0) if size < TINY else _sinh_of(size)
     bound = above(signed(value, x))
-    below_zero = -two_words.GREATEST if value[0] == math.inf else lesser(bound, x)
+    below_zero = -double_double.GREATEST if value[0] == math.inf else lesser(bound, x)
     return below_zero if x <= 0.0 else bound
 
 

@@ -5,15 +5,15 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arithmetic import mig_of, unless_empty
-from eskin.kernels.compiled import kernel, part
-from eskin.kernels.instructions import fma, from_bits, to_bits
+from eskin.kernels.intrinsics import fma, from_bits, to_bits
+from eskin.kernels.jit import kernel, part
 from eskin.kernels.rounding import greater, lesser, mul_down, mul_up
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 _SLIGHT: Final = 2.0**-400  # its square is a normal float
 
@@ -25,9 +25,9 @@ def hypotenuse(x: float, y: float) -> tuple[Two, float, bool]:
     shrink = from_bits((1023 - max(min(exponent, 1020), -1020)) << 52)
     grow = 1.0 / shrink
     near, far = x * shrink, y * shrink
-    first, second = two_words.product_of(near, near), two_words.product_of(far, far)
-    length = two_words.sqrt(two_words.add(first, second))
-    total, rest = two_words.sum_of(first[0], second[0])
+    first, second = double_double.product_of(near, near), double_double.product_of(far, far)
+    length = double_double.sqrt(double_double.add(first, second))
+    total, rest = double_double.sum_of(first[0], second[0])
     short = (first[1] == 0.0) & (second[1] == 0.0) & (rest == 0.0) & (lesser(near, far) > _SLIGHT)
     return length, grow, short & (fma(length[0], length[0], -total) == 0.0)
 
@@ -38,7 +38,7 @@ def hypot_down(x: float, y: float) -> float:
     if (x == 0.0) | (y == 0.0) | (max(x, y) == math.inf):
         return max(x, y)
     length, grow, exact = hypotenuse(x, y)
-    bound = mul_down(two_words.below(length), grow)
+    bound = mul_down(double_double.below(length), grow)
     return length[0] * grow if exact else max(bound, max(x, y))
 
 
@@ -48,7 +48,7 @@ def hypot_up(x: float, y: float) -> float:
     if (x == 0.0) | (y == 0.0) | (max(x, y) == math.inf):
         return max(x, y)
     length, grow, exact = hypotenuse(x, y)
-    return length[0] * grow if exact else mul_up(two_words.above(length), grow)
+    return length[0] * grow if exact else mul_up(double_double.above(length), grow)
 
 
 @kernel

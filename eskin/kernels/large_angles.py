@@ -1,4 +1,4 @@
-"""Reduction of angles of any size in rad, beyond what `eskin.kernels.circular` reduces.
+"""Reduction of angles of any size in rad, beyond what `eskin.kernels.trig_double_double` reduces.
 
 ``x = m·2**e`` with a whole m of 53 bits. A table has ``2**e·2/π`` but for multiples of 4 (quarter
 turns, so whole turns), for each e in four words (210 bits): times m, that is x in quarter turns but
@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels import two_words
-from eskin.kernels.compiled import part
-from eskin.kernels.instructions import from_bits, to_bits
+from eskin.kernels import double_double
+from eskin.kernels.intrinsics import from_bits, to_bits
+from eskin.kernels.jit import part
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from eskin.kernels.circular import Turned
+    from eskin.kernels.trig_double_double import Turned
 
 _QUARTERS_OF_ONE: Final = int(
     "a2f9836e4e441529fc2757d1f534ddc0db6295993c439041fe5163abdebbc561b7246e3a424dd2e006492e"
@@ -65,7 +65,7 @@ def reduced_of_any(x: float) -> Turned:
     row = (bits >> 52) - 1075 - _LEAST
     terms = np.empty(7)
     for column in range(3):
-        terms[2 * column], terms[2 * column + 1] = two_words.product_of(m, _WORDS[row, column])
+        terms[2 * column], terms[2 * column + 1] = double_double.product_of(m, _WORDS[row, column])
     terms[6] = m * _WORDS[row, 3]
     terms[0] -= 4.0 * np.rint(0.25 * terms[0])
     terms[1] -= 4.0 * np.rint(0.25 * terms[1])
@@ -73,7 +73,7 @@ def reduced_of_any(x: float) -> Turned:
     terms[0] -= quarters
     for _ in range(2):
         for k in range(6):
-            terms[k + 1], terms[k] = two_words.sum_of(terms[k], terms[k + 1])
+            terms[k + 1], terms[k] = double_double.sum_of(terms[k], terms[k + 1])
     rest = terms[0] + terms[1] + terms[2] + terms[3] + terms[4] + terms[5]
-    near = two_words.ordered(terms[6], rest)
-    return quarters, two_words.mul(near, _QUARTER)
+    near = double_double.ordered(terms[6], rest)
+    return quarters, double_double.mul(near, _QUARTER)

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels import two_words
-from eskin.kernels.compiled import inlined
+from eskin.kernels import double_double
 from eskin.kernels.exponential import power_of_two
-from eskin.kernels.instructions import fma, to_bits
+from eskin.kernels.intrinsics import fma, to_bits
+from eskin.kernels.jit import inlined
 
 if TYPE_CHECKING:
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 _LN2_HIGH: Final = 0.6931471805598903
 _LN2_LOW: Final = 5.497923018708371e-14
@@ -56,12 +56,12 @@ def _tail(s: float) -> float:
 @inlined
 def _of_fraction(f: Two, k: float) -> Two:
     """``k·ln 2 + 2·atanh(f)``."""
-    s = two_words.mul(f, f)
-    series = two_words.mul(s, two_words.add(_THIRD, two_words.scaled(s, _tail(s[0]))))
-    half = two_words.add(f, two_words.mul(f, series))
+    s = double_double.mul(f, f)
+    series = double_double.mul(s, double_double.add(_THIRD, double_double.scaled(s, _tail(s[0]))))
+    half = double_double.add(f, double_double.mul(f, series))
     whole = (2.0 * half[0], 2.0 * half[1])
-    turned = two_words.add((k * _LN2_HIGH, 0.0), two_words.product_of(k, _LN2_LOW))
-    return whole if k == 0.0 else two_words.add(turned, whole)
+    turned = double_double.add((k * _LN2_HIGH, 0.0), double_double.product_of(k, _LN2_LOW))
+    return whole if k == 0.0 else double_double.add(turned, whole)
 
 
 @inlined
@@ -83,7 +83,7 @@ def log_of_two(x: Two) -> Two:
     """``ln x`` of a positive number of two words."""
     k = _exponent(x[0])
     m = _mantissa(x, k)
-    f = two_words.div(two_words.sub(m, ONE), two_words.add(m, ONE))
+    f = double_double.div(double_double.sub(m, ONE), double_double.add(m, ONE))
     return _of_fraction(f, float(k))
 
 
@@ -92,7 +92,7 @@ def log2_of(x: float) -> Two:
     """``log2 x`` of a positive float; powers of two have no second word."""
     k = _exponent(x)
     whole = _mantissa((x, 0.0), k)[0] == 1.0
-    return (float(k), 0.0) if whole else two_words.mul(log_of_two((x, 0.0)), _INVERSE_LN2)
+    return (float(k), 0.0) if whole else double_double.mul(log_of_two((x, 0.0)), _INVERSE_LN2)
 
 
 @inlined
@@ -102,7 +102,7 @@ def log10_of(x: float) -> Two:
     A float that is not a power of ten has a logarithm at least ``2**-55`` from the whole numbers
     up to 22; greater powers of ten are no floats.
     """
-    high, low = two_words.mul(log_of_two((x, 0.0)), _INVERSE_LN10)
+    high, low = double_double.mul(log_of_two((x, 0.0)), _INVERSE_LN10)
     whole = (high == np.rint(high)) & (high >= 0.0) & (high <= 22.0) & (abs(low) < 2.0**-57)
     return high, (0.0 if whole else low)
 
@@ -110,12 +110,12 @@ def log10_of(x: float) -> Two:
 @inlined
 def log1p_of_two(x: Two, more: float) -> Two:
     """``ln(1 + x) + more·ln 2``, for ``x > -1`` and a whole number ``more``."""
-    whole = two_words.add(ONE, x)
+    whole = double_double.add(ONE, x)
     k = _exponent(whole[0])
     m = _mantissa(whole, k)
-    over = x if k == 0 else two_words.sub(m, ONE)
-    under = two_words.add(x, TWO) if k == 0 else two_words.add(m, ONE)
-    return _of_fraction(two_words.div(over, under), float(k) + more)
+    over = x if k == 0 else double_double.sub(m, ONE)
+    under = double_double.add(x, TWO) if k == 0 else double_double.add(m, ONE)
+    return _of_fraction(double_double.div(over, under), float(k) + more)
 
 
 @inlined
@@ -123,25 +123,27 @@ def asinh_of(x: float) -> Two:
     """``asinh x`` for ``x >= 0``: ``ln(1 + x + x²/(1 + √(1 + x²)))``."""
     many = x > MANY
     near = 1.0 if many else x
-    square = two_words.product_of(near, near)
-    root = two_words.sqrt(two_words.add(ONE, square))
-    less = two_words.add((near, 0.0), two_words.div(square, two_words.add(ONE, root)))
-    return log1p_of_two(two_words.sum_of(-1.0, x) if many else less, 1.0 if many else 0.0)
+    square = double_double.product_of(near, near)
+    root = double_double.sqrt(double_double.add(ONE, square))
+    less = double_double.add((near, 0.0), double_double.div(square, double_double.add(ONE, root)))
+    return log1p_of_two(double_double.sum_of(-1.0, x) if many else less, 1.0 if many else 0.0)
 
 
 @inlined
 def acosh_of(x: float) -> Two:
     """``acosh x`` for ``x >= 1``: ``ln(1 + t + √(t·(t + 2)))``, ``t = x - 1``."""
     many = x > MANY
-    t = two_words.sum_of(-1.0, x)
+    t = double_double.sum_of(-1.0, x)
     near = ONE if many else t
-    less = two_words.add(near, two_words.sqrt(two_words.mul(near, two_words.add(near, TWO))))
+    less = double_double.add(
+        near, double_double.sqrt(double_double.mul(near, double_double.add(near, TWO)))
+    )
     return log1p_of_two(t if many else less, 1.0 if many else 0.0)
 
 
 @inlined
 def atanh_of(x: float) -> Two:
     """``atanh x`` for ``0 <= x < 1``: half of ``ln(1 + 2x/(1 - x))``."""
-    ratio = two_words.div((2.0 * x, 0.0), two_words.sum_of(1.0, -x))
+    ratio = double_double.div((2.0 * x, 0.0), double_double.sum_of(1.0, -x))
     high, low = log1p_of_two(ratio, 0.0)
     return 0.5 * high, 0.5 * low

@@ -8,17 +8,17 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arithmetic import div_pair, mig_of, sqrt_pair
-from eskin.kernels.compiled import kernel, part
 from eskin.kernels.exponential import exp_of_two
-from eskin.kernels.instructions import fma
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import kernel, part
 from eskin.kernels.logarithm import log_of_two
 from eskin.kernels.rounding import EXACT_PRODUCT, lesser
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
 
 MOST_EXACT: Final = 64
 """Beyond it, only powers of powers of two are exact."""
@@ -33,7 +33,7 @@ def exponential(exponent: Two) -> tuple[Two, float]:
     The exponent's relative error is below half of `RELATIVE_ERROR`; what it is in absolute terms
     is the exponential's.
     """
-    error = (2.0 + lesser(abs(exponent[0]), 800.0)) * two_words.RELATIVE_ERROR
+    error = (2.0 + lesser(abs(exponent[0]), 800.0)) * double_double.RELATIVE_ERROR
     return exp_of_two(exponent, 0), error
 
 
@@ -43,10 +43,10 @@ def repeated(x: float, n: int) -> Two:
     value, factor, left = (1.0, 0.0), (x, 0.0), abs(n)
     while left > 0:
         if left % 2 == 1:
-            value = two_words.mul(value, factor)
-        factor = two_words.mul(factor, factor)
+            value = double_double.mul(value, factor)
+        factor = double_double.mul(factor, factor)
         left //= 2
-    return value if n > 0 else two_words.div((1.0, 0.0), value)
+    return value if n > 0 else double_double.div((1.0, 0.0), value)
 
 
 @part
@@ -55,10 +55,10 @@ def power(x: float, y: float) -> tuple[Two, float]:
     if abs(y) <= MOST_EXACT and y == math.floor(y):
         value = repeated(x, int(y))
         if _SMALLEST < value[0] < _LARGEST:
-            return value, two_words.RELATIVE_ERROR
+            return value, double_double.RELATIVE_ERROR
     logarithm = log_of_two((x, 0.0))
     rough = logarithm[0] * y
-    return exponential(two_words.scaled(logarithm, y) if abs(rough) < 800.0 else (rough, 0.0))
+    return exponential(double_double.scaled(logarithm, y) if abs(rough) < 800.0 else (rough, 0.0))
 
 
 @part
@@ -77,7 +77,7 @@ def power_down(x: float, y: float) -> float:
     value, error = power(x, y)
     # Powers do not cross 1 where base and exponent do not cross 1 and 0.
     least = 1.0 if (x > 1.0) == (y > 0.0) else 0.0
-    return max(two_words.below_by(value, error), least)
+    return max(double_double.below_by(value, error), least)
 
 
 @part
@@ -87,7 +87,7 @@ def power_up(x: float, y: float) -> float:
         return math.pow(x, y)
     value, error = power(x, y)
     most = math.inf if (x > 1.0) == (y > 0.0) else 1.0
-    return min(max(two_words.above_by(value, error), two_words.LEAST), most)
+    return min(max(double_double.above_by(value, error), double_double.LEAST), most)
 
 
 @part
@@ -191,7 +191,7 @@ def pow_pair(a: float, b: float, c: float, d: float) -> Pair:
 @part
 def root(x: float, n: int) -> tuple[Two, float]:
     """The n-th root of a positive number, and its relative error: zero where it is exact."""
-    value, error = exponential(two_words.div(log_of_two((x, 0.0)), (float(n), 0.0)))
+    value, error = exponential(double_double.div(log_of_two((x, 0.0)), (float(n), 0.0)))
     again = exact_power(value[0], abs(n))
     inverse = (again * x == 1.0) & (fma(again, x, -1.0) == 0.0)
     return value, (0.0 if (again == x if n > 0 else inverse) else error)
@@ -203,7 +203,7 @@ def root_down(x: float, n: int) -> float:
     if x == math.inf:
         return math.inf if n > 0 else 0.0
     value, error = root(x, n)
-    return value[0] if error == 0.0 else two_words.below_by(value, error)
+    return value[0] if error == 0.0 else double_double.below_by(value, error)
 
 
 @part
@@ -212,7 +212,7 @@ def root_up(x: float, n: int) -> float:
     if (x == 0.0) | (x == math.inf):
         return x if n > 0 else 1.0 / x
     value, error = root(x, n)
-    return value[0] if error == 0.0 else two_words.above_by(value, error)
+    return value[0] if error == 0.0 else double_double.above_by(value, error)
 
 
 @part

@@ -13,8 +13,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from eskin.kernels.compiled import inlined
-from eskin.kernels.instructions import fma, from_bits, to_bits
+from eskin.kernels.intrinsics import fma, from_bits, to_bits
+from eskin.kernels.jit import inlined
 
 EXACT_PRODUCT: Final = 2.0**-960
 """Above this magnitude the error of a product is a float itself, so fma finds it exactly."""

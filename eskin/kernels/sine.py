@@ -28,8 +28,8 @@ from typing import Final
 
 import numpy as np
 
-from eskin.kernels.compiled import part
-from eskin.kernels.instructions import fma
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import part
 
 RELATIVE_ERROR: Final = 0.85 * 2.0**-52
 """Proven relative error of every sine and cosine here."""

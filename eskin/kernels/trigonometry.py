@@ -3,7 +3,7 @@
 Each bound is at most one float from the tightest.
 
 An angle is reduced to whole quarter turns and a rest whose sign is certain
-(`eskin.kernels.circular`). So a turning point lies inside exactly where its number lies between
+(`kernels.trig_double_double`). So a turning point lies inside exactly where its number lies between
 the first quarter turn that is reached and the last.
 
 Beyond 2⁴⁸ rad only a single number is reduced, by `eskin.kernels.large_angles`.
@@ -14,18 +14,24 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arithmetic import unless_empty
-from eskin.kernels.circular import LARGEST, floor_of_quarters, reduced, sine_and_cosine, sine_of
-from eskin.kernels.compiled import inlined, kernel, part
+from eskin.kernels.jit import inlined, kernel, part
 from eskin.kernels.large_angles import reduced_of_any
 from eskin.kernels.rounding import greater, lesser
+from eskin.kernels.trig_double_double import (
+    LARGEST,
+    floor_of_quarters,
+    reduced,
+    sine_and_cosine,
+    sine_of,
+)
 
 if TYPE_CHECKING:
     from eskin.kernels.arithmetic import Floats, Pair
-    from eskin.kernels.circular import Turned
+    from eskin.kernels.trig_double_double import Turned
 
-_QUOTIENT_ERROR: Final = 2.0 * two_words.RELATIVE_ERROR
+_QUOTIENT_ERROR: Final = 2.0 * double_double.RELATIVE_ERROR
 
 
 @inlined
@@ -48,8 +54,8 @@ def _range(from_: Turned, to: Turned) -> Pair:
     """Range of the sine between two angles."""
     first, last = sine_of(from_), sine_of(to)
     rises = (first[0] < last[0]) | ((first[0] == last[0]) & (first[1] <= last[1]))
-    lo = two_words.below((first[0] if rises else last[0], first[1] if rises else last[1]))
-    hi = two_words.above((last[0] if rises else first[0], last[1] if rises else first[1]))
+    lo = double_double.below((first[0] if rises else last[0], first[1] if rises else last[1]))
+    hi = double_double.above((last[0] if rises else first[0], last[1] if rises else first[1]))
     bottom, top = _reaches(from_, to, -1.0, 4.0), _reaches(from_, to, 1.0, 4.0)
     return (-1.0 if bottom else greater(lo, -1.0)), (1.0 if top else lesser(hi, 1.0))
 
@@ -74,8 +80,8 @@ def _cosine_pair(a: float, b: float) -> Pair:
 def _tangent_range(from_: Turned, to: Turned) -> Pair:
     sine, cosine = sine_and_cosine(from_)
     sine_b, cosine_b = sine_and_cosine(to)
-    lo = two_words.below_by(two_words.div(sine, cosine), _QUOTIENT_ERROR)
-    hi = two_words.above_by(two_words.div(sine_b, cosine_b), _QUOTIENT_ERROR)
+    lo = double_double.below_by(double_double.div(sine, cosine), _QUOTIENT_ERROR)
+    hi = double_double.above_by(double_double.div(sine_b, cosine_b), _QUOTIENT_ERROR)
     pole = _reaches(from_, to, 1.0, 2.0)
     return (-math.inf if pole else lo), (math.inf if pole else hi)
 

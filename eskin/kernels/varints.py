@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel
+from eskin.kernels.jit import kernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

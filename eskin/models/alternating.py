@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import inlined, kernel
+from eskin.kernels.jit import inlined, kernel
 from eskin.kernels.rounding import add_down, add_up, mul_down, mul_up, sub_down, sub_up
 from eskin.kernels.sine import sincospi_of_product
 from eskin.models.bounds import TWO_PI, U
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.capacitive_chain import harmonic_capacitance
 from eskin.models.parameters import FINITE, NOT_NEGATIVE, not_negative, parameter, positive, thin
-from eskin.models.swing import sine_of_time, weights_at
+from eskin.models.sinusoid import sine_of_time, weights_at
 
 if TYPE_CHECKING:
     from eskin.interval import Interval

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.jit import part
 from eskin.kernels.rounding import mul_down
 
 U: Final = 2.0**-53

@@ -16,7 +16,7 @@ import numpy as np
 
 from eskin.errors import IntervalError
 from eskin.interval import Interval
-from eskin.kernels.compiled import part
+from eskin.kernels.jit import part
 from eskin.kernels.rounding_mode import rounding_to_nearest
 
 if TYPE_CHECKING:

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.jit import kernel, part
 from eskin.models.bounds import TWO_PI, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import FINITE, not_negative, parameter, positive
-from eskin.models.swing import mixed_down, mixed_up, raise_sine
+from eskin.models.sinusoid import mixed_down, mixed_up, raise_sine
 
 if TYPE_CHECKING:
     from eskin.interval import Interval

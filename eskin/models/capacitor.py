@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.constants import VACUUM_PERMITTIVITY
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.jit import kernel, part
 from eskin.models.bounds import above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, row_of
 from eskin.models.parameters import GREATEST, LEAST, positive

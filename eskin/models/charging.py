@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.jit import part
 
 FILLED_PEAK: Final = 1.2564312086261697
 """Where ``x·filled(x)`` is greatest: ``e^x = 1 + 2x``."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.jit import kernel, part
 from eskin.models.bounds import TWO_PI, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import not_negative, positive

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
 from eskin.kernels.exponential import exp_down, exp_up
-from eskin.kernels.instructions import fma
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import kernel, part
 from eskin.models.bounds import TINY, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import not_negative, positive

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.jit import kernel, part
 from eskin.models.bounds import above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.charging import (

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.constants import VACUUM_PERMITTIVITY
-from eskin.kernels.compiled import kernel
+from eskin.kernels.jit import kernel
 from eskin.models.bounds import above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import (
@@ -17,7 +17,7 @@ from eskin.models.parameters import (
     parameter,
     positive,
 )
-from eskin.models.swing import mixed_down, mixed_up, raise_sine
+from eskin.models.sinusoid import mixed_down, mixed_up, raise_sine
 
 if TYPE_CHECKING:
     from eskin.interval import Interval

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel
+from eskin.kernels.jit import kernel
 from eskin.models.bounds import TWO_PI, above, below
 from eskin.models.broadcasting import BLOCK, block_count, evaluate, load
 from eskin.models.parameters import positive

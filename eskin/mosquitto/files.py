@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from eskin.identity.crl import revoked_serials
 from eskin.identity.identity import CHAIN_FILE
-from eskin.identity.revocations import revoked_serials
-from eskin.identity.version import version
 from eskin.mosquitto.configuration import KINDS
+from eskin.runtime.files.stamp import version
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin.identity.version import Version
+    from eskin.runtime.files.stamp import Version
 
 
 def versions(*, identity: Path, anchors: Path) -> tuple[Version, ...]:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from eskin.constants import VACUUM_PERMITTIVITY
-from eskin.coverage import union_coverage
 from eskin.errors import IntervalError
 from eskin.interval import Interval, as_interval, require_plain
 from eskin.models.broadcasting import broadcast_shape
@@ -21,6 +20,7 @@ from eskin.models.parameters import (
 )
 from eskin.models.touch import Touch, touch_of_area
 from eskin.noise.normal import coverage_within
+from eskin.union_bound import union_coverage
 
 if TYPE_CHECKING:
     from numpy.random import Generator

@@ -11,7 +11,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from eskin.kernels.compiled import inlined, part
+from eskin.kernels.jit import inlined, part
 
 NONE: Final = -1
 """The first sample of a pass that has none."""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import inlined
+from eskin.kernels.jit import inlined
 from eskin.kernels.rounding import next_down, next_up
 from eskin.peaks.event import Verdict
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import inlined, kernel
+from eskin.kernels.jit import inlined, kernel
 from eskin.peaks.hysteresis import begin, completes, follow, include, nowhere, rest, wake
 from eskin.peaks.region import (
     MOST_REGIONS,

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 from eskin.privacy.biometric import is_biometric
-from eskin.privacy.cipher import Unveiler, Veiler
-from eskin.privacy.keys import open_key, open_vault
-from eskin.privacy.master import FileMaster, Master
+from eskin.privacy.cipher import Decryptor, Encryptor
+from eskin.privacy.keystore import KeyStore
+from eskin.privacy.master_key import FileMasterKey, MasterKey
+from eskin.privacy.open_keystore import open_key, open_keystore
+from eskin.privacy.sealed_message import SealedMessage, is_sealed
 from eskin.privacy.subject import Subject, Tombstone
-from eskin.privacy.unread import tells_of_nobody
-from eskin.privacy.vault import Vault
-from eskin.privacy.veiled import Veiled, is_veiled
+from eskin.privacy.unreadable import is_impersonal
 
 __all__ = [
-    "FileMaster",
-    "Master",
+    "Decryptor",
+    "Encryptor",
+    "FileMasterKey",
+    "KeyStore",
+    "MasterKey",
+    "SealedMessage",
     "Subject",
     "Tombstone",
-    "Unveiler",
-    "Vault",
-    "Veiled",
-    "Veiler",
     "is_biometric",
-    "is_veiled",
+    "is_impersonal",
+    "is_sealed",
     "open_key",
-    "open_vault",
-    "tells_of_nobody",
+    "open_keystore",
 ]

@@ -16,22 +16,22 @@ from typing import TYPE_CHECKING, Final
 from cryptography.exceptions import InvalidTag
 
 from eskin.errors import BrokenSealError, MessageError, PrivacyError
-from eskin.messages import Block, Peak, Position, decode_message
-from eskin.messages.head import Kind
 from eskin.privacy.derivation import derive, nonce
-from eskin.privacy.veiled import MAC_BYTES, SALT_BYTES, UNREAD, Veiled, whole_minutes
+from eskin.privacy.sealed_message import MAC_BYTES, SALT_BYTES, UNREAD, SealedMessage, whole_minutes
+from eskin.wire.messages import Block, Peak, Position, decode_message
+from eskin.wire.messages.header import Kind
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.ciphers.aead import AESGCM
 
+    from eskin.privacy.keystore import KeyStore
     from eskin.privacy.subject import Subject
-    from eskin.privacy.vault import Vault
 
 _KEPT: Final = 256
 _MOST_LETTER: Final = 60_000
 
 
-class Veiler:
+class Encryptor:
     """Seals; one for each start of a process. Only for one thread."""
 
     def __init__(self) -> None:
@@ -39,7 +39,9 @@ class Veiler:
         self._numbers = itertools.count()
         self._keys = _Keys()
 
-    def veil(self, subject: Subject, node: str, message: Block | Peak, plaintext: bytes) -> Veiled:
+    def veil(
+        self, subject: Subject, node: str, message: Block | Peak, plaintext: bytes
+    ) -> SealedMessage:
         """Seal a message.
 
         Args:
@@ -54,7 +56,7 @@ class Veiler:
 
     def veil_unread(
         self, subject: Subject, node: str, position: Position | None, plaintext: bytes, *, now: int
-    ) -> Veiled:
+    ) -> SealedMessage:
         """Seal bytes that nobody could read, and that may tell of a person nevertheless.
 
         Args:
@@ -77,30 +79,30 @@ class Veiler:
         node: str,
         head: tuple[Position, str, Kind, tuple[int, int]],
         plaintext: bytes,
-    ) -> Veiled:
+    ) -> SealedMessage:
         position, channel, kind, time = head
         number = next(self._numbers)
         said = b"eskin said 1\0%b\0" % node.encode() + plaintext
         mac = hmac.digest(subject.key, said, "sha256")[:MAC_BYTES]
-        clear = Veiled(
+        clear = SealedMessage(
             position, channel, kind, subject.pseudonym, time, self._salt, number, mac=mac
         )
         aead = self._keys.find(subject, self._salt)
         return replace(clear, ciphertext=aead.encrypt(nonce(number), plaintext, clear.bound(node)))
 
 
-class Unveiler:
+class Decryptor:
     """Reads what was veiled, as long as the subject's key is there.
 
     Args:
-        vault: Holds the keys; asked for each message, so that what is erased is erased at once.
+        keystore: Holds the keys; asked for each message, so that what is erased is erased at once.
     """
 
-    def __init__(self, vault: Vault) -> None:
-        self._vault = vault
+    def __init__(self, keystore: KeyStore) -> None:
+        self._keystore = keystore
         self._keys = _Keys()
 
-    def unveil(self, node: str, veiled: Veiled) -> bytes:
+    def unveil(self, node: str, veiled: SealedMessage) -> bytes:
         """The bytes that were veiled.
 
         Raises:
@@ -108,7 +110,7 @@ class Unveiler:
             PrivacyError: It was changed, or moved to another node, place or subject.
         """
         try:
-            subject = self._vault.find(veiled.subject)
+            subject = self._keystore.find(veiled.subject)
         except PrivacyError:
             self._keys.forget(veiled.subject)
             raise
@@ -124,7 +126,7 @@ class Unveiler:
         """Drop what was derived from a subject's key."""
         self._keys.forget(pseudonym)
 
-    def read(self, node: str, veiled: Veiled) -> tuple[Block | Peak, bytes]:
+    def read(self, node: str, veiled: SealedMessage) -> tuple[Block | Peak, bytes]:
         """The block or peak that was veiled, and its bytes.
 
         Raises:

@@ -8,8 +8,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.collections import PolyCollection
 
-from eskin.looks import COLOURS, axis_formatter
 from eskin.peaks import Verdict
+from eskin.plot_style import COLOURS, axis_formatter
 from eskin.tube.tube import moment_text
 
 if TYPE_CHECKING:

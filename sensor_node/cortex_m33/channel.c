@@ -1,4 +1,4 @@
-/* Rest and smoothing: sensor_node/firmware/baseline.py and smoothing.py. */
+/* Rest and smoothing: sensor_node/eskin_sensor_node/firmware/baseline.py and smoothing.py. */
 #include "channel.h"
 
 static bounds_t mean_bounds(const double *lows, const double *highs, int n)

@@ -1,4 +1,4 @@
-/* How a block's bounds are written: sensor_node/firmware/encoding.py. */
+/* How a block's bounds are written: sensor_node/eskin_sensor_node/firmware/encoding.py. */
 #include "channel.h"
 
 enum { UNBOUNDED = 65535, MOST_CODE = 65534 };

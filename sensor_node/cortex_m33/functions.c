@@ -1,4 +1,4 @@
-/* Enclosures of the logarithm and the arc tangent: sensor_node/firmware/logarithm.py, arctangent.py. */
+/* Enclosures of the logarithm and the arc tangent: sensor_node/eskin_sensor_node/firmware/logarithm.py, arctangent.py. */
 #include "inversion.h"
 
 static const double LN2 = 0x1.62e42fefa39efp-1;

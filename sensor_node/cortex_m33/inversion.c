@@ -1,4 +1,4 @@
-/* Plates, touches, coils and amplifiers: sensor_node/firmware/inversion of the same names. */
+/* Plates, touches, coils and amplifiers: sensor_node/eskin_sensor_node/firmware/inversion of the same names. */
 #include "inversion.h"
 
 bounds_t code_bounds(int code, int last, const adc_t *adc, double reach)

@@ -1,4 +1,4 @@
-/* From ADC codes back to quantities: sensor_node/firmware/inversion, function by function. */
+/* From ADC codes back to quantities: sensor_node/eskin_sensor_node/firmware/inversion, function by function. */
 #ifndef INVERSION_H
 #define INVERSION_H
 

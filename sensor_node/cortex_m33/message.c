@@ -1,4 +1,4 @@
-/* A block and a peak as messages: sensor_node/firmware/cbor.py, fields.py and record.py. */
+/* A block and a peak as messages: sensor_node/eskin_sensor_node/firmware/cbor.py, fields.py and record.py. */
 #include "message.h"
 
 enum { UNSIGNED = 0x00, NEGATIVE = 0x20, BYTES = 0x40, TEXT = 0x60, ARRAY = 0x80, MAP = 0xA0, TAG = 0xC0 };

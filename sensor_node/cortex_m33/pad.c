@@ -1,4 +1,4 @@
-/* What presses a pad: sensor_node/firmware/inversion/pad.py. */
+/* What presses a pad: sensor_node/eskin_sensor_node/firmware/inversion/pad.py. */
 #include "inversion.h"
 
 static bounds_t plate_distance_bounds(bounds_t c, bounds_t k, bounds_t plates)

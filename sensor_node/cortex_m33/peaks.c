@@ -1,4 +1,4 @@
-/* Peaks of a tube, certain and possible: sensor_node/firmware/peaks.py. */
+/* Peaks of a tube, certain and possible: sensor_node/eskin_sensor_node/firmware/peaks.py. */
 #include "channel.h"
 
 static int is_no_number(double x) { return bits_of(x) << 1 > bits_of(INFINITY) << 1; }

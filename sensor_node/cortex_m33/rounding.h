@@ -1,4 +1,4 @@
-/* Directed rounding, as sensor_node/firmware/rounding.py has it: to the same bit. */
+/* Directed rounding, as sensor_node/eskin_sensor_node/firmware/rounding.py has it: to the same bit. */
 #ifndef ROUNDING_H
 #define ROUNDING_H
 

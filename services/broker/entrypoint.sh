@@ -5,5 +5,5 @@ set -eu
 enrol server server.broker /var/lib/eskin/identity
 enrol client client.health /var/lib/eskin/client.health
 mkdir -p -m 0700 /var/lib/eskin/anchors
-exec eskin pki guard --url https://authority:8444 --identity /var/lib/eskin/identity \
+exec eskin pki guard --url https://ca:8444 --identity /var/lib/eskin/identity \
   --also /var/lib/eskin/client.health --folder /var/lib/eskin/anchors -- "$@"

@@ -7,12 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
 import pytest
-
-from sensor_node.firmware.taxel import CHAINS
-from sensor_node.taxels import AnyTaxel
+from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.taxels import AnyTaxel
 
 if TYPE_CHECKING:
-    from sensor_node.taxels import TaxelSection
+    from eskin_sensor_node.taxels import TaxelSection
 
 PAGE = Path(__file__).parents[2] / "docs" / "quantities.md"
 ROWS = re.findall(r"^\| `(\w+)` \| `(.+?)` \|", PAGE.read_text(), re.MULTILINE)

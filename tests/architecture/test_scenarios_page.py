@@ -7,14 +7,14 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
+from eskin_sensor_node.world.replay import Recorded
+from eskin_sensor_node.world.scenario import Script, read_scenario
+from eskin_sensor_node.world.scenario.events import AnyEvent
+from eskin_sensor_node.world.scenario.script import VariationSection
+from eskin_sensor_node.world.scenario.surroundings import AmbientSection, BioelectricSection
+from eskin_sensor_node.world.skin import FaultSection, Shape
 
-from eskin.command.scenarios import page
-from sensor_node.replay import Recorded
-from sensor_node.scenario import Script, read_scenario
-from sensor_node.scenario.events import AnyEvent
-from sensor_node.scenario.script import VariationSection
-from sensor_node.scenario.surroundings import AmbientSection, BioelectricSection
-from sensor_node.skin import FaultSection, Shape
+from eskin.cli.scenarios import page
 
 PAGE = Path(__file__).parents[2] / "docs" / "scenarios.md"
 MODELS = [
@@ -39,7 +39,7 @@ def test_every_key_has_its_help_and_stands_on_the_page(model: type[Script]) -> N
 
 
 def test_page_of_scenarios_is_current() -> None:
-    assert PAGE.read_text() == page(), "python -m eskin.command.scenarios > docs/scenarios.md"
+    assert PAGE.read_text() == page(), "python -m eskin.cli.scenarios > docs/scenarios.md"
 
 
 def test_example_of_the_page_can_be_played(tmp_path: Path) -> None:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from eskin.command.settings import PROCESSES, page
-from eskin.settings import table
+from eskin.cli.settings import PROCESSES, page
+from eskin.runtime.settings import table
 
 PAGE = Path(__file__).parents[2] / "docs" / "settings.md"
 
@@ -20,4 +20,4 @@ def test_every_setting_has_its_help(process: str) -> None:
 
 
 def test_page_of_settings_is_current() -> None:
-    assert PAGE.read_text() == page(), "python -m eskin.command.settings > docs/settings.md"
+    assert PAGE.read_text() == page(), "python -m eskin.cli.settings > docs/settings.md"

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import part
+from eskin.kernels.jit import part
 from eskin.models.icm.clock import PI, sample_at
 from eskin.models.icm.curvature import SLACK, log_ratio
 from eskin.models.icm.decay import decay

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import kernel, part
+from eskin.kernels.jit import kernel, part
 from eskin.kernels.rounding import div_down, div_up, mul_down, mul_up
 from eskin.models.icm.box import ROOM, point, supremum
 from eskin.models.icm.clock import PI

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import part
+from eskin.kernels.jit import part
 from eskin.models.icm.clock import REACH, sample_of
 from eskin.models.icm.curvature import edge_of, test_edge, waning
 from eskin.models.icm.edge import FINE, STACK, edge_range, parabola_root

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels.compiled import inlined, part
-from eskin.kernels.instructions import fma
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import inlined, part
 from eskin.kernels.sine import sincospi_of_product, sincospi_of_two
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import inlined, part
+from eskin.kernels.jit import inlined, part
 
 if TYPE_CHECKING:
     from typing import TypeAlias

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import Final
 
-from eskin.kernels.compiled import inlined
 from eskin.kernels.exponential import exp_tail
-from eskin.kernels.instructions import fma, from_bits, to_bits
+from eskin.kernels.intrinsics import fma, from_bits, to_bits
+from eskin.kernels.jit import inlined
 
 _INVERSE_LN2: Final = 1.4426950408889634
 _LN2_HIGH: Final = 0.6931471805598903

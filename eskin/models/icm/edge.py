@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import part
+from eskin.kernels.jit import part
 from eskin.models.icm.clock import REACH
 from eskin.models.icm.curvature import bend_bounds, limits_of, log_ratio
 from eskin.models.icm.response import ROUNDING, UNDERFLOW, branch, respond

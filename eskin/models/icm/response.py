@@ -30,8 +30,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import inlined, part
-from eskin.kernels.instructions import fma
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import inlined, part
 from eskin.models.icm.clock import PI, PI_LOW, phase_of
 from eskin.models.icm.decay import decay
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from eskin.kernels.compiled import part
-from eskin.kernels.instructions import fma
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import part
 from eskin.models.icm.response import ROUNDING, UNDERFLOW
 
 if TYPE_CHECKING:

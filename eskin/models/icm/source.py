@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels import two_words
-from eskin.kernels.compiled import kernel, part
-from eskin.kernels.instructions import fma
+from eskin.kernels import double_double
+from eskin.kernels.intrinsics import fma
+from eskin.kernels.jit import kernel, part
 from eskin.kernels.sine import ABSOLUTE_ERROR, sincospi_of_two, unit_down, unit_up
 
 if TYPE_CHECKING:
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
     from eskin.models.icm.bracket import Indices
     from eskin.models.parameters import Floats
 
@@ -40,8 +40,8 @@ def _half_turns(frequency: float, time: float, phase: float) -> Two:
     rest = fma(2.0 * frequency, time, -turns)
     high = phase * _INVERSE_PI
     low = fma(phase, _INVERSE_PI, -high) + phase * _INVERSE_PI_LOW
-    swing = two_words.sum_of(_rest(turns), _rest(rest))
-    return two_words.add(swing, two_words.sum_of(_rest(high), _rest(low)))
+    swing = double_double.sum_of(_rest(turns), _rest(rest))
+    return double_double.add(swing, double_double.sum_of(_rest(high), _rest(low)))
 
 
 @part

@@ -1,7 +1,7 @@
 """Bounds of u_c and i1 where all parameters but the amplitude are single numbers: to a few floats.
 
 The response of `eskin.models.icm.response` in its first form, in two words
-(`eskin.kernels.two_words`). Its factors are right within ``2**-63`` of themselves (``f``
+(`eskin.kernels.double_double`). Its factors are right within ``2**-63`` of themselves (``f``
 within ``2**-61`` just above ``s = 0.3466``), products and sums within ``2**-100``.
 So ``h`` is within `ERROR` of ``T``, the sum of the sizes of its terms, and only where these all but
 cancel do its bounds lie more than a few floats apart. What leaves the range of two words, at times
@@ -14,26 +14,26 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin.kernels import two_words
+from eskin.kernels import double_double
 from eskin.kernels.arctangent import PI
-from eskin.kernels.circular import (
+from eskin.kernels.exponential import expm1_excess, expm1_of_two
+from eskin.kernels.jit import inlined, kernel, part
+from eskin.kernels.logarithm import ONE
+from eskin.kernels.rounding import add_down, add_up
+from eskin.kernels.trig_double_double import (
     LARGEST,
     reduced,
     reduced_of_half_turns,
     sine_and_cosine,
     sine_excess,
 )
-from eskin.kernels.compiled import inlined, kernel, part
-from eskin.kernels.exponential import expm1_excess, expm1_of_two
-from eskin.kernels.logarithm import ONE
-from eskin.kernels.rounding import add_down, add_up
 from eskin.models.icm.clock import BLOCK, sample_at
 from eskin.models.icm.response import ROUNDING, UNDERFLOW, branch, phase_parts, respond
 
 if TYPE_CHECKING:
     from typing import TypeAlias
 
-    from eskin.kernels.two_words import Two
+    from eskin.kernels.double_double import Two
     from eskin.models.icm.bracket import Indices
     from eskin.models.parameters import Floats
 
@@ -55,15 +55,15 @@ _ROWS: Final = 8
 @inlined
 def sample_in_two_words(frequency: float, time: float) -> Sample:
     """Time, ``sin a``, ``sin a - a`` (later ``sin a``), ``1 - cos a``, and whether ``a <= 1``."""
-    turns = two_words.product_of(frequency, time)
+    turns = double_double.product_of(frequency, time)
     half_sine, half_cosine = sine_and_cosine(reduced_of_half_turns(turns[0], turns[1]))
-    sine = two_words.scaled(two_words.mul(half_sine, half_cosine), 2.0)
-    versine = two_words.scaled(two_words.mul(half_sine, half_sine), 2.0)
-    a = two_words.scaled(two_words.mul(turns, PI), 2.0)
+    sine = double_double.scaled(double_double.mul(half_sine, half_cosine), 2.0)
+    versine = double_double.scaled(double_double.mul(half_sine, half_sine), 2.0)
+    a = double_double.scaled(double_double.mul(turns, PI), 2.0)
     early = a[0] <= 1.0
     near = (a[0] if early else 0.0), (a[1] if early else 0.0)
-    square = two_words.mul(near, near)
-    short = two_words.mul(near, two_words.mul(square, sine_excess(square)))
+    square = double_double.mul(near, near)
+    short = double_double.mul(near, double_double.mul(square, sine_excess(square)))
     less = (short[0] if early else sine[0]), (short[1] if early else sine[1])
     return time, sine, less, versine, early
 
@@ -74,8 +74,8 @@ def decay_in_two_words(s: Two) -> tuple[Two, Two]:
     less = expm1_of_two((-s[0], -s[1]))
     at_once = s[0] < _AT_ONCE
     near = (-s[0] if at_once else 0.0), (-s[1] if at_once else 0.0)
-    small = two_words.mul(two_words.mul(near, near), expm1_excess(near))
-    great = two_words.add(s, less)
+    small = double_double.mul(double_double.mul(near, near), expm1_excess(near))
+    great = double_double.add(s, less)
     lag = (small[0] if at_once else great[0]), (small[1] if at_once else great[1])
     return (-less[0], -less[1]), lag
 
@@ -83,13 +83,13 @@ def decay_in_two_words(s: Two) -> tuple[Two, Two]:
 @inlined
 def branch_in_two_words(frequency: float, over: Two, under: Two) -> tuple[Two, Two]:
     """``1/(1 + x²)`` and ``x/(1 + x²)`` for ``x = ωτ``, ``τ = over/under``."""
-    x = two_words.mul(two_words.div(two_words.scaled(over, 2.0 * frequency), under), PI)
+    x = double_double.mul(double_double.div(double_double.scaled(over, 2.0 * frequency), under), PI)
     slow = x[0] > 1.0
-    z = two_words.div(ONE, x) if slow else x
-    square = two_words.mul(z, z)
-    below = two_words.add(ONE, square)
-    first, second = two_words.div(ONE, below), two_words.div(square, below)
-    return (second if slow else first), two_words.div(z, below)
+    z = double_double.div(ONE, x) if slow else x
+    square = double_double.mul(z, z)
+    below = double_double.add(ONE, square)
+    first, second = double_double.div(ONE, below), double_double.div(square, below)
+    return (second if slow else first), double_double.div(z, below)
 
 
 @inlined
@@ -102,13 +102,15 @@ def respond_in_two_words(terms: Terms, sample: Sample) -> tuple[Two, float]:
     """
     sine_phase, cosine_phase, c0, c1, over, under = terms
     t, sine, short, versine, early = sample
-    gone, lag = decay_in_two_words(two_words.div(two_words.scaled(under, t), over))
+    gone, lag = decay_in_two_words(double_double.div(double_double.scaled(under, t), over))
     rest = (lag[0] if early else -gone[0]), (lag[1] if early else -gone[1])
-    swing = two_words.sub(gone, versine)
-    both = two_words.add(versine, rest)
-    in_phase = two_words.add(two_words.mul(c1, sine), two_words.mul(c0, swing))
-    lagging = two_words.add(two_words.mul(c0, short), two_words.mul(c1, both))
-    h = two_words.add(two_words.mul(sine_phase, in_phase), two_words.mul(cosine_phase, lagging))
+    swing = double_double.sub(gone, versine)
+    both = double_double.add(versine, rest)
+    in_phase = double_double.add(double_double.mul(c1, sine), double_double.mul(c0, swing))
+    lagging = double_double.add(double_double.mul(c0, short), double_double.mul(c1, both))
+    h = double_double.add(
+        double_double.mul(sine_phase, in_phase), double_double.mul(cosine_phase, lagging)
+    )
     size = abs(sine_phase[0]) * (c1[0] * abs(sine[0]) + c0[0] * (gone[0] + versine[0]))
     size += abs(cosine_phase[0]) * (c0[0] * abs(short[0]) + c1[0] * (versine[0] + abs(rest[0])))
     return h, size * _SLACK
@@ -134,7 +136,7 @@ def _sample_of(table: Floats, i: int) -> Sample:
 def _bounds(h: Two, error: float, amplitude: Amplitude) -> tuple[float, float]:
     """Least and greatest product with an amplitude, rounded outward once."""
     least, most, lost = amplitude
-    one, other = two_words.mul(h, least), two_words.mul(h, most)
+    one, other = double_double.mul(h, least), double_double.mul(h, most)
     spare = lost * (abs(h[0]) + error) + _LEAST
     one_error, other_error = error * abs(least[0]) + spare, error * abs(most[0]) + spare
     lo = min(add_down(one[0], one[1] - one_error), add_down(other[0], other[1] - other_error))
@@ -184,9 +186,9 @@ def _rows(
             if row == 0 or given[2] != rows[row - 1, 2] or clock != clock_of[row - 1]:
                 _fill(given[2], times[clock, start:stop], table)
             under = (given[6], 0.0) if coil else ONE
-            over = (given[8], 0.0) if coil else two_words.product_of(given[6], given[8])
-            least = two_words.div((given[0], 0.0), under)
-            most = two_words.div((given[1], 0.0), under)
+            over = (given[8], 0.0) if coil else double_double.product_of(given[6], given[8])
+            least = double_double.div((given[0], 0.0), under)
+            most = double_double.div((given[1], 0.0), under)
             silent = (given[0] == 0.0) & (given[1] == 0.0)
             amplitude = least, most, (0.0 if silent else _LEAST / under[0])
             place = lo[row, start:stop], hi[row, start:stop]

@@ -1,0 +1,135 @@
+"""A party's side of the CA service while it runs: renews in time, and brings what the CA says."""
+
+from __future__ import annotations
+
+import logging
+from contextlib import suppress
+from datetime import UTC, datetime
+from functools import partial
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Final, Self
+
+from eskin.errors import IdentityError, LockedError
+from eskin.identity import (
+    Identity,
+    common_name,
+    forget_past,
+    is_due,
+    is_superseded,
+    load_certificates,
+    settle,
+)
+from eskin.runtime.files.lock import LockFile
+from eskin_ca.client import fetch_revocations, fetch_roots, fetch_site, renew
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from pathlib import Path
+
+    from eskin.identity import IdentityKind
+    from eskin.runtime.settings import RenewalSection
+
+log = logging.getLogger(__name__)
+
+_RENEWAL: Final = "renewal"
+"""Whoever renews an identity owns this file of its folder meanwhile."""
+
+
+class RenewalAgent:
+    """Works in a thread while its block runs; without a CA service, not at all.
+
+    The parties look at their files by themselves, so it matters to nobody who renews them.
+
+    Args:
+        settings: The CA service.
+        identities: Folders to renew, each with the roots that it trusts; of the rest the first
+            one's are believed.
+        site: File of the site's certificate, for a node.
+        lists: Files of revocation lists; ``None`` where a process has none.
+
+    Attributes:
+        faults: How often something failed in a way that nobody foresaw.
+    """
+
+    def __init__(
+        self,
+        settings: RenewalSection,
+        identities: Sequence[Path],
+        *,
+        site: Path | None = None,
+        lists: Mapping[IdentityKind, Path | None] | None = None,
+    ) -> None:
+        self._url = settings.url
+        self._every = settings.every_s
+        self._identities = identities
+        self._site = site
+        self._lists = {kind: path for kind, path in (lists or {}).items() if path is not None}
+        self._said: dict[str, str] = {}
+        self.faults = 0
+        self._stopping = Event()
+        self._thread = Thread(target=self._run, name="keeper", daemon=True)
+
+    def __enter__(self) -> Self:
+        if self._url:
+            self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stopping.set()
+        if self._url:
+            self._thread.join()
+
+    def look(self) -> None:
+        """Do what is due, once; what fails is said once, and tried again at the next look."""
+        self._attempt("roots", self._follow_roots)
+        for directory in self._identities:
+            self._attempt(f"renew {directory.name}", partial(self._renew, directory))
+        root = self._identities[0]
+        if self._site is not None:
+            self._attempt("site", partial(self._follow_site, root, self._site))
+        for kind, path in self._lists.items():
+            fetch = partial(fetch_revocations, self._url, root, kind, path)
+            self._attempt(f"revocations of {kind}s", fetch)
+
+    def _run(self) -> None:
+        while not self._stopping.is_set():
+            self.look()
+            self._stopping.wait(self._every)
+
+    def _attempt(self, what: str, do: Callable[[], object]) -> None:
+        try:
+            do()
+        except (IdentityError, OSError) as error:
+            if self._is_new(what, error):
+                log.warning("%s failed, trying again: %s", what, error)
+        except Exception as error:  # the thread's outermost loop: what broke is told and counted
+            self.faults += 1
+            if self._is_new(what, error):
+                log.exception("%s failed, trying again: faults=%d", what, self.faults)
+        else:
+            self._said.pop(what, None)
+
+    def _is_new(self, what: str, error: Exception) -> bool:
+        """Whether it failed otherwise the last time: it may fail at each look, for days."""
+        before, self._said[what] = self._said.get(what), repr(error)
+        return before != repr(error)
+
+    def _renew(self, directory: Path) -> None:
+        """Renew what is due; where gateways share a site's folder, one of them does it."""
+        with suppress(LockedError), LockFile(directory / _RENEWAL):
+            settle(directory)
+            now = datetime.now(UTC)
+            forget_past(directory, now)
+            standing = Identity.load(directory)
+            if is_due(standing.certificate, now) or is_superseded(standing):
+                own = renew(self._url, directory)
+                log.info("renewed: name=%s until=%s", own.name, own.certificate.not_valid_after_utc)
+
+    def _follow_roots(self) -> None:
+        for directory in fetch_roots(self._url, *self._identities):
+            log.info("roots replaced: of=%s", directory.name)
+
+    def _follow_site(self, directory: Path, site: Path) -> None:
+        name = common_name(load_certificates(site)[0])
+        if fetch_site(self._url, directory, name, site):
+            log.info("site's certificate renewed: name=%s", name)

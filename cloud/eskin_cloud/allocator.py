@@ -1,0 +1,17 @@
+"""How the cloud's memory comes from the system, so that what is freed goes back to it."""
+
+from __future__ import annotations
+
+import pyarrow as pa
+
+from eskin.runtime.memory import keep_large_apart
+
+
+def use_one_allocator() -> None:
+    """Have all come from the C library's allocator, large pieces apart.
+
+    Arrow would use mimalloc, which keeps pages for each thread that ever used it; nothing that is
+    given back now and then comes from there (`eskin.runtime.memory.give_back`).
+    """
+    keep_large_apart()
+    pa.set_memory_pool(pa.system_memory_pool())

@@ -1,0 +1,149 @@
+"""Commands to nodes, and how nodes should be and are set."""
+
+import asyncio
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Path, Query
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import Connection, RowMapping
+from starlette.responses import Response
+
+from eskin.identity import Identity
+from eskin.runtime.http_server.problems import documented
+from eskin.wire.envelope import sign
+from eskin.wire.messages import Command, CommandName
+from eskin.wire.messages.cbor_map import MOST_COUNT
+from eskin.wire.messages.command_schema import RANGES, check_arguments
+from eskin.wire.timestamp import SECOND
+from eskin.wire.topics import Stream, node_topic
+from eskin_cloud.api.dependencies import CloudState, Operator, Reader
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.commands.issue import Order, issue
+from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, CommandDocument, NoQuery, StateDocument
+from eskin_cloud.schemas.shapes import command_shape, state_shape
+from eskin_cloud.store.read.errors import UnknownChannelError
+from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
+from eskin_cloud.store.write.commands import find_command, find_state
+
+router = APIRouter(tags=["commands"])
+
+_STRICT = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+def _number(setting: str) -> float | None:
+    """A field of the request's body, with the range that the contract gives."""
+    known = RANGES[setting]
+    field: float | None = Field(default=None, ge=known.least, le=known.most, description=known.help)
+    return field
+
+
+class ArgumentsBody(BaseModel):
+    """Arguments of a command; which belong together, the command's name decides."""
+
+    model_config = _STRICT
+
+    threshold: float | None = _number("threshold")
+    gain: float | None = _number("gain")
+    smoothing: float | None = _number("smoothing")
+    rate: float | None = _number("rate")
+    mode: Literal["samples", "peaks", "adaptive"] | None = Field(
+        default=None, description="what the node sends"
+    )
+    adaptive: Literal["on", "off"] | None = Field(
+        default=None, description="whether the node sets gain, trimmer and plates by itself"
+    )
+    taxel: str | None = Field(default=None, description="of this taxel; none means all")
+    channel: str | None = Field(default=None, description="of this channel, with threshold")
+
+
+class CommandBody(BaseModel):
+    """A command."""
+
+    model_config = _STRICT
+
+    name: Literal["calibrate", "set", "reset"] = Field(description="what to do")
+    arguments: ArgumentsBody = ArgumentsBody()
+    expires_s: float = Field(
+        default=3600.0,
+        ge=1,
+        le=2_592_000,
+        description="seconds after which it is not done any more",
+    )
+
+
+@router.post(
+    "/nodes/{node}/commands",
+    status_code=202,
+    response_model=CommandDocument,
+    responses=REFUSALS_OF_PLACE | documented(408, 409, 413),
+)
+async def post_command(
+    cloud: CloudState,
+    access: Operator,
+    node: str,
+    body: CommandBody,
+    query: Annotated[NoQuery, Query()],
+) -> Response:
+    """Ask something of a node. The answer comes once the command is kept; see its state later."""
+    del query
+    name = CommandName(body.name)
+    arguments = check_arguments(name, body.arguments.model_dump(exclude_none=True))
+    order = Order(node, name, arguments, int(body.expires_s * SECOND))
+    # Read for each command, so that a renewed certificate signs.
+    own = await asyncio.to_thread(Identity.load, cloud.settings.gateways.identity)
+    topic = node_topic(node, Stream.COMMANDS)
+
+    def signed(command: Command) -> bytes:
+        return sign(command.encode(), own=own, topic=topic)
+
+    def work(connection: Connection) -> RowMapping:
+        now = cloud.clock()
+        row = issue(connection, order, sign=signed, now=now)
+        said = f"{row['id']}: {row['name']} {row['arguments']}"
+        audit_entry = AuditEntry(
+            access.actor.name, access.actor.address, Action.COMMAND, node, said
+        )
+        record(connection, audit_entry, now=now)
+        return row
+
+    row = await asyncio.wrap_future(cloud.store.write(work))
+    cloud.notifier.wake()
+    answer = as_json(command_shape(row, now=cloud.clock()))
+    answer.status_code = 202
+    answer.headers["Location"] = f"/api/v1/nodes/{node}/commands/{row['id']}"
+    return answer
+
+
+@router.get(
+    "/nodes/{node}/commands/{id}",
+    response_model=CommandDocument,
+    responses=REFUSALS_OF_PLACE,
+)
+def get_command(
+    cloud: CloudState,
+    _: Reader,
+    node: str,
+    number: Annotated[int, Path(alias="id", ge=1, le=MOST_COUNT)],
+    query: Annotated[NoQuery, Query()],
+) -> Response:
+    """A command, and what became of it."""
+    del query
+    with cloud.store.read() as connection:
+        find_node(connection, node)
+        row = find_command(connection, node, number)
+    if row is None:
+        raise UnknownChannelError("id", f"{node} was never given a command {number}")
+    return as_json(command_shape(row, now=cloud.clock()))
+
+
+@router.get("/nodes/{node}/state", response_model=StateDocument, responses=REFUSALS_OF_PLACE)
+def get_state(
+    cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """How a node should be set, and how it says that it is."""
+    del query
+    with cloud.store.read() as connection:
+        find_node(connection, node)
+        row = find_state(connection, node)
+    return as_json(state_shape(node, row))

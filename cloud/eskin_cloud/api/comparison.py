@@ -1,0 +1,158 @@
+"""Questions that compare two channels."""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from itertools import islice
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+from sqlalchemy import Connection, RowMapping
+from starlette.responses import Response
+
+from eskin.errors import QueryError
+from eskin_cloud.api.dependencies import Access, CloudState, Reader
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.api.window_params import WindowQuery, opened, resumed
+from eskin_cloud.app_state import AppState
+from eskin_cloud.query.comparison import find_stretches
+from eskin_cloud.query.comparison_segments import ComparisonSegment
+from eskin_cloud.query.comparison_totals import sum_up_stretches
+from eskin_cloud.query.cursors import write_cursor
+from eskin_cloud.query.neighbourhood import Source
+from eskin_cloud.query.predicate import Verdict
+from eskin_cloud.schemas.comparison import (
+    StandingDocument,
+    StretchDocument,
+    standing_shape,
+    stretch_shape,
+)
+from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, PageDocument, Place
+from eskin_cloud.schemas.shapes import page
+from eskin_cloud.store.read.lookup import find_channel, read_place
+from eskin_cloud.store.read.window import Window, read_window
+
+router = APIRouter(tags=["series"])
+
+
+class ComparisonQuery(WindowQuery):
+    """Which channel is compared with which; without a window, the last minute that both have."""
+
+    other: Place = Field(max_length=200, description="the other channel, as NODE/CHANNEL")
+    state: Literal["above", "below"] = Field(
+        default="above", description="whether the channel is asked to be above the other, or below"
+    )
+
+
+class StretchesQuery(ComparisonQuery):
+    """Parameters of a comparison's stretches."""
+
+    limit: int = Field(default=1000, ge=1, le=10_000, description="stretches at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+
+@router.get(
+    "/series/{node}/{channel}/comparison",
+    response_model=PageDocument[StretchDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_comparison(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[StretchesQuery, Query()],
+) -> Response:
+    """When the channel is certainly, or possibly, above or below another one."""
+    with cloud.store.read() as connection:
+        rows = _rows(connection, node, channel, query)
+        window = _window(cloud, rows, query) if query.cursor is None else resumed(query.cursor)
+        with _sides(cloud, access, connection, rows, window) as sides:
+            found, following = _paged(_stretches(*sides, window, query), window, query.limit)
+    coverage = _coverage(sides)
+    return as_json(page([stretch_shape(stretch, coverage) for stretch in found], following))
+
+
+@router.get(
+    "/series/{node}/{channel}/comparison/time",
+    response_model=StandingDocument,
+    responses=REFUSALS_OF_PLACE,
+)
+def get_comparison_time(
+    cloud: CloudState,
+    access: Reader,
+    node: str,
+    channel: str,
+    query: Annotated[ComparisonQuery, Query()],
+) -> Response:
+    """For how long and how often the channel is above or below another one."""
+    with cloud.store.read() as connection:
+        rows = _rows(connection, node, channel, query)
+        window = _window(cloud, rows, query)
+        with _sides(cloud, access, connection, rows, window) as sides:
+            found = sum_up_stretches(_stretches(*sides, window, query))
+    return as_json(standing_shape(found, window, sides[0].channel["unit"], _coverage(sides)))
+
+
+def _rows(
+    connection: Connection, node: str, channel: str, query: ComparisonQuery
+) -> tuple[RowMapping, RowMapping]:
+    one = find_channel(connection, node, channel)
+    return one, find_channel(connection, *read_place(query.other, "other"))
+
+
+def _window(cloud: AppState, rows: tuple[RowMapping, RowMapping], query: WindowQuery) -> Window:
+    lasts = [row["t_last"] for row in rows if row["t_last"] is not None]
+    return read_window(query.start, query.end, last=min(lasts, default=cloud.clock()))
+
+
+@contextmanager
+def _sides(
+    cloud: AppState,
+    access: Access,
+    connection: Connection,
+    rows: tuple[RowMapping, RowMapping],
+    window: Window,
+) -> Iterator[tuple[Source, Source]]:
+    """Where both are read; what a sealed one's row on the disk says is not what its blocks say.
+
+    Raises:
+        QueryError: Their units differ.
+    """
+    with ExitStack() as stack:
+        one, other = (
+            Source(*stack.enter_context(opened(cloud, access, connection, row, window)))
+            for row in rows
+        )
+        _require_same_unit(one.channel, other.channel)
+        yield one, other
+
+
+def _require_same_unit(one: RowMapping, other: RowMapping) -> None:
+    if one["unit"] != other["unit"]:
+        raise QueryError(
+            "other",
+            f"{other['node']}/{other['channel']} is in {other['unit']}, "
+            f"{one['node']}/{one['channel']} in {one['unit']}; compare channels of the same unit",
+        )
+
+
+def _stretches(
+    one: Source, other: Source, window: Window, query: ComparisonQuery
+) -> Iterator[ComparisonSegment]:
+    if query.state == "below":
+        one, other = other, one
+    return find_stretches(one, other, window)
+
+
+def _paged(
+    stretches: Iterator[ComparisonSegment], window: Window, limit: int
+) -> tuple[list[ComparisonSegment], str | None]:
+    told = (s for s in stretches if s.answer in {Verdict.CERTAIN, Verdict.POSSIBLE})
+    found = list(islice(told, limit))
+    following = next(told, None)
+    return found, None if following is None else write_cursor(following.start, window.end)
+
+
+def _coverage(sides: tuple[Source, Source]) -> float:
+    return float(min(side.channel["coverage"] for side in sides))

@@ -1,0 +1,70 @@
+"""What gateways were told is stored: whether it still is, after a store was restored."""
+
+import asyncio
+import logging
+from collections import defaultdict
+
+from fastapi import APIRouter, Request
+from sqlalchemy import Connection
+from starlette.responses import Response
+
+from eskin.runtime.http_server.problems import documented
+from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.request_body import received
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.ingest.confirmed import read_confirmed
+from eskin_cloud.schemas.documents import CBOR_BODY, ConfirmedDocument
+from eskin_cloud.store.write.missing_messages import find_tails, note_ends
+from eskin_cloud.store.write.node_sites import sites_of
+from eskin_cloud.store.write.presence import note_absent
+
+log = logging.getLogger(__name__)
+
+router = APIRouter(tags=["ingest"])
+
+
+@router.post(
+    "/confirmed",
+    response_model=ConfirmedDocument,
+    responses=documented(403, 413, 415, 422, 503),
+    openapi_extra=CBOR_BODY,
+)
+async def post_confirmed(cloud: CloudState, request: Request) -> Response:
+    """Compare: CBOR array of ``[node, boot, last]``; answered is what this store does not have.
+
+    Of nodes that it does not know, it answers their names: present their certificates, and ask
+    again.
+    """
+    async with received(cloud, request) as posted:
+        confirmed = await asyncio.to_thread(read_confirmed, posted.body)
+
+        def find() -> tuple[list[tuple[str, int, int, int]], set[str]]:
+            with cloud.store.read() as connection:
+                named = {each[0] for each in confirmed}
+                sites = sites_of(connection, named)
+                own = {node for node in named if sites.get(node) == posted.gateway.site}
+                tails = find_tails(connection, [each for each in confirmed if each[0] in own])
+                return tails, named - own
+
+        missing, unknown = await asyncio.to_thread(find)
+
+        def keep(connection: Connection) -> None:
+            ends = defaultdict(list)
+            for node, boot, _, last in missing:
+                ends[node].append((boot, last))
+            for node, stated in ends.items():
+                note_absent(connection, cloud.store.cache, node, max(stated), now=cloud.clock())
+                note_ends(connection, node, stated)
+
+        if missing:
+            log.error(
+                "store lacks what a gateway was told is stored: gateway=%s ranges=%d messages=%d",
+                posted.gateway.name,
+                len(missing),
+                sum(last - first + 1 for _, _, first, last in missing),
+                extra={"source": posted.gateway.name},
+            )
+            await asyncio.wrap_future(cloud.store.write(keep))
+    names = ("node", "boot", "first", "last")
+    items = [dict(zip(names, each, strict=True)) for each in missing]
+    return as_json({"items": items, "unknown_nodes": sorted(unknown)})

@@ -1,0 +1,83 @@
+"""Deliveries: gateways ask for commands, and wait for an answer as long as there is none."""
+
+import asyncio
+import time
+from typing import Final
+
+from fastapi import APIRouter, Request
+from sqlalchemy import Connection
+from starlette.responses import Response
+
+from eskin.runtime.http_server.problems import documented
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.request_body import MEDIA_TYPE, Received, received
+from eskin_cloud.app_state import AppState
+from eskin_cloud.commands.command_queue import (
+    Changes,
+    Holding,
+    find_changes,
+    find_unmarked,
+    mark_delivered,
+)
+from eskin_cloud.schemas.documents import CBOR_BODY
+from eskin_cloud.store.write.gateways import hear
+
+router = APIRouter(tags=["ingest"])
+
+_LOOK_S: Final = 5.0
+"""Time passes, too: commands expire without anybody's word."""
+
+
+class CborResponse(Response):
+    """An answer in CBOR."""
+
+    media_type = MEDIA_TYPE
+
+
+@router.post(
+    "/deliveries",
+    response_class=CborResponse,
+    responses=documented(403, 413, 415, 422, 503),
+    openapi_extra=CBOR_BODY,
+)
+async def post_deliveries(cloud: CloudState, request: Request) -> Response:
+    """Commands that a gateway does not hold yet, and those that it should deliver no more."""
+    async with received(cloud, request) as posted:
+        holding = Holding.read(posted.body)
+    await _mark(cloud, posted, holding)
+    deadline = time.monotonic() + holding.wait_s
+    while True:
+        version = cloud.notifier.version
+        changes = await asyncio.to_thread(_find, cloud, holding, posted.gateway.site)
+        left = deadline - time.monotonic()
+        if changes.give or changes.drop or left <= 0 or cloud.notifier.closed:
+            return CborResponse(changes.encode())
+        await cloud.notifier.wait(version, min(left, _LOOK_S))
+
+
+def _find(cloud: AppState, holding: Holding, site: str) -> Changes:
+    with cloud.store.read() as connection:
+        return find_changes(connection, holding, site=site, now=cloud.clock())
+
+
+async def _mark(cloud: AppState, posted: Received, holding: Holding) -> None:
+    def unmarked() -> list[tuple[str, int]]:
+        with cloud.store.read() as connection:
+            return find_unmarked(connection, holding, site=posted.gateway.site)
+
+    sent = await asyncio.to_thread(unmarked) if holding.sent else []
+
+    def work(connection: Connection) -> None:
+        now, wait = cloud.clock(), round(holding.wait_s * SECOND)
+        mark_delivered(connection, sent, now=now)
+        hear(
+            connection,
+            posted.gateway.name,
+            site=posted.gateway.site,
+            condition=posted.condition,
+            now=now,
+            wait=wait,
+        )
+
+    await asyncio.wrap_future(cloud.store.write(work))

@@ -1,0 +1,215 @@
+"""What routes ask for: the shared state, and proof of who asks.
+
+What does not wait for the store is asynchronous, so that no thread is woken for it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Annotated, Final
+from urllib.parse import urlsplit
+
+from fastapi import Depends, Request
+from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
+
+from eskin.runtime.http_server.problems import ProblemError
+from eskin.runtime.http_server.protocol import CALLER
+from eskin_cloud.access import Actor, Principal, Scope, find_session, find_token
+from eskin_cloud.api.middleware.answer import recheck
+from eskin_cloud.app_state import AppState
+
+_COOKIE: Final = "eskin_session"
+_LONGEST_SECRET: Final = 512
+
+_bearer = HTTPBearer(
+    auto_error=False, description="a token; which scope a route needs stands in docs/rest.md"
+)
+_documented_cookie = APIKeyCookie(
+    name=_COOKIE,
+    auto_error=False,
+    description="a session, from /login; the name has a prefix over HTTPS, and ends in the port",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Who asks.
+
+    Attributes:
+        holder: Who, and what they may do.
+        address: From where.
+        lasts: Whether they still may; asked again by what goes on for long.
+        opened: Sites and subjects whose sealed messages were opened for this request.
+    """
+
+    holder: Principal
+    address: str
+    lasts: Callable[[], bool]
+    opened: set[tuple[str, str]] = field(default_factory=set)
+
+    def require(self) -> None:
+        """Judge again.
+
+        Raises:
+            ProblemError: The token or session is good no more.
+        """
+        if not self.lasts():
+            raise ProblemError(401, "the token was revoked while it was used")
+
+    @property
+    def actor(self) -> Actor:
+        """For the audit log."""
+        return Actor(self.holder.name, self.address)
+
+
+def address_of(request: Request) -> str:
+    """From where somebody asks; empty where the server does not know."""
+    return "" if request.client is None else request.client.host.removeprefix("::ffff:")
+
+
+async def the_cloud(request: Request) -> AppState:
+    """The shared state."""
+    cloud: AppState = request.app.state.cloud
+    return cloud
+
+
+CloudState = Annotated[AppState, Depends(the_cloud)]
+
+
+def cookie_name(cloud: AppState) -> str:
+    """Name of the session's cookie, which belongs to this cloud alone.
+
+    Browsers keep cookies by host, whatever the port (RFC 6265, section 8.5), so two clouds on one
+    host need two names. ``__Host-`` keeps other hosts of the domain from setting it (RFC 6265bis).
+    """
+    prefix = "__Host-" if cloud.secure else ""
+    return f"{prefix}{_COOKIE}_{cloud.settings.people.port}"
+
+
+async def find_session_cookie(
+    cloud: CloudState, request: Request, _: Annotated[str | None, Depends(_documented_cookie)]
+) -> str | None:
+    """The session's secret that a browser sends, if it does."""
+    return request.cookies.get(cookie_name(cloud))
+
+
+SessionCookie = Annotated[str | None, Depends(find_session_cookie)]
+
+
+def find_access(
+    cloud: CloudState,
+    request: Request,
+    bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+    session: SessionCookie,
+) -> Access | None:
+    """Who asks, by bearer token or else by session; ``None`` if it is nobody."""
+
+    def holder() -> Principal | None:
+        if bearer is not None:
+            return find_token(cloud.store, bearer.credentials[:_LONGEST_SECRET])
+        if session is not None:
+            return find_session(cloud.store, session[:_LONGEST_SECRET])
+        return None
+
+    found = holder()
+    if found is None:
+        return None
+    opened: set[tuple[str, str]] = set()
+    # The connection counts for its caller, and no more for an address that many may share.
+    if caller := request.scope.get("extensions", {}).get(CALLER):
+        caller["identify"](bearer.credentials if bearer is not None else session)
+    access = Access(found, address_of(request), lambda: holder() is not None, opened)
+    recheck(request, access.require)
+    recheck(request, partial(_require_unerased, cloud, opened), each_piece_with=opened)
+    return access
+
+
+def _require_unerased(cloud: AppState, opened: set[tuple[str, str]]) -> None:
+    """Check that no person whose messages were opened for a request was erased since.
+
+    Raises:
+        ErasedError: One was.
+    """
+    with cloud.store.read() as connection:
+        cloud.key_access.require_unerased(connection, tuple(opened))
+
+
+MaybePrincipal = Annotated[Access | None, Depends(find_access)]
+
+
+async def require_read(visitor: MaybePrincipal) -> Access:
+    """Whoever may read.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope.
+    """
+    return _require(visitor, Scope.READ)
+
+
+async def require_operate(request: Request, visitor: MaybePrincipal) -> Access:
+    """Whoever may command nodes; browsers only from our own pages.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    require_same_site(request)
+    return _require(visitor, Scope.OPERATE)
+
+
+async def require_admin(request: Request, visitor: MaybePrincipal) -> Access:
+    """Whoever may say who may do what; browsers only from our own pages.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    require_same_site(request)
+    return _require(visitor, Scope.ADMIN)
+
+
+def require_same_site(request: Request) -> None:
+    """Refuse what other sites have a browser send.
+
+    Browsers say where a request comes from: by ``Sec-Fetch-Site``, older ones by ``Origin``.
+
+    Raises:
+        ProblemError: It comes from another site.
+    """
+    site, origin = request.headers.get("sec-fetch-site"), request.headers.get("origin")
+    if site is not None:
+        own = site in {"same-origin", "none"}
+    else:
+        own = origin is None or _host_of(origin) == request.headers.get("host", "")
+    if not own:
+        raise ProblemError(403, "another site had this sent; do it on this page, or with a token")
+
+
+def _host_of(origin: str) -> str | None:
+    try:
+        return urlsplit(origin).netloc
+    except ValueError:
+        return None
+
+
+def _require(visitor: Access | None, scope: Scope) -> Access:
+    if visitor is None:
+        raise ProblemError(
+            401, "a token is missing or no more good; send Authorization: Bearer TOKEN, or sign in"
+        )
+    if scope not in visitor.holder.scopes:
+        raise ProblemError(403, f"this token lacks the scope {scope}; ask for one that has it")
+    return visitor
+
+
+async def require_biometric(visitor: MaybePrincipal) -> Access:
+    """Whoever may read what tells of a person.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope.
+    """
+    return _require(_require(visitor, Scope.READ), Scope.BIOMETRIC)
+
+
+BiometricReader = Annotated[Access, Depends(require_biometric)]
+Reader = Annotated[Access, Depends(require_read)]
+Operator = Annotated[Access, Depends(require_operate)]
+Administrator = Annotated[Access, Depends(require_admin)]

@@ -1,0 +1,74 @@
+"""Events: peaks, gaps, answered commands, and what changed in a node's status."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response
+
+from eskin.privacy import is_biometric
+from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.privacy.peaks import find_peaks
+from eskin_cloud.query.events import EventQuestion, find_events
+from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, EventDocument, PageDocument, Time
+from eskin_cloud.schemas.shapes import event_shape, page
+from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.read.window import read_moment, require_order
+
+router = APIRouter(tags=["events"])
+
+
+class EventsQuery(BaseModel):
+    """Parameters of the list of events."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    node: str | None = Field(default=None, max_length=100, description="of this node only")
+    channel: str | None = Field(default=None, max_length=100, description="of this channel only")
+    kind: Literal["peak", "gap", "status", "command", "conflict"] | None = Field(
+        default=None, description="only these"
+    )
+    verdict: Literal["certain", "possible"] | None = Field(default=None, description="only these")
+    start: Time | None = Field(default=None, description=f"not over before; {TIME}")
+    end: Time | None = Field(default=None, description=f"begun before; {TIME}")
+    limit: int = Field(default=100, ge=1, le=1000, description="events at once")
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+    order: Literal["asc", "desc"] = Field(default="desc", description="by time; desc: latest first")
+
+
+@router.get("/events", response_model=PageDocument[EventDocument], responses=REFUSALS_OF_PLACE)
+def get_events(
+    cloud: CloudState, access: Reader, query: Annotated[EventsQuery, Query()]
+) -> Response:
+    """Events that overlap ``[start, end)``."""
+    scopes = access.holder.scopes
+    if query.channel is not None and is_biometric(query.channel):
+        cloud.key_access.require(scopes)
+    start, end = read_moment("start", query.start), read_moment("end", query.end)
+    require_order(start, end)
+    ids = cloud.feed.ids
+    cursor = None
+    if query.cursor is not None:
+        t, place = ids.read(query.cursor, 2)
+        cursor = t, place
+    question = EventQuestion(
+        node=query.node,
+        channel=query.channel,
+        kind=query.kind,
+        verdict=query.verdict,
+        start=start,
+        end=end,
+        limit=query.limit,
+        cursor=cursor,
+        order=query.order,
+    )
+    with cloud.store.read() as connection:
+        may = cloud.key_access.may(scopes)
+        reader = cloud.key_access.reader(scopes, connection, access.opened) if may else None
+        if query.node is not None:
+            find_node(connection, query.node)
+        peaks = [] if reader is None else find_peaks(connection, reader, question)
+        rows, following = find_events(connection, question, peaks)
+    answer = [event_shape(row, ids) for row in rows]
+    return as_json(page(answer, None if following is None else ids.write(*following)))

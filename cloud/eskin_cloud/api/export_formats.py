@@ -1,0 +1,161 @@
+"""Exports as files, written while they are sent: CSV, Arrow (IPC stream) and Parquet."""
+
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute
+import pyarrow.csv
+import pyarrow.parquet
+
+from eskin_cloud.store.read.block_index import clip
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+
+    from eskin_cloud.query.export import Part
+    from eskin_cloud.store.read.window import Window
+
+_MOMENT: Final = pa.timestamp("ns", tz="UTC")
+_WORD: Final = pa.dictionary(pa.int32(), pa.string())
+SCHEMA: Final = pa.schema(
+    [
+        pa.field("node", _WORD, nullable=False),
+        pa.field("channel", _WORD, nullable=False),
+        pa.field("earliest", _MOMENT, nullable=False),
+        pa.field("latest", _MOMENT, nullable=False),
+        pa.field("lo", pa.float64()),
+        pa.field("hi", pa.float64()),
+        pa.field("unit", _WORD, nullable=False),
+        pa.field("coverage", pa.float64(), nullable=False),
+        pa.field("dt", pa.int64(), nullable=False),
+        pa.field("boot", pa.int64(), nullable=False),
+        pa.field("sequence", pa.int64(), nullable=False),
+    ]
+)
+"""A row is a sample: taken between ``earliest`` and ``latest``, enclosed by ``lo`` and ``hi`` with
+``coverage``. Both are null where nothing is known. ``boot`` and ``sequence`` name the block that
+brought it; ``sequence`` is another number, which counts nothing, where the node has biometric
+channels and the reader lacks the scope. ``dt`` is the block's sampling period in ns.
+"""
+_PLAIN: Final = pa.schema(
+    [field.with_type(pa.string()) if field.type in {_WORD, _MOMENT} else field for field in SCHEMA]
+)
+
+
+class _Outlet(io.RawIOBase):
+    """Takes what a writer writes, and gives it away piece by piece."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._parts: list[bytes] = []
+        self._count = 0
+
+    def writable(self) -> bool:
+        """It takes bytes."""
+        return True
+
+    def write(self, data: Any, /) -> int:
+        part = bytes(data)
+        self._parts.append(part)
+        self._count += len(part)
+        return len(part)
+
+    def tell(self) -> int:
+        return self._count
+
+    def take(self) -> bytes:
+        """All that was written since the last time."""
+        taken, self._parts = b"".join(self._parts), []
+        return taken
+
+
+def as_table(part: Part, window: Window) -> Any:
+    """The samples of a part that lie in a window, as an Arrow table (`SCHEMA`)."""
+    spans = [(each, *clip(each.tube.first_moment, each.tube.dt, len(each.tube), window))
+             for each in part.blocks]  # fmt: skip
+    kept = [(each, slice(first, last + 1)) for each, first, last in spans if first <= last]
+    tubes = [each.tube[cut] for each, cut in kept]
+    counts = [len(tube) for tube in tubes]
+
+    def each(values: list[Any], kind: Any) -> Any:
+        return np.repeat(np.asarray(values, kind), counts)
+
+    steps = [np.arange(len(tube), dtype=np.int64) * tube.dt for tube in tubes] or [np.empty(0, int)]
+    step = np.concatenate(steps)
+    lo = np.concatenate([tube.values.inf for tube in tubes] or [np.empty(0)])
+    hi = np.concatenate([tube.values.sup for tube in tubes] or [np.empty(0)])
+    missing = (lo == -np.inf) & (hi == np.inf)
+    units = sorted({tube.unit for tube in tubes})
+    columns = [
+        _words([part.channel["node"]], np.zeros(len(lo), np.int32)),
+        _words([part.channel["channel"]], np.zeros(len(lo), np.int32)),
+        pa.array(each([tube.time[0] for tube in tubes], np.int64) + step).cast(_MOMENT),
+        pa.array(each([tube.time[1] for tube in tubes], np.int64) + step).cast(_MOMENT),
+        pa.array(lo, mask=missing),
+        pa.array(hi, mask=missing),
+        _words(units, each([units.index(tube.unit) for tube in tubes], np.int32)),
+        pa.array(each([tube.coverage for tube in tubes], np.float64)),
+        pa.array(each([tube.dt for tube in tubes], np.int64)),
+        pa.array(each([block.position.boot for block, _ in kept], np.int64)),
+        pa.array(each([part.number(block.position) for block, _ in kept], np.int64)),
+    ]
+    return pa.Table.from_arrays(columns, schema=SCHEMA)
+
+
+def _words(words: list[str], indices: Any) -> Any:
+    return pa.DictionaryArray.from_arrays(
+        pa.array(indices, pa.int32()), pa.array(words, pa.string())
+    )
+
+
+class _Csv:
+    """Writes CSV: times in RFC 3339, unbounded sides as inf or -inf, missing ones empty."""
+
+    def __init__(self, sink: object) -> None:
+        options = pa.csv.WriteOptions(quoting_style="needed")
+        self._writer = pa.csv.CSVWriter(sink, _PLAIN, write_options=options)
+
+    def write_table(self, table: Any) -> None:
+        columns = [
+            _rfc3339(column) if column.type == _MOMENT else column.cast(field.type)
+            for column, field in zip(table.columns, _PLAIN, strict=True)
+        ]
+        self._writer.write_table(pa.Table.from_arrays(columns, schema=_PLAIN))
+
+    def close(self) -> None:
+        self._writer.close()
+
+
+def _rfc3339(moments: Any) -> Any:
+    plain = moments.cast(pa.timestamp("ns"))
+    return pa.compute.strftime(plain, format="%Y-%m-%dT%H:%M:%SZ")
+
+
+def _arrow(sink: object) -> Any:
+    options = pa.ipc.IpcWriteOptions(compression="zstd", emit_dictionary_deltas=True)
+    return pa.ipc.new_stream(sink, SCHEMA, options=options)
+
+
+WRITERS: Final[Mapping[str, Callable[[object], Any]]] = {
+    "text/csv": _Csv,
+    "application/vnd.apache.arrow.stream": _arrow,
+    "application/vnd.apache.parquet": lambda sink: pyarrow.parquet.ParquetWriter(
+        sink, SCHEMA, compression="zstd"
+    ),
+}
+"""What writes each media type, in our order of preference."""
+
+
+def write(media: str, parts: Iterable[Part], window: Window) -> Iterator[bytes]:
+    """Write a file while it is sent; at most one part of it is held at a time."""
+    outlet = _Outlet()
+    writer = WRITERS[media](outlet)
+    for part in parts:
+        writer.write_table(as_table(part, window))
+        yield outlet.take()
+    writer.close()
+    yield outlet.take()

@@ -1,0 +1,101 @@
+"""Ingest: gateways bring what nodes said."""
+
+import asyncio
+import logging
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from functools import partial
+
+from fastapi import APIRouter, Request
+from sqlalchemy import Connection
+from starlette.responses import Response
+
+from eskin.privacy import SealedMessage
+from eskin.runtime.http_server.problems import documented
+from eskin.wire.messages import Result
+from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.request_body import Received, apart, received
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.app_state import AppState
+from eskin_cloud.ingest.batch import read_batch
+from eskin_cloud.schemas.documents import CBOR_BODY, IngestDocument
+from eskin_cloud.store.write.gateways import hear
+from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest
+from eskin_cloud.store.write.ingest_individually import ingest_individually
+from eskin_cloud.store.write.parsed_message import ParsedMessage
+
+log = logging.getLogger(__name__)
+
+router = APIRouter(tags=["ingest"])
+
+
+@router.post(
+    "/ingest",
+    response_model=IngestDocument,
+    responses=documented(403, 413, 415, 422, 503),
+    openapi_extra=CBOR_BODY,
+)
+async def post_ingest(cloud: CloudState, request: Request) -> Response:
+    """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
+    async with received(cloud, request) as posted:
+        body = posted.body
+        begun = time.perf_counter()
+        items = await apart(len(body), lambda: read_batch(body))
+        outcome = await _store(cloud, posted, items)
+    # A reader of the metrics must not be able to count what is sealed.
+    kinds = Counter(
+        receipt.result
+        for item, receipt in zip(items, outcome.results, strict=True)
+        if not isinstance(item.message, SealedMessage)
+    )
+    for kind, count in kinds.items():
+        cloud.metrics.items.labels(kind).inc(count)
+    if kinds:
+        cloud.metrics.ingest_seconds.observe(time.perf_counter() - begun)
+    reasons = [result.reason for result in outcome.results if result.reason is not None]
+    if reasons:
+        log.warning(
+            "messages rejected: gateway=%s count=%d last=%s",
+            posted.gateway.name,
+            len(reasons),
+            reasons[-1],
+            extra={"source": posted.gateway.name},
+        )
+    cloud.metrics.buried.inc(outcome.buried)
+    cloud.metrics.conflicts.inc(outcome.conflicts)
+    results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
+    own = (
+        item.node
+        for item, receipt in zip(items, outcome.results, strict=True)
+        if receipt.result != UNKNOWN_NODE
+    )
+    watched = cloud.viewers.watched(dict.fromkeys(own))
+    return as_json({"items": results, "watched": dict.fromkeys(watched, cloud.viewers.lasting)})
+
+
+async def _store(cloud: AppState, posted: Received, items: Sequence[ParsedMessage]) -> IngestResult:
+    store, most = cloud.store, cloud.settings.store.dead_letters
+
+    def work(take: Callable[..., IngestResult], connection: Connection) -> IngestResult:
+        now, gateway, site = cloud.clock(), posted.gateway.name, posted.gateway.site
+        outcome = take(
+            connection,
+            store.cache,
+            items,
+            gateway=gateway,
+            site=site,
+            now=now,
+            dead_letters=most,
+        )
+        hear(connection, gateway, site=site, condition=posted.condition, now=now, outcome=outcome)
+        return outcome
+
+    written = store.write(
+        partial(work, ingest), instead=partial(work, ingest_individually), together=True
+    )
+    cloud.feed.follow(written, asyncio.get_running_loop())
+    outcome = await asyncio.wrap_future(written)
+    if any(isinstance(item.message, Result) for item in items):
+        cloud.notifier.wake()
+    return outcome

@@ -1,0 +1,121 @@
+"""Nodes and their channels."""
+
+from collections.abc import Sequence
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import RowMapping
+from starlette.responses import Response
+
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.api.sealed_counts import uncounted
+from eskin_cloud.app_state import AppState
+from eskin_cloud.query.listing import count_channels, list_channels, list_nodes, list_removed
+from eskin_cloud.schemas.documents import (
+    REFUSALS,
+    REFUSALS_OF_PLACE,
+    ChannelDocument,
+    NodeDocument,
+    NoQuery,
+    PageDocument,
+    TaxelDocument,
+)
+from eskin_cloud.schemas.shapes import channel_shape, health_shape, node_shape, page, taxel_shapes
+from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.write.missing_messages import MissingSpan, list_missing
+
+router = APIRouter(tags=["nodes"])
+
+
+class ListQuery(BaseModel):
+    """Parameters of a list."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    cursor: str | None = Field(default=None, max_length=1000, description="what `next` said")
+
+
+@router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
+def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Query()]) -> Response:
+    """All nodes, by name."""
+    with cloud.store.read() as connection:
+        rows, following = list_nodes(connection, query.cursor)
+        names = [row["node"] for row in rows]
+        counts, holes = count_channels(connection, names), list_missing(connection, names)
+        sealed = uncounted(connection, access, names)
+    items = [
+        _node(
+            cloud,
+            row,
+            counts.get(row["node"], 0),
+            holes[row["node"]],
+            counted=row["node"] not in sealed,
+        )
+        for row in rows
+    ]
+    return as_json(page(items, following))
+
+
+@router.get("/nodes/{node}", response_model=NodeDocument, responses=REFUSALS_OF_PLACE)
+def get_node(
+    cloud: CloudState, access: Reader, node: str, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """One node."""
+    del query
+    with cloud.store.read() as connection:
+        row = find_node(connection, node)
+        counts, holes = count_channels(connection, [node]), list_missing(connection, [node])
+        counted = not uncounted(connection, access, [node])
+    return as_json(_node(cloud, row, counts.get(node, 0), holes[node], counted=counted))
+
+
+@router.get(
+    "/nodes/{node}/channels",
+    response_model=PageDocument[ChannelDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_channels(
+    cloud: CloudState, access: Reader, node: str, query: Annotated[ListQuery, Query()]
+) -> Response:
+    """A node's channels, by name."""
+    with cloud.store.read() as connection:
+        find_node(connection, node)
+        rows, following = list_channels(connection, node, query.cursor)
+        gone = list_removed(connection, node)
+        counted = not uncounted(connection, access, [node])
+    items = [channel_shape(row, gone.get(row["channel"]), counted=counted) for row in rows]
+    return as_json(page(items, following))
+
+
+@router.get(
+    "/nodes/{node}/taxels",
+    response_model=PageDocument[TaxelDocument],
+    responses=REFUSALS_OF_PLACE,
+)
+def get_taxels(
+    cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """The taxels of a node that sit somewhere on its skin, by name."""
+    del query
+    with cloud.store.read() as connection:
+        row = find_node(connection, node)
+    return as_json(page(taxel_shapes(row), None))
+
+
+def _node(
+    cloud: AppState, row: RowMapping, channels: int, holes: Sequence[MissingSpan], *, counted: bool
+) -> dict[str, Any]:
+    silence = (cloud.clock() - row["last_seen"]) / SECOND
+    health = health_shape(cloud.settings.nodes, silence, ahead=-silence)
+    return node_shape(
+        row,
+        channels=channels,
+        health=health,
+        clock_error_s=cloud.settings.nodes.clock_error_s,
+        # They name sequence numbers.
+        holes=holes if counted else (),
+        counted=counted,
+    )

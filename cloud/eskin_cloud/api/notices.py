@@ -1,0 +1,80 @@
+"""Notices of subjects: gateways tell who wears what, give keys, and have them destroyed."""
+
+import asyncio
+
+from fastapi import APIRouter, Request
+from starlette.responses import Response
+
+from eskin.runtime.http_server.problems import documented
+from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.request_body import received
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.app_state import AppState
+from eskin_cloud.jobs.erasure import find_erased, look
+from eskin_cloud.privacy.subject_notice import SubjectNotice, note
+from eskin_cloud.schemas.documents import CBOR_BODY, NoticeDocument
+from eskin_cloud.store.write.ingest import UNKNOWN_NODE
+from eskin_cloud.store.write.node_sites import sites_of
+
+router = APIRouter(tags=["ingest"])
+
+
+@router.post(
+    "/subjects",
+    response_model=NoticeDocument,
+    responses=documented(403, 413, 415, 422, 503),
+    openapi_extra=CBOR_BODY,
+)
+async def post_subjects(cloud: CloudState, request: Request) -> Response:
+    """Take a notice; what it says is done, and what is erased is destroyed, before the answer.
+
+    All of it is of the gateway's own site: a subject of another one, by the same name, is not
+    touched.
+    """
+    async with received(cloud, request) as posted:
+        gateway, site = posted.gateway.name, posted.gateway.site
+        notice = await asyncio.to_thread(SubjectNotice.read, posted.body)
+        items, own = await asyncio.to_thread(_keep, cloud, notice, site)
+        conflicts = [item["id"] for item in items if item["result"] == "conflict"]
+        written = cloud.store.write(
+            lambda connection: note(
+                connection,
+                own,
+                site=site,
+                gateway=gateway,
+                now=cloud.clock(),
+                conflicts=conflicts,
+            )
+        )
+        await asyncio.wrap_future(written)
+    cloud.metrics.conflicts.inc(len(conflicts))
+    return as_json({"items": items})
+
+
+def _keep(
+    cloud: AppState, notice: SubjectNotice, site: str
+) -> tuple[list[dict[str, str]], SubjectNotice]:
+    """Destroy keys first: what is erased in the same breath, or elsewhere, is not kept.
+
+    Returns:
+        What became of each entry, and what is the site's to say.
+    """
+    for subject in notice.erased:
+        cloud.key_access.erase(site, subject)
+    if notice.worn:
+        look(cloud)
+    with cloud.store.read() as connection:
+        sites = sites_of(connection, {worn.node for worn in notice.worn})
+        buried = find_erased(connection, site, {worn.subject for worn in notice.worn})
+    own = [worn for worn in notice.worn if sites.get(worn.node) == site]
+    told = []
+    for worn in notice.worn:
+        if worn not in own:
+            result = UNKNOWN_NODE
+        elif worn.subject in buried:
+            result = "erased"
+        else:
+            result = cloud.key_access.keep(site, worn.subject, worn.key)
+        told.append({"id": worn.subject, "result": result})
+    told += [{"id": subject, "result": "erased"} for subject in notice.erased]
+    return told, SubjectNotice(own, notice.erased)

@@ -1,0 +1,52 @@
+"""What the store takes of the disk."""
+
+import math
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel
+from starlette.responses import Response
+
+from eskin.errors import StoreError
+from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.api.sealed_counts import uncounted
+from eskin_cloud.schemas.documents import REFUSALS, NoQuery
+from eskin_cloud.store.disk_usage import measure_disk
+
+router = APIRouter(tags=["nodes"])
+
+
+class StorageDocument(BaseModel):
+    """What the store takes; what is free in it (where the server tells) is for what comes next.
+
+    ``bytes_per_sample`` is all that is taken and not free, by the samples kept: blocks, packs,
+    indices, pyramid, events and all else. Without the scope `biometric`, where anything is sealed,
+    both are told in steps of 16 MiB.
+    """
+
+    bytes: int
+    free_bytes: int
+    samples: int
+    bytes_per_sample: float | None
+
+
+@router.get("/storage", response_model=StorageDocument, responses=REFUSALS)
+def get_storage(cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]) -> Response:
+    """What the store takes now."""
+    del query
+    use = measure_disk(cloud.store)
+    if math.isnan(use.taken):
+        raise StoreError("the store cannot be read now; try again in a moment")
+    with cloud.store.read() as connection:
+        counted = not uncounted(connection, access)
+    if not counted:
+        use = use.coarse()
+    return as_json(
+        {
+            "bytes": int(use.taken),
+            "free_bytes": int(use.free),
+            "samples": int(use.samples),
+            "bytes_per_sample": use.each,
+        }
+    )

@@ -1,0 +1,175 @@
+"""Subjects: of whom there is what, by pseudonym, and all that is held of one."""
+
+import asyncio
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from operator import itemgetter
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from sqlalchemy import Connection, RowMapping, Table, func, select
+from starlette.responses import Response, StreamingResponse
+
+from eskin.errors import NoKeyError, QueryError
+from eskin.runtime.http_server.problems import ProblemError
+from eskin.wire.messages import Peak
+from eskin.wire.timestamp import format_timestamp
+from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.app_state import AppState
+from eskin_cloud.jobs.erasure import look
+from eskin_cloud.privacy.key_access import Reader
+from eskin_cloud.privacy.sealed_rows import open_row
+from eskin_cloud.schemas.documents import (
+    REFUSALS,
+    REFUSALS_OF_PLACE,
+    NoQuery,
+    PageDocument,
+    SubjectDocument,
+)
+from eskin_cloud.schemas.shapes import block_shape, dump, event_shape, page
+from eskin_cloud.store.read.errors import UnknownChannelError
+from eskin_cloud.store.row_digests import sound
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, veiled, wearers
+from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
+from eskin_cloud.store.write.events import peak_row
+from eskin_cloud.store.write.node_sites import node_sites
+
+router = APIRouter(tags=["subjects"])
+
+_LINES: Final = "application/x-ndjson"
+
+
+@router.get("/subjects", response_model=PageDocument[SubjectDocument], responses=REFUSALS)
+def get_subjects(
+    cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """All pseudonyms that gateways told of, the nodes they wore, and what is held of them."""
+    del query
+    v = veiled.c
+    counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
+    with cloud.store.read() as connection:
+        sites = dict(_sites(connection))
+        held: Counter[tuple[str, str]] = Counter()
+        for node, subject, messages in connection.execute(counted):
+            if node in sites:
+                held[sites[node], subject] += messages
+        erased = sound(connection, erased_subjects, _all(connection, erased_subjects))
+        gone = {(row["site"], row["subject"]): row["erased"] for row in erased}
+        worn: dict[tuple[str, str], list[str]] = {}
+        wore = sound(connection, wearers, _all(connection, wearers))
+        for row in wore:
+            if row["node"] in sites:
+                worn.setdefault((sites[row["node"]], row["subject"]), []).append(row["node"])
+    items = [
+        {
+            "id": place[1],
+            "site": place[0],
+            "nodes": worn.get(place, []),
+            "messages": held[place],
+            "erased": None if place not in gone else format_timestamp(gone[place]),
+        }
+        for place in sorted(held.keys() | gone.keys() | worn.keys(), key=itemgetter(1, 0))
+    ]
+    return as_json(page(items, None))
+
+
+def _sites(connection: Connection) -> Iterator[tuple[str, str]]:
+    """Each node with its site."""
+    for row in sound(connection, node_sites, _all(connection, node_sites)):
+        yield row["node"], row["site"]
+
+
+def _all(connection: Connection, table: Table) -> Iterable[RowMapping]:
+    """All rows, in the order of their keys."""
+    return connection.execute(select(table).order_by(*table.primary_key.columns)).mappings()
+
+
+class SubjectExportQuery(BaseModel):
+    """Of which site the subject is."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    site: str | None = Field(
+        default=None, max_length=100, description="needed where several sites have that pseudonym"
+    )
+
+
+@router.get(
+    "/subjects/{subject}/export",
+    response_class=StreamingResponse,
+    responses={200: {"content": {_LINES: {}}}, **REFUSALS_OF_PLACE},
+)
+async def get_export(
+    cloud: CloudState,
+    access: BiometricReader,
+    subject: str,
+    query: Annotated[SubjectExportQuery, Query()],
+) -> Response:
+    """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
+    reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
+    site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
+    audit_entry = AuditEntry(
+        access.actor.name, access.actor.address, Action.SUBJECT_EXPORTED, subject, site
+    )
+    written = cloud.store.write(lambda c: record(c, audit_entry, now=cloud.clock()))
+    await asyncio.wrap_future(written)
+    lines = stream_lines(cloud, access, reader, site, subject)
+    return StreamingResponse(lines, media_type=_LINES)
+
+
+def _require_site(cloud: AppState, subject: str, site: str | None) -> str:
+    """The site of a subject whose key is here."""
+    look(cloud)
+    with cloud.store.read() as connection:
+        rows = connection.execute(select(node_sites.c.site).distinct())
+        sites = [each for each in rows.scalars() if site in {None, each}]
+    refusal = f"subject {subject[:100]} has no key here"
+    found: list[str] = []
+    for each in sites:
+        try:
+            cloud.key_access.of(each).find(subject)
+            found.append(each)
+        except NoKeyError as error:
+            refusal = str(error)[:200] if error.erased else refusal
+    if len(found) > 1:
+        raise QueryError("site", f"several have that subject: {', '.join(sorted(found))}; name one")
+    if not found:
+        raise UnknownChannelError("subject", refusal)
+    return found[0]
+
+
+def stream_lines(
+    cloud: AppState, access: Access, reader: Reader, site: str, subject: str
+) -> Iterator[bytes]:
+    """A subject's lines, for as long as the reader may read."""
+    last = -1
+    own = select(node_sites.c.node).where(node_sites.c.site == site)
+    while True:
+        query = select(veiled).where(
+            veiled.c.subject == subject, veiled.c.cursor > last, veiled.c.node.in_(own)
+        )
+        with cloud.store.read() as connection:
+            cloud.key_access.heed(connection)
+            rows = connection.execute(query.order_by(veiled.c.cursor).limit(200)).mappings().all()
+        if not rows:
+            return
+        for row in rows:
+            if not access.lasts():
+                raise ProblemError(401, "the token was revoked while it was used")
+            line = _line(cloud, reader, dict(row))
+            if line is not None:
+                yield dump(line) + b"\n"
+        last = rows[-1]["cursor"]
+
+
+def _line(cloud: AppState, reader: Reader, row: dict[str, Any]) -> dict[str, Any] | None:
+    opened = open_row(reader, row)
+    if opened is None:
+        return None
+    message, data = opened
+    if isinstance(message, Peak):
+        known = peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
+        return event_shape(known, cloud.feed.ids)
+    return block_shape(row["node"], message)

@@ -1,0 +1,122 @@
+"""Tokens and sessions: who may do what."""
+
+import asyncio
+from datetime import timedelta
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.responses import Response
+
+from eskin.runtime.http_server.problems import documented
+from eskin_cloud.access import (
+    Scope,
+    create_token,
+    digest,
+    list_sessions,
+    list_tokens,
+    revoke_session,
+    revoke_token,
+    token_id,
+)
+from eskin_cloud.api.dependencies import Administrator, CloudState
+from eskin_cloud.api.responses import as_json
+from eskin_cloud.schemas.documents import (
+    REFUSALS,
+    NewTokenDocument,
+    NoQuery,
+    PageDocument,
+    SessionDocument,
+    TokenDocument,
+)
+from eskin_cloud.schemas.shapes import page, session_shape, token_shape
+from eskin_cloud.store.read.errors import UnknownChannelError
+
+router = APIRouter(tags=["access"])
+
+
+class TokenBody(BaseModel):
+    """A token that is to be made."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+    name: str = Field(min_length=1, max_length=100, description="whose it is, for people")
+    scopes: list[Annotated[Scope, Field(strict=False)]] = Field(
+        min_length=1, max_length=len(Scope), description="what its holder may do"
+    )
+    days: float = Field(default=30.0, gt=0, le=3650, description="days it is good")
+
+
+@router.get("/tokens", response_model=PageDocument[TokenDocument], responses=REFUSALS)
+def get_tokens(cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]) -> Response:
+    """All tokens that were ever made, also those that are good no more; never their secrets."""
+    del query
+    with cloud.store.read() as connection:
+        rows = list_tokens(connection)
+    return as_json(page([token_shape(row, now=cloud.clock()) for row in rows], None))
+
+
+@router.post(
+    "/tokens",
+    status_code=201,
+    response_model=NewTokenDocument,
+    responses=REFUSALS | documented(408, 413),
+)
+async def post_token(
+    cloud: CloudState, access: Administrator, body: TokenBody, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """Make a token. It is told only in this answer."""
+    del query
+    token = await asyncio.to_thread(
+        create_token,
+        cloud.store,
+        scopes=body.scopes,
+        name=body.name,
+        lifetime=timedelta(days=body.days),
+        actor=access.actor,
+    )
+    number = token_id(digest(token))
+    answer = as_json({"id": number, "token": token})
+    answer.status_code = 201
+    return answer
+
+
+@router.delete("/tokens/{id}", status_code=204, responses=REFUSALS | documented(404))
+async def delete_token(
+    cloud: CloudState,
+    access: Administrator,
+    id: str,  # noqa: A002 - the path's name for it
+    query: Annotated[NoQuery, Query()],
+) -> Response:
+    """Revoke a token, and end the sessions that it opened."""
+    del query
+    done = await asyncio.to_thread(revoke_token, cloud.store, id, actor=access.actor)
+    if not done:
+        raise UnknownChannelError("id", f"{id[:40]!r} is no token that could be revoked")
+    return Response(status_code=204)
+
+
+@router.get("/sessions", response_model=PageDocument[SessionDocument], responses=REFUSALS)
+def get_sessions(
+    cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
+) -> Response:
+    """The sessions of browsers that are good, opened by a login link or a token."""
+    del query
+    with cloud.store.read() as connection:
+        rows = list_sessions(connection, now=cloud.clock())
+    return as_json(page([session_shape(row) for row in rows], None))
+
+
+@router.delete("/sessions/{id}", status_code=204, responses=REFUSALS | documented(404))
+async def delete_session(
+    cloud: CloudState,
+    access: Administrator,
+    id: str,  # noqa: A002 - the path's name for it
+    query: Annotated[NoQuery, Query()],
+) -> Response:
+    """Revoke a session; its open requests and streams end."""
+    del query
+    done = await asyncio.to_thread(revoke_session, cloud.store, id, actor=access.actor)
+    if not done:
+        raise UnknownChannelError("id", f"{id[:40]!r} is no session that could be revoked")
+    return Response(status_code=204)

@@ -1,0 +1,129 @@
+"""What gateways are given: for each node its oldest command that is not answered yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import cbor2
+from sqlalchemy import func, select, update
+
+from eskin.errors import MessageError
+from eskin.wire.messages.cbor_map import MOST_COUNT, integer, items, load_any, real
+from eskin_cloud.ingest.errors import MalformedBatchError
+from eskin_cloud.store.schema.tables import commands
+from eskin_cloud.store.write.commands import find_command
+from eskin_cloud.store.write.node_sites import node_sites
+
+if TYPE_CHECKING:
+    from sqlalchemy import ColumnElement, Connection
+
+MOST_HELD: Final = 10_000
+MOST_GIVEN: Final = 500
+LONGEST_WAIT_S: Final = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Holding:
+    """What a gateway says when it asks.
+
+    Attributes:
+        held: ``(node, id)`` of the commands that it has.
+        sent: Those that it has handed to its broker.
+        wait_s: How long it would wait for a change.
+    """
+
+    held: frozenset[tuple[str, int]]
+    sent: frozenset[tuple[str, int]]
+    wait_s: float
+
+    @classmethod
+    def read(cls, body: bytes) -> Holding:
+        """Read a request's body.
+
+        Raises:
+            MalformedBatchError: It is none.
+        """
+        try:
+            asked = _load(body)
+            listed = [_entry(item) for item in items(asked["held"], "held", MOST_HELD)]
+            wait = real(asked["wait_s"], "wait_s", 0.0, LONGEST_WAIT_S)
+        except MessageError as error:
+            raise MalformedBatchError(f"{error}; see deliveries in docs/eskin.cddl") from error
+        return cls(
+            frozenset((node, number) for node, number, _ in listed),
+            frozenset((node, number) for node, number, sent in listed if sent),
+            wait,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What a gateway must learn.
+
+    Attributes:
+        give: ``(node, id, signed command)`` that it has not.
+        drop: ``(node, id)`` that it should deliver no more.
+    """
+
+    give: list[tuple[str, int, bytes]]
+    drop: list[tuple[str, int]]
+
+    def encode(self) -> bytes:
+        """Write as CBOR."""
+        return cbor2.dumps(
+            {"give": [list(one) for one in self.give], "drop": [list(one) for one in self.drop]}
+        )
+
+
+def find_changes(connection: Connection, holding: Holding, *, site: str, now: int) -> Changes:
+    """Compare what a gateway has with what it should have.
+
+    Commands of a node are given one by one, so that they are done in the order of their ids, and to
+    gateways of its site alone.
+    """
+    c = commands.c
+    waiting = select(c.node, func.min(c.id)).where(c.outcome.is_(None), c.expires > now)
+    waiting = waiting.where(_is_of(site)).group_by(c.node)
+    current = {(row[0], row[1]) for row in connection.execute(waiting)}
+    room = max(0, min(MOST_GIVEN, MOST_HELD - len(holding.held & current)))
+    give = []
+    for node, number in sorted(current - holding.held)[:room]:
+        row = find_command(connection, node, number)
+        if row is not None:
+            give.append((node, number, bytes(row["data"])))
+    return Changes(give, sorted(holding.held - current))
+
+
+def find_unmarked(connection: Connection, holding: Holding, *, site: str) -> list[tuple[str, int]]:
+    """Which commands a gateway has handed on that are not known to be."""
+    c = commands.c
+    query = select(c.node, c.id).where(c.outcome.is_(None), c.delivered.is_(None), _is_of(site))
+    return sorted(holding.sent & {(row[0], row[1]) for row in connection.execute(query)})
+
+
+def mark_delivered(connection: Connection, sent: list[tuple[str, int]], *, now: int) -> None:
+    """Note when commands were first handed to a broker."""
+    c = commands.c
+    for node, number in sent:
+        here = (c.node == node) & (c.id == number) & c.delivered.is_(None)
+        connection.execute(update(commands).where(here).values(delivered=now))
+
+
+def _is_of(site: str) -> ColumnElement[bool]:
+    """Whether a command is for a node of a site."""
+    return commands.c.node.in_(select(node_sites.c.node).where(node_sites.c.site == site))
+
+
+def _load(body: bytes) -> dict[object, object]:
+    asked = load_any(body, "body")
+    if not isinstance(asked, dict) or set(asked) != {"held", "wait_s"}:
+        raise MessageError("the body is no map of held and wait_s")
+    return asked
+
+
+def _entry(value: object) -> tuple[str, int, bool]:
+    found = items(value, "held", 3)
+    if len(found) != 3 or not isinstance(found[0], str) or not isinstance(found[2], bool):
+        raise MessageError("held is no array of [node, id, sent]")
+    return found[0], integer(found[1], "held, id", 1, MOST_COUNT), found[2]

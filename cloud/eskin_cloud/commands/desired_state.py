@@ -1,0 +1,54 @@
+"""How a node should be set: what all commands since its last reset ask for."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from eskin.wire.messages import CommandName
+from eskin.wire.messages.command_schema import SETTINGS, WHOLE_NODE, place_of
+
+if TYPE_CHECKING:
+    from eskin.wire.messages.command_schema import Arguments, State, Value
+
+
+def merge_desired_state(desired_state: State, name: CommandName, arguments: Arguments) -> State:
+    """The wish after one command more; what is asked of the whole node overrules its taxels'."""
+    if name is CommandName.RESET:
+        return {}
+    settings = {field: value for field, value in arguments.items() if field in SETTINGS}
+    if not settings:
+        return desired_state
+    place = place_of(arguments)
+    merged = {
+        other: {
+            field: value
+            for field, value in found.items()
+            if place != WHOLE_NODE or field not in settings
+        }
+        for other, found in desired_state.items()
+    }
+    merged[place] = merged.get(place, {}) | settings
+    return {where: found for where, found in merged.items() if found}
+
+
+def is_settled(desired_state: State, reported: State | None) -> bool:
+    """Whether a node reports all that is wished of it."""
+    return all(
+        _reports(reported or {}, desired_state, place, field, value)
+        for place, settings in desired_state.items()
+        for field, value in settings.items()
+    )
+
+
+def _reports(reported: State, desired_state: State, place: str, field: str, value: Value) -> bool:
+    if field in reported.get(place, {}):
+        return reported[place][field] == value
+    if place != WHOLE_NODE:
+        return False
+    taxels = {taxel: found[field] for taxel, found in reported.items() if field in found}
+    # What is wished of a taxel itself overrules what is wished of the whole node.
+    return bool(taxels) and all(
+        found == value
+        for taxel, found in taxels.items()
+        if field not in desired_state.get(taxel, {})
+    )

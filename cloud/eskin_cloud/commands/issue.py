@@ -1,0 +1,123 @@
+"""Issuing commands: numbered, signed and kept in one transaction."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import func, insert, select
+
+from eskin.errors import CommandError
+from eskin.wire.messages import Command, CommandName
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.commands.desired_state import merge_desired_state
+from eskin_cloud.commands.errors import BacklogError
+from eskin_cloud.store.notify import COMMANDS, notify
+from eskin_cloud.store.read.lookup import find_node
+from eskin_cloud.store.schema.tables import channels, commands
+from eskin_cloud.store.write.commands import find_command, find_state, keep_state, write_state
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin.wire.messages.command_schema import Arguments
+
+MOST_WAITING: Final = 100
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """What somebody asks of a node.
+
+    Attributes:
+        node: Whom.
+        name: What to do.
+        arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+        lifetime: How long it may be done, ns.
+    """
+
+    node: str
+    name: CommandName
+    arguments: Arguments
+    lifetime: int
+
+
+def issue(
+    connection: Connection, order: Order, *, sign: Callable[[Command], bytes], now: int
+) -> RowMapping:
+    """Keep a command, and what is desired of its node from now on.
+
+    Args:
+        connection: The writing thread's, in a transaction.
+        order: What is asked.
+        sign: Signs a command for its node.
+        now: UTC ns.
+
+    Returns:
+        The command's row.
+
+    Raises:
+        UnknownPlaceError: The node never said anything.
+        CommandError: The node has no such taxel or channel.
+        BacklogError: Too many commands wait for the node's answer.
+    """
+    node = order.node
+    find_node(connection, node)
+    _require_place(connection, order)
+    _require_room(connection, node, now)
+    number = _next_id(connection, node, now)
+    command = Command(number, node, now, now + order.lifetime, order.name, order.arguments)
+    row = {
+        "node": node,
+        "id": number,
+        "name": str(order.name),
+        "arguments": json.dumps(order.arguments),
+        "issued": now,
+        "expires": command.expires,
+        "data": sign(command),
+    }
+    connection.execute(insert(commands), row)
+    notify(connection, COMMANDS)
+    known = find_state(connection, node)
+    desired_state = json.loads(known["desired"]) if known is not None and known["desired"] else {}
+    desired_state = merge_desired_state(desired_state, order.name, order.arguments)
+    keep_state(
+        connection, node, desired=write_state(desired_state), desired_at=now, desired_by=number
+    )
+    kept = find_command(connection, node, number)
+    assert kept is not None  # noqa: S101 - inserted above
+    return kept
+
+
+def _next_id(connection: Connection, node: str, now: int) -> int:
+    """Above all before; also above those of a store that was lost: a node remembers its last."""
+    last = connection.execute(
+        select(func.max(commands.c.id)).where(commands.c.node == node)
+    ).scalar_one()
+    return max((last or 0) + 1, now // SECOND)
+
+
+def _require_room(connection: Connection, node: str, now: int) -> None:
+    c = commands.c
+    waiting = select(func.count()).where(c.node == node, c.outcome.is_(None), c.expires > now)
+    count = connection.execute(waiting).scalar_one()
+    if count >= MOST_WAITING:
+        raise BacklogError(
+            f"{count} commands wait for {node} already; wait until it answers, or they expire"
+        )
+
+
+def _require_place(connection: Connection, order: Order) -> None:
+    names = connection.execute(
+        select(channels.c.channel).where(channels.c.node == order.node).order_by(channels.c.channel)
+    )
+    known = list(names.scalars())
+    places = {"channel": known, "taxel": sorted({name.partition(".")[0] for name in known})}
+    for field, listed in places.items():
+        asked = order.arguments.get(field)
+        if asked is not None and known and asked not in listed:
+            shown = ", ".join(listed[:20]) + (", …" if len(listed) > 20 else "")
+            raise CommandError(field, asked, f"what {order.node} has: {shown}")

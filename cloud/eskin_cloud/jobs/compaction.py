@@ -1,0 +1,38 @@
+"""Packing what lies in the store for long, in the background: a little at a time, behind ingest."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.compaction import find_packable, pack_some
+
+if TYPE_CHECKING:
+    from eskin_cloud.app_state import AppState
+
+_RESTS: Final = 3.0
+"""It rests so many times as long as it worked: it takes a quarter of a processor at most."""
+
+
+async def keep_compacted(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Pack what is old enough, until told to stop."""
+    every_s = cloud.settings.packing.every_s
+    work = partial(_catch_up, cloud, stopping)
+    await run_periodically("packing", work, cloud=cloud, stopping=stopping, every_s=every_s)
+
+
+async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
+    # What a live stream may be resumed from stays as it came; and as much again, for one at the
+    # edge reads on while others store.
+    store, behind = cloud.store, 2 * cloud.settings.live.backlog
+    if not cloud.settings.packing.on:
+        return
+    for place in await asyncio.to_thread(find_packable, store, behind):
+        more = True
+        while more and not stopping.is_set():
+            begun = time.monotonic()
+            more = await asyncio.to_thread(pack_some, store, place, behind)
+            await asyncio.sleep(_RESTS * (time.monotonic() - begun))

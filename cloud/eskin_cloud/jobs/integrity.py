@@ -1,0 +1,56 @@
+"""Looking through an SQLite store's large tables, in the background: at the start and daily."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import StoreError
+from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.integrity import LARGE, find_fault, mend
+from eskin_cloud.store.row_digests import CHECKED, find_damaged
+
+if TYPE_CHECKING:
+    from sqlalchemy import Table
+
+    from eskin_cloud.app_state import AppState
+    from eskin_cloud.store import Store
+
+log = logging.getLogger(__name__)
+
+_DAY_S: Final = 86_400.0
+
+
+async def keep_whole(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Look for what is damaged, until told to stop."""
+    work = partial(_look, cloud, stopping)
+    await run_periodically(
+        "looking for damage", work, cloud=cloud, stopping=stopping, every_s=_DAY_S
+    )
+
+
+async def _look(cloud: AppState, stopping: asyncio.Event) -> None:
+    for table in LARGE:
+        if stopping.is_set():
+            return
+        try:
+            await asyncio.to_thread(look_at, cloud.store, table)
+        except StoreError as error:  # the other tables may be whole
+            log.error("store damaged: %s", error)  # noqa: TRY400 - no fault of ours
+
+
+def look_at(store: Store, table: Table) -> None:
+    """Note a table's damaged rows, and mend its indexes.
+
+    Raises:
+        StoreError: Its pages are damaged, or the store cannot be read or written.
+    """
+    with store.read() as connection:
+        is_whole = find_fault(connection, table) is None
+    if not is_whole:
+        store.write(partial(mend, table=table)).result()
+    if table in CHECKED:
+        with store.read() as connection:
+            find_damaged(connection, table)

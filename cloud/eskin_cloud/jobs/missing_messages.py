@@ -1,0 +1,58 @@
+"""Looking for messages that were made and never came."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import exists, select
+
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.store.write.ingest import IngestResult
+from eskin_cloud.store.write.missing_messages import Boot, Span, find_missing, holes, keep_missing
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+    from eskin_cloud.app_state import AppState
+
+_LOOKS: Final = 10
+"""In the time after which a hole is named."""
+_LONGEST_S: Final = 60.0
+
+
+async def look_for_missing(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Look again and again, until told to stop."""
+    every_s = min(_LONGEST_S, cloud.settings.nodes.missing_s / _LOOKS)
+    await run_periodically(
+        "missing", lambda: look(cloud), cloud=cloud, stopping=stopping, every_s=max(0.1, every_s)
+    )
+
+
+async def look(cloud: AppState) -> None:
+    """Look once.
+
+    Raises:
+        StoreError: The store cannot be read or written.
+    """
+    found, known = await asyncio.to_thread(_find, cloud)
+    if not found and not known:
+        return
+    patience = round(cloud.settings.nodes.missing_s * SECOND)
+
+    def work(connection: Connection) -> IngestResult:
+        now, cache = cloud.clock(), cloud.store.cache
+        return IngestResult(
+            [], keep_missing(connection, cache, found, patience=patience, now=now), 0
+        )
+
+    written = cloud.store.write(work)
+    cloud.feed.follow(written, asyncio.get_running_loop())
+    await asyncio.wrap_future(written)
+
+
+def _find(cloud: AppState) -> tuple[dict[Boot, list[Span]], bool]:
+    with cloud.store.read() as connection:
+        known = connection.execute(select(exists(select(holes.c.node)))).scalar_one()
+        return find_missing(connection), bool(known)

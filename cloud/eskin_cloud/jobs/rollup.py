@@ -1,0 +1,39 @@
+"""Keeping the pyramid up to date while the cloud runs, a little at a time, behind ingest."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from functools import partial
+from typing import TYPE_CHECKING, Final
+
+from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.rollup.builder import Key, claim, find_growing, repair
+
+if TYPE_CHECKING:
+    from eskin_cloud.app_state import AppState
+
+_EVERY_S: Final = 2.0
+_RESTS: Final = 3.0
+"""While others write, it rests so many times as long as it worked: it takes a quarter at most."""
+
+
+async def keep_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Build what is new or changed, until told to stop."""
+    work = partial(_catch_up, cloud, stopping)
+    await run_periodically("pyramid", work, cloud=cloud, stopping=stopping, every_s=_EVERY_S)
+
+
+async def _catch_up(cloud: AppState, stopping: asyncio.Event) -> None:
+    store = cloud.store
+    for place in await asyncio.to_thread(find_growing, store):
+        while not stopping.is_set() and await asyncio.to_thread(claim, store, place):
+            pass
+    after: Key | None = None
+    while not stopping.is_set():
+        begun = time.monotonic()
+        after = await asyncio.to_thread(repair, store, after)
+        if after is None:
+            return
+        if store.writer.waiting:
+            await asyncio.sleep(_RESTS * (time.monotonic() - begun))

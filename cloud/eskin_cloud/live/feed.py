@@ -1,0 +1,247 @@
+"""The feed: every stream reads it at its own pace by cursor, so none holds a queue of its own.
+
+The latest entries are kept in memory for all streams together; a stream that is further behind
+reads the store, and one that is too far behind is told what it misses.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from contextlib import contextmanager
+from itertools import takewhile
+from typing import TYPE_CHECKING
+
+from sqlalchemy import select
+
+from eskin.wire.messages.compression import decompress
+from eskin_cloud.live.sse_encoder import SseEncoder
+from eskin_cloud.query.opaque_ids import OpaqueIds
+from eskin_cloud.store.damage import Head, is_sound
+from eskin_cloud.store.feed_entry import FeedEntry
+from eskin_cloud.store.row_digests import sound
+from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.schema.tables import blocks, events, feed
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from concurrent.futures import Future
+
+    from sqlalchemy import Connection
+
+    from eskin_cloud.store import Store
+    from eskin_cloud.store.write.ingest import IngestResult
+
+
+class Feed:
+    """What was stored, in order of its cursor.
+
+    Args:
+        store: Holds what memory does not.
+        recent: How many entries are kept in memory.
+        recent_bytes: Their bytes, at most.
+
+    Attributes:
+        ids: Writes and reads cursors.
+        encoder: Writes entries for all streams.
+        closed: Whether streams should end.
+        subscribers: How many streams there are.
+    """
+
+    def __init__(self, store: Store, *, recent: int, recent_bytes: int) -> None:
+        self._store = store
+        self._most = recent
+        self._most_bytes = recent_bytes
+        self._used = 0
+        with store.read() as connection:
+            self._last = self._floor = last_cursor(connection)
+            self.ids = OpaqueIds.of(connection)
+        self._recent: deque[FeedEntry] = deque()
+        self._news = asyncio.Event()
+        self.encoder = SseEncoder(self.ids)
+        self.closed = False
+        self.subscribers = 0
+
+    @property
+    def last(self) -> int:
+        """The latest cursor."""
+        return self._last
+
+    def follow(self, future: Future[IngestResult], loop: asyncio.AbstractEventLoop) -> None:
+        """Take over a write's entries once it is durable; in the order of commits."""
+
+        def committed(done: Future[IngestResult]) -> None:
+            if not done.cancelled() and done.exception() is None and not loop.is_closed():
+                loop.call_soon_threadsafe(self.append, done.result().entries)
+
+        future.add_done_callback(committed)
+
+    def append(self, entries: Sequence[FeedEntry]) -> None:
+        """Add entries and wake all streams; on the event loop only."""
+        fresh = [entry for entry in entries if entry.cursor > self._last]
+        if not fresh:
+            return
+        if fresh[0].cursor != self._last + 1:  # another process stored what lies between
+            self.advance(fresh[-1].cursor)
+            return
+        self._recent.extend(fresh)
+        self._used += sum(entry.size for entry in fresh)
+        self._last = fresh[-1].cursor
+        while len(self._recent) > self._most or self._used > self._most_bytes:
+            oldest = self._recent.popleft()
+            self._used -= oldest.size
+            self._floor = oldest.cursor
+        self._wake()
+
+    def advance(self, cursor: int) -> None:
+        """Have streams read the store up to a cursor: another process stored some of it."""
+        if cursor > self._last:
+            self._recent.clear()
+            self._used = 0
+            self._last = self._floor = cursor
+            self._wake()
+
+    async def catch_up(self) -> None:
+        """Go on to what is stored by now, whoever stored it.
+
+        Raises:
+            StoreError: The store cannot be read.
+        """
+
+        def look() -> int:
+            with self._store.read() as connection:
+                return last_cursor(connection)
+
+        self.advance(await asyncio.to_thread(look))
+
+    @contextmanager
+    def subscribed(self) -> Iterator[None]:
+        """Count a stream while it is open."""
+        self.subscribers += 1
+        try:
+            yield
+        finally:
+            self.subscribers -= 1
+
+    def close(self) -> None:
+        """Have all streams end."""
+        self.closed = True
+        self._wake()
+
+    def _wake(self) -> None:
+        self._news.set()
+        self._news = asyncio.Event()
+
+    async def wait(self, cursor: int, seconds: float) -> bool:
+        """Wait for something after a cursor; gives whether there is."""
+        news = self._news
+        if self._last > cursor or self.closed:
+            return True
+        try:
+            # Not `asyncio.wait_for`, which makes a task each time: many wait here.
+            async with asyncio.timeout(seconds):
+                await news.wait()
+        except TimeoutError:
+            return False
+        return True
+
+    async def after(
+        self, cursor: int, most: int, *, sealed: bool = True
+    ) -> tuple[Sequence[FeedEntry], int]:
+        """Entries after a cursor, and the cursor up to which these are all.
+
+        Args:
+            cursor: The place.
+            most: How many.
+            sealed: Whether sealed ones count, and are given; else nothing depends on them.
+        """
+        if cursor >= self._floor:
+            newer = takewhile(lambda entry: entry.cursor > cursor, reversed(self._recent))
+            found = [entry for entry in newer if sealed or entry.veiled is None][: -most - 1 : -1]
+            return found, found[-1].cursor if found else self._last
+        if not sealed:
+            return await asyncio.to_thread(self._read_open, cursor, most)
+        end = min(cursor + most, self._floor)
+        return await asyncio.to_thread(self._read, cursor, end), end
+
+    async def open_before(self, cursor: int) -> int:
+        """The latest place up to a cursor, or at it, of something that is not sealed."""
+
+        def look() -> int:
+            with self._store.read() as connection:
+                return max((_open_places(connection, 0, cursor, 1)), default=0)
+
+        return await asyncio.to_thread(look)
+
+    async def open_backlog(self, cursor: int, most: int) -> tuple[int, int]:
+        """Where a stream goes on that is behind by more than ``most`` entries that are not sealed.
+
+        Returns:
+            The cursor, the same if it is not so far behind; and the last place up to which it
+            cannot be.
+        """
+
+        def look() -> tuple[int, int]:
+            with self._store.read() as connection:
+                last = last_cursor(connection)
+                places = _open_places(connection, cursor, last, most + 1)
+            if len(places) > most:
+                return places[-1], last
+            return cursor, last + most - len(places)
+
+        return await asyncio.to_thread(look)
+
+    def _read_open(self, cursor: int, most: int) -> tuple[Sequence[FeedEntry], int]:
+        with self._store.read() as connection:
+            places = _open_places(connection, cursor, self._floor, most, latest=False)
+            end = places[-1] if len(places) == most else max(self._floor, cursor)
+            found = read_entries(connection, cursor, end)
+        return [entry for entry in found if entry.veiled is None], end
+
+    def _read(self, cursor: int, end: int) -> Sequence[FeedEntry]:
+        with self._store.read() as connection:
+            return read_entries(connection, cursor, end)
+
+
+def last_cursor(connection: Connection) -> int:
+    """The latest place in the feed."""
+    return int(connection.execute(select(feed.c.cursor)).scalar_one())
+
+
+def _open_places(
+    connection: Connection, after: int, end: int, most: int, *, latest: bool = True
+) -> list[int]:
+    """The first or latest places in ``(after, end]`` of what is not sealed, in that order."""
+    places: list[int] = []
+    for column in (blocks.c.cursor, events.c.cursor):
+        query = select(column).where(column > after, column <= end)
+        query = query.order_by(column.desc() if latest else column).limit(most)
+        places += connection.execute(query).scalars()
+    return sorted(places, reverse=latest)[:most]
+
+
+def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedEntry]:
+    """Entries with ``after < cursor <= end``."""
+    b = blocks.c
+    query = select(b.cursor, b.data, b.received, b.head, *(b[name] for name in Head._fields))
+    rows = connection.execute(query.where(b.cursor > after, b.cursor <= end))
+    found = [
+        FeedEntry(cursor, head[0], head[1], decompress(data), None, received)
+        for cursor, data, received, own, *head in rows
+        if is_sound(data, Head(*head), own)
+    ]
+    e = events.c
+    told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
+    found += [
+        FeedEntry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
+        for row in sound(connection, events, told)
+    ]
+    v = veiled.c
+    sealed = select(v.cursor, v.node, v.channel, v.data, v.received)
+    found += [
+        FeedEntry(cursor, node, channel, None, None, received, data)
+        for cursor, node, channel, data, received in connection.execute(
+            sealed.where(v.cursor > after, v.cursor <= end)
+        )
+    ]
+    return sorted(found, key=lambda entry: entry.cursor)

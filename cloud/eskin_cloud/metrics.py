@@ -1,0 +1,147 @@
+"""Figures for Prometheus, in a registry of their own."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram, generate_latest
+
+from eskin.errors import StoreError
+from eskin_cloud.query.clock_check import count_wrong_clocks
+from eskin_cloud.query.listing import sealed_nodes
+from eskin_cloud.store.damage import damages
+from eskin_cloud.store.disk_usage import measure_disk
+from eskin_cloud.store.write.missing_messages import count_missing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eskin_cloud.commands import Notifier
+    from eskin_cloud.live import Feed
+    from eskin_cloud.store import Store
+
+
+class Metrics:
+    """What a cloud counts.
+
+    Args:
+        store: Where messages are.
+        feed: The live feed.
+        notifier: Where gateways wait for commands.
+        clock_error: Greatest error of gateways' and clouds' clocks, ns.
+
+    Attributes:
+        items: Messages that gateways brought, by result.
+        ingest_seconds: From a batch's last byte to its commit.
+        conflicts: Messages that differ from those stored under their boot and sequence.
+        buried: Dead letters that had to make room.
+        removed: Messages removed, by reason.
+        requests: Answered requests, by method and status.
+        faults: Work in the background that broke, by what it was.
+    """
+
+    def __init__(self, store: Store, feed: Feed, notifier: Notifier, *, clock_error: int) -> None:
+        self._registry = CollectorRegistry()
+        self._store = store
+        self._sealed = False
+        self._look()
+        self.items = Counter(
+            "eskin_cloud_items",
+            "Messages that gateways brought, without sealed ones: a peak may be a heartbeat.",
+            ["result"],
+            registry=self._registry,
+        )
+        self.ingest_seconds = Histogram(
+            "eskin_cloud_ingest_seconds",
+            "From a batch's last byte to its commit, of batches with more than sealed messages.",
+            registry=self._registry,
+        )
+        self.conflicts = Counter(
+            "eskin_cloud_conflicts",
+            "Messages that differ from those stored under their boot and sequence.",
+            registry=self._registry,
+        )
+        self.buried = Counter(
+            "eskin_cloud_dead_letters_dropped",
+            "Dead letters that had to make room.",
+            registry=self._registry,
+        )
+        self.removed = Counter(
+            "eskin_cloud_removed",
+            "Messages removed, by reason: too old, or of an erased subject.",
+            ["reason"],
+            registry=self._registry,
+        )
+        self.requests = Counter(
+            "eskin_cloud_requests",
+            "Answered requests.",
+            ["method", "status"],
+            registry=self._registry,
+        )
+        self.faults = Counter(
+            "eskin_cloud_faults",
+            "Work in the background that broke and was tried again.",
+            ["work"],
+            registry=self._registry,
+        )
+        self._gauge("subscribers", "Live streams.", lambda: feed.subscribers)
+        self._gauge("waiting", "Gateways that wait for commands.", lambda: notifier.waiting)
+        self._gauge(
+            "wrong_clocks",
+            "Nodes whose latest status proves that their clock is beyond its bound.",
+            lambda: count_wrong_clocks(store, clock_error),
+        )
+        self._gauge(
+            "messages_missing",
+            "Messages that nodes made and that are stored nowhere, though no gap names them.",
+            lambda: count_missing(store),
+        )
+        self._watch(store)
+
+    def write(self) -> bytes:
+        """All figures in Prometheus' text format."""
+        self._look()
+        return generate_latest(self._registry)
+
+    def _look(self) -> None:
+        self._use = measure_disk(self._store)
+        try:
+            with self._store.read() as connection:
+                self._sealed = bool(sealed_nodes(connection))
+        except StoreError:
+            self._sealed = True
+        if self._sealed:
+            self._use = self._use.coarse()
+
+    def _watch(self, store: Store) -> None:
+        self._gauge("writes_waiting", "Writes that wait.", lambda: store.writer.waiting)
+        self._gauge("store_bytes", "What the store takes of the disk.", lambda: self._use.taken)
+        self._gauge(
+            "store_free_bytes",
+            "Of these, what is free for what comes next; 0 where the server does not tell.",
+            lambda: self._use.free,
+        )
+        self._gauge("samples", "Samples in the store.", lambda: self._use.samples)
+        self._gauge(
+            "store_bytes_per_sample",
+            "Bytes a sample, of what is taken and not free.",
+            lambda: self._use.each or 0.0,
+        )
+        self._gauge(
+            "damaged_rows",
+            "Rows met since the start that are not as they were written; the log names them.",
+            lambda: len(damages),
+        )
+        self._gauge(
+            "commits",
+            "Commits since the start; NaN where biometric channels are, whose beats it would show.",
+            lambda: math.nan if self._sealed else store.writer.commits,
+        )
+        self._gauge(
+            "store_fault", "1 while the store cannot be written.", lambda: bool(store.writer.fault)
+        )
+
+    def _gauge(self, name: str, text: str, read: Callable[[], float]) -> None:
+        gauge = Gauge(f"eskin_cloud_{name}", text, registry=self._registry)
+        gauge.set_function(read)

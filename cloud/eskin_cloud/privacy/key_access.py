@@ -1,0 +1,252 @@
+"""The cloud's own copies of subjects' keys, where it was given any, and who may have them used."""
+
+from __future__ import annotations
+
+import logging
+import time
+from threading import Lock
+from typing import TYPE_CHECKING, Final, Self
+
+from sqlalchemy import func, select
+
+from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
+from eskin.identity import IdentityKind
+from eskin.privacy import Decryptor, SealedMessage
+from eskin.runtime.http_server.problems import ProblemError
+from eskin.wire.messages import Block
+from eskin_cloud.access import Scope
+from eskin_cloud.jobs.erasure import unapplied_erasures
+from eskin_cloud.privacy.errors import ErasedError
+from eskin_cloud.store.write.events import peak_row
+from eskin_cloud.store.write.node_sites import node_sites
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from sqlalchemy import Connection
+
+    from eskin.privacy import KeyStore
+    from eskin.wire.messages import Peak
+    from eskin_cloud.store.feed_entry import FeedEntry
+
+log = logging.getLogger(__name__)
+
+_COUNT: Final = select(func.count()).select_from(node_sites)
+_DEAF_S: Final = 10.0
+"""After so long without a look at the store's erasures, the live feed is told nothing sealed."""
+
+
+class Reader:
+    """Opens sealed messages for one request, and notes whose.
+
+    Args:
+        key_access: Opens them.
+        opened: Takes sites and subjects; the request's answer ends when one of them is erased.
+    """
+
+    def __init__(self, key_access: KeyAccess, opened: set[tuple[str, str]]) -> None:
+        self._key_access = key_access
+        self._opened = opened
+
+    def read(self, node: str, veiled: SealedMessage) -> tuple[Block | Peak, bytes]:
+        """As `Decryptor.read`."""
+        found = self._key_access.read(node, veiled)
+        self._opened.add((self._key_access.site_of(node), veiled.subject))
+        return found
+
+
+class KeyAccess:
+    """Opens what is sealed, for those who may.
+
+    Of several clouds on one store each may have a key store of its own, and an erasure is told to
+    one of them: so each question, and each second, is begun by a look at the store's erasures.
+
+    Args:
+        keystore: The cloud's key store; ``None`` where it holds no keys.
+
+    Attributes:
+        keystore: The same.
+    """
+
+    def __init__(self, keystore: KeyStore | None) -> None:
+        self.keystore = keystore
+        self._sites: dict[str, str] = {}
+        self._held: dict[str, tuple[KeyStore, Decryptor]] = {}
+        self._opening = Lock()
+        self._heard: set[tuple[str, str]] = set()
+        self._hearing = Lock()
+        self._looked: float | None = None
+
+    def of(self, site: str) -> KeyStore:
+        """The key store of a site: its subjects are others than another site's of the same name.
+
+        Raises:
+            PrivacyError: It cannot be used, or this cloud holds no keys.
+        """
+        return self._open(site)[0]
+
+    def read(self, node: str, sealed: SealedMessage) -> tuple[Block | Peak, bytes]:
+        """What was sealed, by the key that its node's site gave; see `Decryptor.read`.
+
+        Raises:
+            PrivacyError: It cannot be read.
+        """
+        site = self.site_of(node)
+        if not site or self.keystore is None:
+            raise NoKeyError(sealed.subject, erased=False)
+        return self._open(site)[1].read(node, sealed)
+
+    def site_of(self, node: str) -> str:
+        """A node's site, as far as the store told; empty where it has none."""
+        return self._sites.get(node, "")
+
+    def _open(self, site: str) -> tuple[KeyStore, Decryptor]:
+        if self.keystore is None:
+            raise PrivacyError("this cloud holds no keys")
+        with self._opening:
+            if site not in self._held:
+                keystore = self.keystore.below(f"sites/{IdentityKind.SITE.require_name(site)}")
+                self._held[site] = keystore, Decryptor(keystore)
+            return self._held[site]
+
+    def may(self, scopes: Iterable[Scope]) -> bool:
+        """Whether somebody is shown what tells of a person."""
+        return self.keystore is not None and Scope.BIOMETRIC in scopes
+
+    def reader(
+        self, scopes: Iterable[Scope], connection: Connection, opened: set[tuple[str, str]]
+    ) -> Reader:
+        """What opens sealed messages of whoever is not erased.
+
+        Args:
+            scopes: Of the one who asks.
+            opened: Takes the subjects whose messages are opened.
+            connection: Reads the store that the question is asked of.
+
+        Raises:
+            ProblemError: 403 without the scope, or where this cloud holds no keys.
+            PrivacyError: The key of an erased subject cannot be destroyed.
+        """
+        self.require(scopes)
+        self.heed(connection)
+        return Reader(self, opened)
+
+    def require(self, scopes: Iterable[Scope]) -> Self:
+        """Refuse whoever may not be shown what tells of a person.
+
+        Raises:
+            ProblemError: 403 without the scope, or where this cloud holds no keys.
+        """
+        if Scope.BIOMETRIC not in scopes:
+            raise ProblemError(
+                403,
+                "this channel tells of a person, and this token lacks the scope "
+                f"{Scope.BIOMETRIC}; ask for one that has it",
+            )
+        if self.keystore is None:
+            raise ProblemError(
+                403,
+                "this channel tells of a person, and this cloud holds no keys to read it; its "
+                "site does (keys.directory here, and keys.share at the gateway, would change that)",
+            )
+        return self
+
+    def keep(self, site: str, pseudonym: str, key: bytes | None) -> str:
+        """Keep a copy of a subject's key; gives ``kept``, ``declined``, ``erased`` or ``conflict``.
+
+        Raises:
+            PrivacyError: It cannot be written.
+        """
+        if self.keystore is None or key is None:
+            return "declined"
+        try:
+            self.of(site).keep(pseudonym, key)
+        except NoKeyError:
+            return "erased"
+        except KeyConflictError as error:
+            log.error("subject's key differs: site=%s reason=%s", site, error)  # noqa: TRY400 - no fault of ours
+            return "conflict"
+        return "kept"
+
+    def erase(self, site: str, pseudonym: str) -> bool:
+        """Destroy the copy of a subject's key, for good, also where there never was one.
+
+        Returns:
+            Whether it is new here that it was erased.
+
+        Raises:
+            PrivacyError: It cannot be destroyed.
+        """
+        if self.keystore is None:
+            return False
+        keystore, unveiler = self._open(site)
+        new = keystore.bury(pseudonym)
+        unveiler.forget(pseudonym)
+        return new
+
+    def heed(self, connection: Connection) -> None:
+        """Destroy copies of keys of whom the store says that they are erased.
+
+        Raises:
+            PrivacyError: One cannot be destroyed.
+        """
+        if self.keystore is None:
+            return
+        begun = time.monotonic()
+        with self._hearing:
+            if connection.execute(_COUNT).scalar_one() != len(self._sites):
+                rows = connection.execute(select(node_sites.c.node, node_sites.c.site))
+                self._sites = {row.node: row.site for row in rows}
+            for site, subject in unapplied_erasures(connection, self._heard):
+                if self.erase(site, subject):
+                    log.info("erased, as another cloud was told: site=%s subject=%s", site, subject)
+                self._heard.add((site, subject))
+            self._looked = begun
+
+    def require_unerased(self, connection: Connection, subjects: Iterable[tuple[str, str]]) -> None:
+        """Check that none of some subjects, each with its site, was erased, here or elsewhere.
+
+        Raises:
+            ErasedError: One was.
+            PrivacyError: The key of an erased subject cannot be destroyed.
+        """
+        self.heed(connection)
+        if self.keystore is not None:
+            for site, subject in subjects:
+                try:
+                    self.of(site).require(subject)
+                except NoKeyError as error:
+                    raise ErasedError(error) from error
+
+    def reveal(self, scopes: Iterable[Scope]) -> Callable[[FeedEntry], FeedEntry | None]:
+        """What the live feed's entries look like to somebody; ``None`` for what is not shown.
+
+        It raises StoreError where nobody has looked for erasures for long: see `hear`.
+        """
+        shown = self.may(scopes)
+
+        def revealed(entry: FeedEntry) -> FeedEntry | None:
+            if entry.veiled is None:
+                return entry
+            if not shown:
+                return None
+            self._require_hearing()
+            return _open(self, entry, entry.veiled)
+
+        return revealed
+
+    def _require_hearing(self) -> None:
+        # The feed is told on the loop, where nobody may wait for the store.
+        if self._looked is None or time.monotonic() - self._looked > _DEAF_S:
+            raise StoreError(f"whom other clouds erased was not heard for {_DEAF_S:.0f} s")
+
+
+def _open(reader: KeyAccess, entry: FeedEntry, sealed: bytes) -> FeedEntry | None:
+    try:
+        message, data = reader.read(entry.node, SealedMessage.decode(sealed))
+    except (PrivacyError, MessageError):  # erased since, never given, or damaged
+        return None
+    if isinstance(message, Block):
+        return entry._replace(block=data, veiled=None)
+    row = peak_row(entry.node, message, data) | {"cursor": entry.cursor}
+    return entry._replace(event=row, veiled=None)

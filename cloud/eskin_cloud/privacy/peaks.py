@@ -1,0 +1,97 @@
+"""Sealed peaks among the events: opened in order of their minutes, until a page is sure."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import select
+
+from eskin.errors import NoKeyError
+from eskin.wire.messages import Peak
+from eskin_cloud.privacy.sealed_rows import open_row
+from eskin_cloud.store.schema.sealed_tables import veiled
+from eskin_cloud.store.write.events import peak_row
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection, RowMapping, Select
+
+    from eskin_cloud.privacy.sealed_rows import Reader
+    from eskin_cloud.query.events import EventQuestion
+
+
+def find_peaks(
+    connection: Connection, reader: Reader, question: EventQuestion
+) -> list[dict[str, Any]]:
+    """The first sealed peaks that answer a question, in its order; one more than its limit.
+
+    Raises:
+        PrivacyError: Something was changed on the disk.
+    """
+    if question.kind not in {None, "peak"} or question.is_of_no_time:
+        return []
+    rising = question.order == "asc"
+    after = question.cursor
+    found: list[dict[str, Any]] = []
+    for row in connection.execute(_select(question, after)).mappings():
+        if len(found) > question.limit and _sure(found, question.limit, row, rising=rising):
+            break
+        event = _open(reader, row)
+        if event is not None and _answers(question, event, after):
+            found.append(event)
+            found.sort(key=place, reverse=not rising)
+            del found[question.limit + 1 :]
+    return found
+
+
+def place(event: RowMapping | dict[str, Any]) -> tuple[int, int]:
+    """An event's place in the order of events."""
+    return event["t_lo"], event["cursor"]
+
+
+def _select(question: EventQuestion, after: tuple[int, ...] | None) -> Select[tuple[object, ...]]:
+    v = veiled.c
+    query: Select[tuple[object, ...]] = select(veiled).where(v.kind == "peak")
+    if question.node is not None:
+        query = query.where(v.node == question.node)
+    if question.channel is not None:
+        query = query.where(v.channel == question.channel)
+    if question.start is not None:
+        query = query.where(v.t_hi >= question.start)
+    if question.end is not None:
+        query = query.where(v.t_lo < question.end)
+    if question.order == "asc":
+        query = query if after is None else query.where(v.t_hi >= after[0])
+        return query.order_by(v.t_lo, v.cursor)
+    query = query if after is None else query.where(v.t_lo <= after[0])
+    return query.order_by(v.t_hi.desc(), v.cursor.desc())
+
+
+def _sure(found: list[dict[str, Any]], limit: int, row: RowMapping, *, rising: bool) -> bool:
+    """Whether no later row can come before the last of the page."""
+    last: int = found[limit]["t_lo"]
+    return bool(row["t_lo"] > last if rising else row["t_hi"] < last)
+
+
+def _open(reader: Reader, row: RowMapping) -> dict[str, Any] | None:
+    try:
+        opened = open_row(reader, row)
+    except NoKeyError:
+        return None
+    if opened is None:
+        return None
+    message, data = opened
+    if not isinstance(message, Peak):
+        return None
+    return peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
+
+
+def _answers(question: EventQuestion, event: dict[str, Any], after: tuple[int, ...] | None) -> bool:
+    if after is not None:
+        beyond = place(event) > after if question.order == "asc" else place(event) < after
+        if not beyond:
+            return False
+    return (
+        (question.verdict is None or event["verdict"] == question.verdict)
+        and (question.start is None or event["t_hi"] >= question.start)
+        and (question.end is None or event["t_lo"] < question.end)
+    )

@@ -1,0 +1,112 @@
+"""A gateway's notice of subjects: who wears what, which keys the cloud may have, who is erased."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import insert, select
+
+from eskin.errors import IdentityError, MessageError
+from eskin.identity import IdentityKind
+from eskin.privacy.subject import KEY_BYTES, is_pseudonym
+from eskin.wire.messages.cbor_map import items, load_any
+from eskin_cloud.ingest.errors import MalformedBatchError
+from eskin_cloud.store.schema.sealed_tables import erased_subjects, wearers
+from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from sqlalchemy import Connection
+
+MOST: Final = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Worn:
+    """A subject that wears a node; ``key`` is ``None`` where the cloud is given none."""
+
+    subject: str
+    node: str
+    key: bytes | None
+
+
+@dataclass(frozen=True, slots=True)
+class SubjectNotice:
+    """What a gateway says of subjects; it may say it as often as it likes."""
+
+    worn: list[Worn]
+    erased: list[str]
+
+    @classmethod
+    def read(cls, body: bytes) -> SubjectNotice:
+        """Read a notice; what it refuses is not repeated, as it may hold a key.
+
+        Raises:
+            MalformedBatchError: It is none.
+        """
+        try:
+            said = load_any(body, "body")
+            if not isinstance(said, dict) or set(said) != {"worn", "erased"}:
+                raise MalformedBatchError("the body is no CBOR map of worn and erased")
+            worn = [_worn(item) for item in items(said["worn"], "worn", MOST)]
+            return cls(worn, [_pseudonym(item) for item in items(said["erased"], "erased", MOST)])
+        except (MessageError, IdentityError) as error:
+            raise MalformedBatchError("the body is no notice of subjects") from error
+
+
+def note(
+    connection: Connection,
+    notice: SubjectNotice,
+    *,
+    site: str,
+    gateway: str,
+    now: int,
+    conflicts: Collection[str] = (),
+) -> None:
+    """Keep what is new of a notice, with the erasures in it, within a transaction.
+
+    Args:
+        connection: The writing thread's.
+        notice: Of nodes of the site.
+        site: The gateway's.
+        gateway: Who tells.
+        now: UTC ns.
+        conflicts: Subjects whose key is another one than the one that is kept.
+    """
+    for worn in notice.worn:
+        here = (wearers.c.node == worn.node) & (wearers.c.subject == worn.subject)
+        if connection.execute(select(wearers.c.told).where(here)).first() is None:
+            row = {"node": worn.node, "subject": worn.subject, "told": now}
+            connection.execute(insert(wearers), row)
+            audit_entry = AuditEntry(gateway, "", Action.SUBJECT_ASSIGNED, worn.node, worn.subject)
+            record(connection, audit_entry, now=now)
+    for subject in sorted(set(conflicts)):
+        audit_entry = AuditEntry(gateway, "", Action.KEY_CONFLICT, subject, site)
+        record(connection, audit_entry, now=now)
+    e = erased_subjects.c
+    for subject in notice.erased:
+        known = select(e.subject).where(e.site == site, e.subject == subject)
+        if connection.execute(known).first() is None:
+            row = {"site": site, "subject": subject, "erased": now}
+            connection.execute(insert(erased_subjects), row)
+            record(
+                connection, AuditEntry(gateway, "", Action.SUBJECT_ERASED, subject, site), now=now
+            )
+
+
+def _worn(item: object) -> Worn:
+    parts = items(item, "entry", 3)
+    if len(parts) != 3 or not isinstance(parts[1], str):
+        raise MalformedBatchError("an entry is no array of pseudonym, node and key")
+    key = parts[2]
+    if key is not None and (not isinstance(key, bytes) or len(key) != KEY_BYTES):
+        raise MalformedBatchError(f"a key is no byte string of {KEY_BYTES}")
+    return Worn(_pseudonym(parts[0]), IdentityKind.NODE.require_name(parts[1]), key)
+
+
+def _pseudonym(value: object) -> str:
+    if not isinstance(value, str) or not is_pseudonym(value):
+        raise MalformedBatchError("a subject is no pseudonym of 32 hexadecimal digits")
+    return value

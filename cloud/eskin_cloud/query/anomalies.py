@@ -1,0 +1,103 @@
+"""When a channel is not as predicted, certainly or possibly: runs of samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from sqlalchemy import func, select, tuple_
+
+from eskin.errors import QueryError
+from eskin_cloud.query.neighbourhood import COLUMNS, as_pieces
+from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.sample_validity import after, before
+from eskin_cloud.query.segments import find_segments_of, parted
+from eskin_cloud.rollup.aggregates import concatenated
+from eskin_cloud.rollup.blocks import DECODED, decode
+from eskin_cloud.store.read.block_index import touching
+from eskin_cloud.store.schema.tables import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin_cloud.query.prediction import Prediction
+    from eskin_cloud.query.segments import Segment
+    from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.window import Window
+
+MOST: Final = 100_000
+"""Most blocks that are compared with a prediction that changes, for one question."""
+_AT_ONCE: Final = 256
+
+
+def find_anomalies(
+    connection: Connection, channel: RowMapping, window: Window, prediction: Prediction
+) -> Iterator[Segment]:
+    """All runs in a window, in order of time: anomalies or not.
+
+    What is predicted for a sample takes in its time error. A band that stands is asked of the
+    pyramid first, what changes of each block's bounds.
+
+    Raises:
+        QueryError: There is too much to be compared, or the model does not take its parameters.
+    """
+    if prediction.model.name == "constant":
+        band = prediction.parameters["value"]
+        question = Predicate(float(band.inf), float(band.sup), outside=True)
+        return find_segments_of(connection, channel, window, question, over_gaps=False)
+    here = touching(channel, window)
+    if connection.execute(select(func.count()).where(here)).scalar_one() > MOST:
+        raise QueryError("start", f"to end are over {MOST} blocks; ask for less at once")
+    return _find(connection, channel, window, prediction)
+
+
+def _find(
+    connection: Connection, channel: RowMapping, window: Window, prediction: Prediction
+) -> Iterator[Segment]:
+    for rows in _batches(connection, channel, window):
+        pieces = as_pieces(rows)
+        whole = (pieces.first >= window.start) & (pieces.last < window.end)
+        whole[1:] &= pieces.first[1:] > np.maximum.accumulate(pieces.last)[:-1]
+        whole[:-1] &= pieces.last[:-1] < pieces.first[1:]
+        # Of a block that is all disjoint nothing more is asked.
+        known = whole & ((_answers(prediction, pieces) == Verdict.CERTAIN) | (pieces.n == 1))
+        samples = _decoded(
+            connection, channel, window, [rows[k] for k in np.flatnonzero(~known).tolist()]
+        )
+        mixed = concatenated([pieces[known], samples])
+        if len(mixed):
+            yield from parted(mixed, _answers(prediction, mixed))
+
+
+def _answers(prediction: Prediction, pieces: Aggregates) -> Any:
+    first, last = before(pieces.first, pieces.error), after(pieces.last, pieces.error)
+    return prediction.answers(first, last, pieces.lo, pieces.hi)
+
+
+def _batches(
+    connection: Connection, channel: RowMapping, window: Window
+) -> Iterator[Sequence[RowMapping]]:
+    """Blocks in order of time; those that overlap each other come together."""
+    b = blocks.c
+    query = select(*COLUMNS).where(touching(channel, window)).order_by(b.t, b.boot, b.sequence)
+    batch: list[RowMapping] = []
+    end = 0
+    for row in connection.execute(query).mappings().yield_per(_AT_ONCE):
+        if len(batch) >= _AT_ONCE and row["t"] > end:
+            yield batch
+            batch = []
+        end = max(end, row["t_end"]) if batch else row["t_end"]
+        batch.append(row)
+    if batch:
+        yield batch
+
+
+def _decoded(
+    connection: Connection, channel: RowMapping, window: Window, rows: Sequence[RowMapping]
+) -> Aggregates:
+    b = blocks.c
+    keys = [(channel["node"], row["boot"], row["sequence"]) for row in rows]
+    query = select(*DECODED).where(tuple_(b.node, b.boot, b.sequence).in_(keys))
+    return decode(connection.execute(query.order_by(b.t, b.boot, b.sequence)).all(), window)

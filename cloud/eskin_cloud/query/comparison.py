@@ -1,0 +1,124 @@
+"""Where one channel is above another: from the pyramid, else from blocks' bounds, else samples."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from sqlalchemy import select
+
+from eskin_cloud.query.comparison_segments import ComparisonSegment, compare, merge
+from eskin_cloud.query.neighbourhood import Neighbourhood
+from eskin_cloud.query.predicate import Verdict
+from eskin_cloud.query.tile_comparison import Fate, read_grid, sort_out
+from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.sample_grid import STEP, TOP
+from eskin_cloud.store.schema.tables import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from eskin_cloud.query.neighbourhood import Source
+
+_TILES: Final = 64
+"""A window is so many tiles of the highest level that is looked at, or somewhat more."""
+_AT_ONCE: Final = 256
+
+
+def find_stretches(one: Source, other: Source, window: Window) -> Iterator[ComparisonSegment]:
+    """All of a window in order of time: where one channel is above the other, or nothing is known.
+
+    Args:
+        one: The channel that is asked about.
+        other: What it is compared with, of the same unit.
+        window: When.
+    """
+    return merge(_find((one, other), window))
+
+
+def _find(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
+    grains = [side.channel["grain"] for side in sides]
+    if window.span == 0:
+        return
+    if None in grains or window.span >> max(grains) < _TILES:
+        yield from _of_blocks(sides, window)
+        return
+    level = grain = max(grains)
+    while level + STEP <= TOP and window.span >> (level + STEP) >= _TILES:
+        level += STEP
+    yield from _level(sides, window, level, grain)
+
+
+def _level(
+    sides: tuple[Source, Source], window: Window, level: int, grain: int
+) -> Iterator[ComparisonSegment]:
+    """The answers of a level's tiles; those that leave it open are entered."""
+    first, end = window.start >> level, ((window.end - 1) >> level) + 1
+    grids = tuple(read_grid(side, level, first, end) for side in sides)
+    for fate, begin, stop, samples in sort_out(*grids):
+        start, over = (first + begin) << level, (first + stop) << level
+        part = Window(max(start, window.start), min(over, window.end))
+        if fate is Fate.ABOVE:
+            yield ComparisonSegment(part.start, part.end, Verdict.CERTAIN, samples=samples)
+        elif fate is Fate.NOT_ABOVE:
+            yield ComparisonSegment(part.start, part.end, Verdict.IMPOSSIBLE, samples=samples)
+        elif fate is Fate.EMPTY:
+            yield from _of_gap(sides, part)
+        elif fate is Fate.CHANGED or level == grain:
+            yield from _of_blocks(sides, part)
+        else:
+            for at in range(part.start, part.end, _TILES << level):
+                within = Window(at, min(at + (_TILES << level), part.end))
+                yield from _level(sides, within, level - STEP, grain)
+
+
+def _of_gap(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
+    """A window in which one of both has no samples; at its ends, one before may hold."""
+    at = window.start
+    for start, end in _known(sides, window):
+        if start > at:
+            yield ComparisonSegment(at, start, None)
+        yield from _of_blocks(sides, Window(start, end))
+        at = end
+    if at < window.end:
+        yield ComparisonSegment(at, window.end, None)
+
+
+def _known(sides: tuple[Source, Source], window: Window) -> Iterator[tuple[int, int]]:
+    """When that channel is known which has fewer samples in a window."""
+    some = [side for side in sides if not _next_blocks(side, window, 1)]
+    if not some:
+        yield window.start, window.end
+        return
+    known = Neighbourhood(some[0], window).holding.known
+    for start, end in zip(*(each.tolist() for each in known), strict=True):
+        if max(start, window.start) < min(end, window.end):
+            yield max(start, window.start), min(end, window.end)
+
+
+def _next_blocks(side: Source, window: Window, count: int) -> list[int]:
+    """Where the next so many blocks of a channel begin."""
+    b, channel = blocks.c, side.channel
+    query = select(b.t).where(b.node == channel["node"], b.channel == channel["channel"])
+    query = query.where(b.t > window.start, b.t < window.end).order_by(b.t).limit(count)
+    return list(side.connection.execute(query).scalars())
+
+
+def _of_blocks(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
+    at = window.start
+    while at < window.end:
+        rest = Window(at, window.end)
+        nearest = [_next_blocks(side, rest, _AT_ONCE) for side in sides]
+        at = min([each[-1] for each in nearest if len(each) == _AT_ONCE], default=window.end)
+        yield from _of_few(sides, Window(rest.start, at))
+
+
+def _of_few(sides: tuple[Source, Source], window: Window) -> Iterator[ComparisonSegment]:
+    """From the bounds of blocks; those that leave the answer open are decoded."""
+    around = [Neighbourhood(side, window) for side in sides]
+    while True:
+        found = compare(around[0].holding, around[1].holding, window)
+        if not np.any(found.open):
+            return found.stretches()
+        for number, side in enumerate(around):
+            side.look(found.straddling(number))

@@ -1,0 +1,134 @@
+"""Stretches of time over which a comparison of two channels has the same answer."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin_cloud.query.predicate import Verdict
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from eskin_cloud.query.sample_validity import SampleValidity
+    from eskin_cloud.rollup.aggregates import Integers
+    from eskin_cloud.store.read.window import Window
+
+_UNKNOWN: Final = -1
+
+
+@dataclass(slots=True)
+class ComparisonSegment:
+    """A stretch of time with one answer.
+
+    Attributes:
+        start: UTC ns, included.
+        end: UTC ns, excluded.
+        answer: Whether one channel is above the other; ``None`` where that is not known.
+        slots: How often the answer might change at most, and one more.
+        shared: Samples of both that may hold at the start and before.
+        samples: Samples of both that it rests on, at most.
+    """
+
+    start: int
+    end: int
+    answer: Verdict | None
+    slots: int = 1
+    shared: int = 2
+    samples: int = 0
+
+    def grow(self, following: ComparisonSegment) -> None:
+        """Take in the next stretch, whose answer is the same."""
+        self.end = following.end
+        self.slots += following.slots + 1 - following.shared
+        self.samples += following.samples
+
+
+def merge(stretches: Iterable[ComparisonSegment]) -> Iterator[ComparisonSegment]:
+    """Stretches with neighbours of the same answer made one."""
+    current: ComparisonSegment | None = None
+    for stretch in stretches:
+        if current is None:
+            current = stretch
+        elif stretch.answer is current.answer and stretch.start == current.end:
+            current.grow(stretch)
+        else:
+            yield current
+            current = stretch
+    if current is not None:
+        yield current
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """Whether one channel is above another, moment by moment.
+
+    Attributes:
+        sides: The one, and the other.
+        edges: Where answers may change, from the window's start to its end, UTC ns.
+        runs: Of each side, the first and the last piece that may hold from each edge on.
+        answers: From each edge but the last on; -1 where one of both is not known.
+        open: Whether a look at the samples of each such stretch may tell more.
+    """
+
+    sides: tuple[SampleValidity, SampleValidity]
+    edges: Integers
+    runs: tuple[tuple[NDArray[np.intp], NDArray[np.intp]], ...]
+    answers: NDArray[np.int8]
+    open: NDArray[np.bool_]
+
+    def stretches(self) -> Iterator[ComparisonSegment]:
+        """All stretches in order of time."""
+        cut = np.flatnonzero(np.diff(self.answers, prepend=self.answers[:1] - 1))
+        ends = np.append(cut[1:], self.answers.size)
+        counts = np.zeros((3, cut.size), np.int64)
+        for side, (first, last) in zip(self.sides, self.runs, strict=True):
+            total = np.concatenate([[0], np.cumsum(side.pieces.n)])
+            begun = np.searchsorted(side.begin, self.edges[cut], side="left") - first[cut]
+            rows = last[ends - 1] + 1 - first[cut], begun, total[last[ends - 1] + 1]
+            counts += np.maximum([rows[0], rows[1], rows[2] - total[first[cut]]], 0)
+        starts, stops = self.edges[cut].tolist(), self.edges[ends].tolist()
+        answers = self.answers[cut].tolist()
+        for start, end, said, *row in zip(starts, stops, answers, *counts.tolist(), strict=True):
+            if said == _UNKNOWN:
+                yield ComparisonSegment(start, end, None)
+            else:
+                yield ComparisonSegment(start, end, Verdict(said), row[0] - 1, row[1], row[2])
+
+    def straddling(self, number: int) -> NDArray[np.bool_]:
+        """Which pieces of a side must be looked into."""
+        side, (first, last) = self.sides[number], self.runs[number]
+        wanted = np.zeros(len(side.pieces) + 1, np.int64)
+        np.add.at(wanted, first[self.open], 1)
+        np.add.at(wanted, last[self.open] + 1, -1)
+        return (np.cumsum(wanted)[:-1] > 0) & (side.pieces.n > 1)
+
+
+def compare(one: SampleValidity, other: SampleValidity, window: Window) -> Comparison:
+    """Compare two channels over a window that is not empty.
+
+    The one is above the other, certainly, where the hull of all its samples that may hold is above
+    that of the other's; not, where none of its is; nothing is known where either has a gap.
+    """
+    edges = np.concatenate([one.edges, other.edges])
+    edges = edges[(edges > window.start) & (edges < window.end)]
+    edges = np.unique(np.concatenate([[window.start], edges, [window.end]]))
+    at = edges[:-1]
+    runs = tuple(side.at(at) for side in (one, other))
+    known = np.flatnonzero(one.is_known(at) & other.is_known(at))
+    (low, high), (other_low, other_high) = (
+        side.hulls(first[known], last[known])
+        for side, (first, last) in zip((one, other), runs, strict=True)
+    )
+    answers = np.full(at.size, _UNKNOWN, np.int8)
+    answers[known] = (low > other_high).astype(np.int8) + (high > other_low)
+    coarse = np.zeros(at.size, np.bool_)
+    for side, (first, last) in zip((one, other), runs, strict=True):
+        many = np.concatenate([[0], np.cumsum(side.pieces.n > 1)])
+        coarse[known] |= many[last[known] + 1] > many[first[known]]
+    straddled = coarse & (answers == Verdict.POSSIBLE)
+    return Comparison((one, other), edges, runs, answers, straddled)

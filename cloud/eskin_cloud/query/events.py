@@ -1,0 +1,100 @@
+"""Events: peaks, gaps, and what changed in a node's status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from sqlalchemy import false, select, tuple_
+
+from eskin_cloud.store.row_digests import sound
+from eskin_cloud.store.schema.tables import events
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection, RowMapping, Select
+
+    from eskin_cloud.store.write.write_cache import Row
+
+
+@dataclass(frozen=True, slots=True)
+class EventQuestion:
+    """Which events, and in which order.
+
+    Attributes:
+        node: Of this node only.
+        channel: Of this channel only.
+        kind: Of this kind only.
+        verdict: With this verdict only.
+        start: Not over before, UTC ns.
+        end: Begun before, UTC ns.
+        limit: How many at once.
+        cursor: Where to go on.
+        order: By time; ``desc`` gives the latest first.
+    """
+
+    node: str | None
+    channel: str | None
+    kind: str | None
+    verdict: str | None
+    start: int | None
+    end: int | None
+    limit: int
+    cursor: tuple[int, int] | None
+    order: Literal["asc", "desc"]
+
+    @property
+    def is_of_no_time(self) -> bool:
+        """Whether its window is empty, which nothing overlaps."""
+        return self.start is not None and self.start == self.end
+
+
+def find_events(
+    connection: Connection, question: EventQuestion, opened: Sequence[Row] = ()
+) -> tuple[list[RowMapping | Row], tuple[int, int] | None]:
+    """One page of events, and where the next goes on.
+
+    Args:
+        connection: Reads one state of the store.
+        question: Which.
+        opened: More events that answer the question: its first in its order, from elsewhere.
+    """
+    found: list[RowMapping | Row] = [*connection.execute(_select(question)).mappings(), *opened]
+    if opened:
+        found.sort(key=lambda e: (e["t_lo"], e["cursor"]), reverse=question.order == "desc")
+    more, page = len(found) > question.limit, found[: question.limit]
+    following = (page[-1]["t_lo"], page[-1]["cursor"]) if more else None
+    of_people = {id(row) for row in opened}
+    stored = {
+        id(row) for row in sound(connection, events, (r for r in page if id(r) not in of_people))
+    }
+    return [row for row in page if id(row) in stored or id(row) in of_people], following
+
+
+def _select(question: EventQuestion) -> Select[tuple[object, ...]]:
+    e = events.c
+    query: Select[tuple[object, ...]] = select(events)
+    for column, value in (
+        (e.node, question.node),
+        (e.channel, question.channel),
+        (e.kind, question.kind),
+        (e.verdict, question.verdict),
+    ):
+        if value is not None:
+            query = query.where(column == value)
+    if question.is_of_no_time:
+        query = query.where(false())
+    if question.start is not None:
+        query = query.where(e.t_hi >= question.start)
+    if question.end is not None:
+        query = query.where(e.t_lo < question.end)
+    place = tuple_(e.t_lo, e.cursor)
+    if question.cursor is not None:
+        after = tuple_(*question.cursor)
+        query = query.where(place > after if question.order == "asc" else place < after)
+    if question.order == "asc":
+        query = query.order_by(e.t_lo, e.cursor)
+    else:
+        query = query.order_by(e.t_lo.desc(), e.cursor.desc())
+    return query.limit(question.limit + 1)

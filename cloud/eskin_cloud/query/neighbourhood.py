@@ -1,0 +1,136 @@
+"""A channel around a window: all that may hold in it, by blocks' bounds, by samples where asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from sqlalchemy import select, tuple_
+
+from eskin.wire.timestamp import MOST_MOMENT
+from eskin_cloud.query.sample_validity import SampleValidity
+from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
+from eskin_cloud.rollup.blocks import DECODED, decode
+from eskin_cloud.store.damage import Head, sound_heads
+from eskin_cloud.store.read.block_index import touching
+from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.schema.tables import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin_cloud.rollup.aggregates import Integers
+
+_ALWAYS: Final = Window(-MOST_MOMENT, MOST_MOMENT)
+COLUMNS: Final = tuple(blocks.c[name] for name in (*Head._fields, "head"))
+"""What of a block's row tells of its bounds."""
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Where a channel is read: a connection that sees one state of a store, and its row there."""
+
+    connection: Connection
+    channel: RowMapping
+
+
+class Neighbourhood:
+    """What a channel may be in a window; it may be asked to look closer.
+
+    Args:
+        source: Where the channel is read.
+        window: When.
+    """
+
+    def __init__(self, source: Source, window: Window) -> None:
+        self._source = source
+        self._rows = _read_around(source, window)
+        self._looked: dict[int, Aggregates] = {}
+        self._bounds = as_pieces(self._rows)
+        overlapping = np.zeros(len(self._rows), np.bool_)
+        if self._rows:
+            reached = np.maximum.accumulate(self._bounds.last)
+            together = self._bounds.first[1:] <= reached[:-1]
+            overlapping[1:] |= together
+            overlapping[:-1] |= together
+        self._look(np.flatnonzero(overlapping))
+
+    @property
+    def holding(self) -> SampleValidity:
+        """When each of its pieces may hold."""
+        return SampleValidity.of(self._pieces())
+
+    def look(self, chosen: NDArray[np.bool_]) -> None:
+        """Decode the blocks that some of the pieces stand for.
+
+        Args:
+            chosen: Of the pieces of `holding`.
+        """
+        begun = np.unique(self._pieces().first[chosen])
+        self._look(np.flatnonzero(np.isin(self._bounds.first, begun)))
+
+    def _pieces(self) -> Aggregates:
+        whole = np.ones(len(self._rows), np.bool_)
+        whole[list(self._looked)] = False
+        samples = [self._looked[number] for number in sorted(self._looked)]
+        return concatenated([self._bounds[whole], *samples])
+
+    def _look(self, numbers: Integers) -> None:
+        rows = {number: self._rows[number] for number in numbers.tolist()}
+        rows = {number: row for number, row in rows.items() if number not in self._looked}
+        if not rows:
+            return
+        b = blocks.c
+        node = self._source.channel["node"]
+        keys = [(node, row["boot"], row["sequence"]) for row in rows.values()]
+        query = select(b.boot, b.sequence, *DECODED)
+        query = query.where(tuple_(b.node, b.boot, b.sequence).in_(keys))
+        found = {(row[0], row[1]): row[2:] for row in self._source.connection.execute(query)}
+        for number, row in rows.items():
+            self._looked[number] = decode([found[row["boot"], row["sequence"]]], _ALWAYS)
+
+
+def _read_around(source: Source, window: Window) -> Sequence[RowMapping]:
+    """Blocks in and around a window: so far that no other one may hold in it."""
+    channel = source.channel
+    if channel["t_first"] is None:
+        return []
+    margin = 2 * max(channel["longest"], channel["dt"])
+    b = blocks.c
+    while True:
+        wide = Window(
+            max(window.start - margin, -MOST_MOMENT), min(window.end + margin, MOST_MOMENT)
+        )
+        query = select(*COLUMNS).where(touching(channel, wide)).order_by(b.t, b.boot, b.sequence)
+        rows = list(sound_heads(source.connection.execute(query).mappings()))
+        if _is_enough(rows, window, wide, channel):
+            return rows
+        margin *= 4
+
+
+def _is_enough(
+    rows: Sequence[RowMapping], window: Window, wide: Window, channel: RowMapping
+) -> bool:
+    after = wide.end > channel["t_last"] or any(r["t"] - r["error"] >= window.end for r in rows)
+    sure = [r["t"] - r["error"] for r in rows if r["t"] + r["error"] <= window.start]
+    before = wide.start <= channel["t_first"] or (bool(sure) and rows[0]["t"] <= max(sure))
+    return after and before
+
+
+def as_pieces(rows: Sequence[RowMapping]) -> Aggregates:
+    """One piece for each block, as its bounds tell it."""
+    if not rows:
+        return EMPTY
+    t, t_end, n, dt, error = (
+        np.array([row[name] for row in rows], np.int64)
+        for name in ("t", "t_end", "n", "dt", "error")
+    )
+    lo, hi, coverage = (
+        np.array([row[name] for row in rows], np.float64) for name in ("lo", "hi", "coverage")
+    )
+    none = np.zeros(t.size, np.int64)
+    return Aggregates(t, t_end, n, none, dt, t_end - t, error, lo, hi, n * lo, n * hi, coverage)

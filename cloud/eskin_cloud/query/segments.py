@@ -1,0 +1,178 @@
+"""Runs of samples with the same answer: from tiles, else from blocks' bounds, else from samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+from sqlalchemy import case, select, tuple_
+
+from eskin_cloud.query.predicate import Verdict
+from eskin_cloud.query.tile_drilldown import TileDrilldown
+from eskin_cloud.rollup.blocks import DECODED, decode
+from eskin_cloud.store.damage import Head, sound_heads
+from eskin_cloud.store.read.block_index import clip, longest_step, touching
+from eskin_cloud.store.schema.tables import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin_cloud.query.predicate import Predicate
+    from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.window import Window
+
+_AT_ONCE: Final = 1000
+_COLUMNS: Final = tuple(blocks.c[name] for name in (*Head._fields, "head"))
+
+
+@dataclass(slots=True)
+class Segment:
+    """A run of samples with the same answer.
+
+    Attributes:
+        start: The first sample's moment, UTC ns.
+        end: The last sample's moment.
+        answer: Their answer.
+        dt: The last sample's period, ns.
+        n: How many samples.
+        held: For how long all but the last hold, ns: each until the next, a period at most.
+        error: How far a sample's true moment may lie from the one that is told, ns.
+    """
+
+    start: int
+    end: int
+    answer: Verdict
+    dt: int
+    n: int
+    held: int
+    error: int
+
+    def reaches(self, following: Segment) -> bool:
+        """Whether no gap lies between this run and the next."""
+        return following.start - self.end <= self.dt + self.dt // 2
+
+    def grow(self, following: Segment) -> None:
+        """Take in the next run."""
+        self.held += min(max(following.start - self.end, 0), self.dt) + following.held
+        self.n += following.n
+        self.error = max(self.error, following.error)
+        self.end, self.dt = following.end, following.dt
+
+
+def find_segments_of(
+    connection: Connection,
+    channel: RowMapping,
+    window: Window,
+    question: Predicate,
+    *,
+    over_gaps: bool,
+) -> Iterator[Segment]:
+    """All runs in a window, in order of time; neighbours may have the same answer.
+
+    Args:
+        connection: Reads one state of the store.
+        channel: The channel's row.
+        window: When.
+        question: What is asked of each sample.
+        over_gaps: Whether a run may hold a gap, too: then fewer tiles are looked into.
+    """
+    descent = TileDrilldown(connection, channel, window, question, over_gaps=over_gaps)
+    for part in descent.parts():
+        if isinstance(part, tuple):
+            pieces, answer = part
+            yield from as_runs(pieces, [answer])
+        else:
+            yield from _of_blocks(connection, channel, part, question)
+
+
+def merge(runs: Iterable[Segment]) -> Iterator[Segment]:
+    """Runs with those made one that have the same answer and no gap between them."""
+    current: Segment | None = None
+    for run in runs:
+        if current is None:
+            current = run
+        elif run.answer is current.answer and current.reaches(run):
+            current.grow(run)
+        else:
+            yield current
+            current = run
+    if current is not None:
+        yield current
+
+
+def _of_blocks(
+    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+) -> Iterator[Segment]:
+    for cluster in _clusters(connection, channel, window, question):
+        row = cluster[0]
+        answer = question.answer(row["lo"], row["hi"]) if len(cluster) == 1 else None
+        if answer is None:
+            yield from _of_samples(_samples(connection, cluster, window), question)
+            continue
+        t, dt = row["t"], row["dt"]
+        first, last = clip(t, dt, row["n"], window)
+        if first <= last:
+            span = (last - first) * dt
+            begin, n = t + first * dt, last - first + 1
+            yield Segment(begin, begin + span, answer, dt, n, span, row["error"])
+
+
+def _clusters(
+    connection: Connection, channel: RowMapping, window: Window, question: Predicate
+) -> Iterator[list[RowMapping]]:
+    """Blocks in order of time; those that overlap each other come together.
+
+    Bytes come along only with blocks whose bounds leave the answer open.
+    """
+    b = blocks.c
+    straddled = question.possible(b.lo, b.hi) & ~question.certain(b.lo, b.hi)
+    data = case((straddled, b.data), else_=None).label("data")
+    query = select(*_COLUMNS, data)
+    query = query.where(touching(channel, window)).order_by(b.t, b.boot, b.sequence)
+    cluster: list[RowMapping] = []
+    end = 0
+    for row in sound_heads(connection.execute(query).mappings().yield_per(_AT_ONCE)):
+        if cluster and row["t"] > end:
+            yield cluster
+            cluster = []
+        end = max(end, row["t_end"]) if cluster else row["t_end"]
+        cluster.append(row)
+    if cluster:
+        yield cluster
+
+
+def _samples(connection: Connection, cluster: list[RowMapping], window: Window) -> Aggregates:
+    """The samples of a cluster, also of blocks that straddle nothing."""
+    b = blocks.c
+    if all(row["data"] is not None for row in cluster):
+        return decode([[row[c.name] for c in DECODED] for row in cluster], window)
+    keys = [(row["node"], row["boot"], row["sequence"]) for row in cluster]
+    query = select(*DECODED).where(tuple_(b.node, b.boot, b.sequence).in_(keys))
+    rows = connection.execute(query.order_by(b.t, b.boot, b.sequence))
+    return decode(rows.all(), window)
+
+
+def _of_samples(samples: Aggregates, question: Predicate) -> Iterator[Segment]:
+    if len(samples) == 0:
+        return
+    yield from parted(samples, question.answers(samples.lo, samples.hi))
+
+
+def parted(pieces: Aggregates, answers: NDArray[np.int8]) -> Iterator[Segment]:
+    """Runs of pieces with the same answer and no gap between them; there is one at least."""
+    broken = pieces.first[1:] - pieces.last[:-1] > longest_step(pieces.dt[:-1])
+    cut = np.concatenate([[False], (np.diff(answers) != 0) | broken])
+    grouped = pieces.grouped(np.cumsum(cut, dtype=np.int64))
+    yield from as_runs(grouped, answers[np.flatnonzero(np.diff(np.cumsum(cut), prepend=-1))])
+
+
+def as_runs(pieces: Aggregates, answers: Iterable[int]) -> Iterator[Segment]:
+    """A run for each piece, with its answer."""
+    columns = (pieces.first, pieces.last, pieces.dt, pieces.n, pieces.held, pieces.error)
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    for (first, last, *rest), answer in zip(rows, answers, strict=True):
+        yield Segment(first, last, Verdict(int(answer)), *rest)

@@ -1,0 +1,147 @@
+"""A series: samples where they are few, else the hull of each bucket's samples."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from eskin.union_bound import union_coverage
+from eskin_cloud.rollup.blocks import read_samples
+from eskin_cloud.rollup.hulls import EXACT, read_hulls
+from eskin_cloud.store.read.block_index import Samples, exceeds, longest_step
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin.interval import Floats
+    from eskin_cloud.rollup.aggregates import Aggregates
+    from eskin_cloud.store.read.window import Window
+
+
+@dataclass(frozen=True, slots=True)
+class Series:
+    """A window of one channel, fit to be drawn.
+
+    Attributes:
+        node: Node.
+        channel: Channel.
+        unit: UCUM code.
+        coverage: Probability with which each entry's interval encloses what it speaks of.
+        resolution: ``sample``: each entry is one sample at its instant. ``hull``: each entry is
+            the hull of all samples in ``[t, t + dt)``.
+        t0: UTC ns.
+        t: Entries' times in ns after ``t0``, each a float64's integer.
+        lo: Lower bounds; both infinite where nothing is known.
+        hi: Upper bounds.
+        dt: Sampling period, or width of the buckets, in ns.
+        time_error: How far a sample's true moment may lie from its time, in ns.
+        mean: Bounds of the mean of each entry's samples; ``None`` for samples, and in live ones.
+    """
+
+    node: str
+    channel: str
+    unit: str
+    coverage: float
+    resolution: Literal["sample", "hull"]
+    t0: int
+    t: NDArray[np.int64]
+    lo: Floats
+    hi: Floats
+    dt: int
+    time_error: int
+    mean: tuple[Floats, Floats] | None = None
+
+
+def read_series(
+    connection: Connection, channel: RowMapping, window: Window, *, points: int
+) -> Series:
+    """Answer a question for a series.
+
+    Args:
+        connection: Reads one state of the store.
+        channel: The channel's row.
+        window: When.
+        points: Samples that are answered as they are; beyond, buckets.
+    """
+    if not exceeds(connection, channel, window, points):
+        samples = read_samples(connection, channel, window)
+        if len(samples) <= points and _is_exact(samples.first):
+            return _as_samples(channel, window, samples)
+    return _as_hull(connection, channel, window, points)
+
+
+def _is_exact(t: NDArray[np.int64]) -> bool:
+    return t.size == 0 or int(t[-1]) - int(t[0]) < EXACT // 2
+
+
+def _as_samples(channel: RowMapping, window: Window, samples: Aggregates) -> Series:
+    t = samples.first
+    t0 = int(t[0]) if t.size else window.start
+    at = np.flatnonzero(np.diff(t) > longest_step(samples.dt[:-1]))
+    return Series(
+        node=channel["node"],
+        channel=channel["channel"],
+        unit=channel["unit"],
+        coverage=float(samples.coverage.min(initial=1.0)) if t.size else channel["coverage"],
+        resolution="sample",
+        t0=t0,
+        t=np.insert(t, at + 1, t[at] + samples.dt[at]) - t0,
+        lo=np.insert(samples.lo, at + 1, -np.inf),
+        hi=np.insert(samples.hi, at + 1, np.inf),
+        dt=int(samples.dt.min()) if t.size else channel["dt"],
+        time_error=int(samples.error.max(initial=0)),
+    )
+
+
+def _as_hull(connection: Connection, channel: RowMapping, window: Window, points: int) -> Series:
+    pieces, buckets = read_hulls(connection, channel, window, points)
+    t = buckets.width * np.arange(buckets.count, dtype=np.int64)
+    lo, hi, mean = np.full(t.size, -np.inf), np.full(t.size, np.inf), np.full((2, t.size), np.inf)
+    mean[0] = -np.inf
+    if len(pieces):
+        pieces = pieces.grouped(buckets.of(pieces.first))
+        at = buckets.of(pieces.first)
+        lo[at], hi[at] = pieces.lo, pieces.hi
+        mean[:, at] = _means(pieces)
+    least = float(pieces.coverage.min()) if len(pieces) else channel["coverage"]
+    return Series(
+        node=channel["node"],
+        channel=channel["channel"],
+        unit=channel["unit"],
+        coverage=union_coverage(least, n=int(pieces.n.max(initial=0))),
+        resolution="hull",
+        t0=buckets.start,
+        t=t,
+        lo=lo,
+        hi=hi,
+        mean=(mean[0], mean[1]),
+        dt=buckets.width,
+        time_error=int(pieces.error.max(initial=0)),
+    )
+
+
+def _means(pieces: Aggregates) -> Floats:
+    """An enclosure of the mean of each piece's samples."""
+    lo = np.nextafter(pieces.sum_lo / pieces.n, -np.inf)
+    hi = np.nextafter(pieces.sum_hi / pieces.n, np.inf)
+    return np.stack([np.maximum(lo, pieces.lo), np.minimum(hi, pieces.hi)])
+
+
+def reduce_samples(samples: Samples, points: int) -> tuple[Samples, int, int]:
+    """The hulls of runs of equally many samples, at most ``points`` of them.
+
+    The last run is as long as the others where a length up to twice the least one makes it so: a
+    shorter one would claim a time that belongs to what follows.
+
+    Returns:
+        One entry a run, the run's length in samples, and the samples of the largest run.
+    """
+    n = samples.t.size
+    least = -(-n // points)
+    stride = next((each for each in range(least, 2 * least + 1) if n % each == 0), least)
+    at = np.arange(0, n, stride)
+    lo, hi = np.minimum.reduceat(samples.lo, at), np.maximum.reduceat(samples.hi, at)
+    return Samples(samples.t[at], samples.dt[at], lo, hi), stride, min(stride, n)

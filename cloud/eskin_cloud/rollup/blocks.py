@@ -1,0 +1,212 @@
+"""Blocks as pieces: by their samples, or by their bounds where nothing finer is asked."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from operator import le
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from sqlalchemy import and_, bindparam, func, not_, select
+
+from eskin.wire.messages.compacted_block import Pack, is_pack
+from eskin.wire.messages.stored_bounds import read_bounds
+from eskin.wire.timestamp import MOST_MOMENT
+from eskin_cloud.rollup.aggregates import EMPTY, Aggregates, concatenated
+from eskin_cloud.store.damage import Head, is_sound
+from eskin_cloud.store.read.block_index import TOUCHING, clip, near, touching
+from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.schema.tables import blocks
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from sqlalchemy import Connection, RowMapping
+
+    from eskin.interval import Floats
+    from eskin_cloud.rollup.aggregates import Integers
+
+DECODED: Final = tuple(
+    blocks.c[name]
+    for name in (
+        *("t", "dt", "n", "error", "coverage", "data"),
+        *("head", *Head._fields),
+    )
+)
+"""Columns of a block's row that describe its samples, its digests, and what these are of."""
+_IN_ORDER: Final = select(*DECODED).order_by(blocks.c.t, blocks.c.boot, blocks.c.sequence)
+_TOUCHING: Final = _IN_ORDER.where(TOUCHING)
+_COUNTS: Final = select(blocks.c.n).where(TOUCHING).limit(bindparam("most"))
+_FEW: Final = 600
+"""So many blocks are decoded, whatever is asked of them, …"""
+_FEW_SAMPLES: Final = 300_000
+"""… if they hold no more than this, as packs might."""
+
+
+@dataclass(frozen=True, slots=True)
+class Buckets:
+    """Equal stretches of time that follow each other.
+
+    Attributes:
+        start: Where the first begins, UTC ns.
+        width: Of each, in ns.
+        count: How many.
+    """
+
+    start: int
+    width: int
+    count: int
+
+    def of(self, moments: Integers) -> Integers:
+        """The numbers of the buckets in which moments lie."""
+        return (moments - self.start) // self.width
+
+    @property
+    def window(self) -> Window:
+        """All that they span, as far as there is time."""
+        return Window(self.start, min(self.start + self.width * self.count, MOST_MOMENT))
+
+
+def decode(rows: Sequence[Any], window: Window) -> Aggregates:
+    """One piece for each sample in a window.
+
+    Args:
+        rows: Blocks by the columns ``DECODED``, in order of time, then of boot and sequence.
+        window: Which samples.
+    """
+    rows = _holding(rows, window)
+    return _apart(*_opened(rows), window) if rows else EMPTY
+
+
+def fold(rows: Sequence[Any], window: Window, buckets: Buckets) -> Aggregates:
+    """The same, with all samples of a bucket in one piece.
+
+    Args:
+        rows: As in `decode`.
+        window: Which samples; it lies within the buckets.
+        buckets: Some.
+    """
+    rows = _holding(rows, window)
+    if not rows:
+        return EMPTY
+    heads, bounds = _opened(rows)
+    if any(after.t < head.t + head.dt * (head.n - 1) for head, after in pairwise(heads)):
+        samples = _apart(heads, bounds, window)  # blocks lie over each other
+        return samples.grouped(buckets.of(samples.first))
+    runs, place = [], 0
+    for t, dt, n, error, _ in heads:
+        first, last = clip(t, dt, n, window)
+        runs.append((t + dt * first, dt, last - first + 1, place + first, error))
+        place += n
+    coverage = np.array([head.coverage for head in heads])
+    grid = buckets.start, buckets.width
+    return Aggregates.of_samples(bounds, np.array(runs), coverage, grid, buckets.count)
+
+
+def _holding(rows: Sequence[Any], window: Window) -> list[Any]:
+    """The heads and bytes of those of whose samples any lies in a window, and that are sound.
+
+    Slow ones may reach over it without; what a damaged one held is a gap.
+    """
+    return [
+        row[:6]
+        for row in rows
+        if le(*clip(row[0], row[1], row[2], window)) and is_sound(row[5], Head(*row[7:]), row[6])
+    ]
+
+
+class _Head(NamedTuple):
+    """What is said of a block beside its samples."""
+
+    t: int
+    dt: int
+    n: int
+    error: int
+    coverage: float
+
+
+def _opened(rows: Sequence[Any]) -> tuple[list[_Head], tuple[Floats, Floats]]:
+    """Heads of all blocks in some rows, and the bounds of all their samples."""
+    heads, found = [], []
+    for *head, data in rows:
+        if not is_pack(data):
+            heads.append(_Head(*head))
+            found.append(read_bounds(data))
+            continue
+        pack, (_, dt, _, _, coverage) = Pack.read(data), head
+        each = zip(pack.first_moments.tolist(), pack.n.tolist(), pack.errors.tolist(), strict=True)
+        heads += [_Head(t, dt, n, error, coverage) for t, n, error in each]
+        found.append(pack.bounds())
+    lo, hi = (np.concatenate([each[side] for each in found]) for side in (0, 1))
+    return heads, (lo, hi)
+
+
+def _apart(heads: Sequence[_Head], bounds: tuple[Floats, Floats], window: Window) -> Aggregates:
+    first, period, n, errors, coverages = zip(*heads, strict=True)
+    begun, dt, error = (np.repeat(np.array(e, np.int64), n) for e in (first, period, errors))
+    number = np.concatenate([np.arange(each, dtype=np.int64) for each in n])
+    t = begun + dt * number
+    none = np.zeros(t.size, np.int64)
+    coverage = np.repeat(np.array(coverages), n)
+    pieces = Aggregates(t, t, none + 1, none, dt, none, error, *bounds, *bounds, coverage)
+    order = np.flatnonzero((t >= window.start) & (t < window.end))
+    if np.any(np.diff(t[order]) < 0):
+        order = order[np.lexsort((begun[order], t[order]))]
+    return pieces[order]
+
+
+def read_samples(connection: Connection, channel: RowMapping, window: Window) -> Aggregates:
+    """One piece for each sample in a window."""
+    return decode(_touching(connection, channel, window), window)
+
+
+def read_folded(
+    connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
+) -> Aggregates:
+    """The same, with all samples of a bucket in one piece."""
+    return fold(_touching(connection, channel, window), window, buckets)
+
+
+def read_buckets(
+    connection: Connection, channel: RowMapping, window: Window, buckets: Buckets
+) -> Aggregates:
+    """Pieces of the blocks in a window, none of which reaches over a bucket's end.
+
+    Where blocks are many, those that lie in one bucket as a whole are told by their bounds: then
+    their sums are enclosed by theirs, and gaps between them are not told.
+    """
+    if _are_few(connection, channel, window):
+        return read_folded(connection, channel, window, buckets)
+    b, here = blocks.c, touching(channel, window)
+    bucket = (b.t - buckets.start) // buckets.width
+    within = and_(b.t >= window.start, b.t_end < window.end)
+    alone = and_(within, bucket == (b.t_end - buckets.start) // buckets.width)
+    query = _IN_ORDER.where(here, not_(alone))
+    parted = fold(connection.execute(query).all(), window, buckets)
+    bounds = select(
+        func.min(b.t), func.max(b.t_end), func.sum(b.n), func.max(b.dt), func.max(b.error),
+        func.min(b.lo), func.max(b.hi), func.min(b.coverage),
+    )  # fmt: skip
+    rows = connection.execute(bounds.where(here, alone).group_by(bucket)).all()
+    return concatenated([_bounded(rows), parted])
+
+
+def _bounded(rows: Sequence[Any]) -> Aggregates:
+    if not rows:
+        return EMPTY
+    columns = list(zip(*sorted(rows), strict=True))
+    t, t_end, n, dt, error = (np.array([*map(int, each)], np.int64) for each in columns[:5])
+    lo, hi, coverage = (np.array(each, np.float64) for each in columns[5:])
+    sum_lo, sum_hi = np.nextafter(n * lo, -np.inf), np.nextafter(n * hi, np.inf)
+    none = np.zeros(n.size, np.int64)
+    return Aggregates(t, t_end, n, none, dt, t_end - t, error, lo, hi, sum_lo, sum_hi, coverage)
+
+
+def _are_few(connection: Connection, channel: RowMapping, window: Window) -> bool:
+    n = connection.execute(_COUNTS, near(channel, window) | {"most": _FEW + 1}).scalars().all()
+    return len(n) <= _FEW and sum(n) <= _FEW_SAMPLES
+
+
+def _touching(connection: Connection, channel: RowMapping, window: Window) -> Sequence[Any]:
+    return connection.execute(_TOUCHING, near(channel, window)).all()

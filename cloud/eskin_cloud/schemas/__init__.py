@@ -1,0 +1,1 @@
+"""Shapes of REST answers: Pydantic models and how rows become them."""

@@ -1,0 +1,223 @@
+"""The cloud as a process: two listeners over one state."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import signal
+import time
+from contextlib import ExitStack, contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
+from eskin.identity import ChainVerifier, Identity, server_context
+from eskin.identity.identity import ROOT_FILE
+from eskin.privacy import open_keystore
+from eskin.runtime.files.lock import LockFile
+from eskin.runtime.http_server.listener import Listener, bind
+from eskin.runtime.http_server.protocol import LOCALHOST, HttpLimits
+from eskin.runtime.http_server.rate_limit import RateLimit
+from eskin.runtime.memory import freeze_gc
+from eskin.wire.timestamp import SECOND
+from eskin_cloud.allocator import use_one_allocator
+from eskin_cloud.app import gateway_application, people_application
+from eskin_cloud.app_state import AppState
+from eskin_cloud.commands import Notifier
+from eskin_cloud.ingest.gateway_trust import GatewayTrust
+from eskin_cloud.ingest.upload_budget import UploadBudget
+from eskin_cloud.jobs.compaction import keep_compacted
+from eskin_cloud.jobs.erasure import hear
+from eskin_cloud.jobs.heap_trim import trim_heap
+from eskin_cloud.jobs.integrity import keep_whole
+from eskin_cloud.jobs.missing_messages import look_for_missing
+from eskin_cloud.jobs.pg_listener import relay
+from eskin_cloud.jobs.retention import retain
+from eskin_cloud.jobs.rollup import keep_rollup
+from eskin_cloud.jobs.server_certificate import Certificate
+from eskin_cloud.jobs.silence import watch
+from eskin_cloud.live import Feed, Viewers
+from eskin_cloud.metrics import Metrics
+from eskin_cloud.privacy.key_access import KeyAccess
+from eskin_cloud.store import Store
+from eskin_cloud.warm_up import warm_up
+
+if TYPE_CHECKING:
+    import ssl
+    from collections.abc import Callable, Iterator
+
+    from eskin_cloud.settings import CloudSettings
+
+log = logging.getLogger(__name__)
+
+DASHBOARD = Path(__file__).with_name("dashboard")
+
+
+def run(settings: CloudSettings) -> None:
+    """Serve until SIGTERM or SIGINT.
+
+    Raises:
+        SettingsError: An address or a certificate cannot be used.
+        IdentityError: The server's identity cannot be read.
+        StoreError: The store cannot be opened, or another cloud has it.
+    """
+    use_one_allocator()
+    with ExitStack() as stack:
+        place = settings.store.place
+        if isinstance(place, Path):
+            stack.enter_context(only_one(place))
+        store = stack.enter_context(
+            Store(place, readers=settings.store.readers, queue=settings.store.queue)
+        )
+        cloud = make_cloud(settings, store, clock=time.time_ns)
+        warm_up()
+        asyncio.run(_serve(cloud))
+    log.info("stopped")
+
+
+def make_cloud(
+    settings: CloudSettings,
+    store: Store,
+    *,
+    clock: Callable[[], int],
+    dashboard: Path = DASHBOARD,
+) -> AppState:
+    """Put the shared state together.
+
+    Raises:
+        IdentityError: The server's identity cannot be read.
+        PrivacyError: The key store cannot be used.
+    """
+    own = settings.gateways
+    feed, notifier = _make_feed(settings, store), Notifier()
+    trust = ChainVerifier.following(own.identity / ROOT_FILE)
+    clock_error = round(settings.nodes.clock_error_s * SECOND)
+    metrics = Metrics(store, feed, notifier, clock_error=clock_error)
+    keys = settings.keys
+    keystore = None if keys.directory is None else open_keystore(keys, keys.directory)
+    return AppState(
+        settings=settings,
+        store=store,
+        feed=feed,
+        viewers=_make_viewers(settings),
+        notifier=notifier,
+        gateway_trust=GatewayTrust(
+            trust, gateways=own.revocations, nodes=settings.nodes.revocations
+        ),
+        uploads=UploadBudget(own.uploads_bytes),
+        metrics=metrics,
+        sign_ins=RateLimit.per_minute(settings.limits.refusals_per_min),
+        key_access=KeyAccess(keystore),
+        clock=clock,
+        dashboard=dashboard,
+    )
+
+
+def _make_feed(settings: CloudSettings, store: Store) -> Feed:
+    live = settings.live
+    return Feed(store, recent=live.recent, recent_bytes=live.recent_bytes)
+
+
+def _make_viewers(settings: CloudSettings) -> Viewers:
+    live = settings.live
+    return Viewers(most=live.watched_nodes, lasting=live.watched_s)
+
+
+def _listeners(cloud: AppState, outer: Certificate | None) -> tuple[Listener, Listener]:
+    """For people and for gateways."""
+    people, gateways = cloud.settings.people, cloud.settings.gateways
+    limits = cloud.settings.limits
+    bounds = HttpLimits(connections=limits.connections, of_one=limits.connections_of_one)
+    # A browser checks the name by TLS. Without it, DNS may lead any page here.
+    plain = LOCALHOST | {people.host.lower(), *people.names}
+    return (
+        Listener(
+            people_application(cloud),
+            bind("people", people.host, people.port),
+            context=None if outer is None else outer.context,
+            bounds=replace(
+                bounds,
+                body_bytes=limits.body_bytes,
+                hosts=plain if outer is None else None,
+                proxies=tuple(people.proxies),
+                forwarded=people.forwarded,
+            ),
+        ),
+        Listener(
+            gateway_application(cloud),
+            bind("gateways", gateways.host, gateways.port),
+            context=_gateways_context(gateways.identity),
+            bounds=bounds,
+        ),
+    )
+
+
+def _gateways_context(folder: Path) -> ssl.SSLContext:
+    """For TLS with gateways, which show a certificate; follows renewals of its own, and roots.
+
+    Raises:
+        SettingsError: The identity cannot be used.
+    """
+    try:
+        return server_context(Identity.load(folder), client_certificates=True)
+    except IdentityError as error:
+        raise SettingsError("gateways.identity", str(error)) from error
+
+
+async def _serve(cloud: AppState) -> None:
+    people = cloud.settings.people
+    outer = None if people.identity is None else Certificate("people.identity", people.identity)
+    listeners = _listeners(cloud, outer)
+    stopping = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, stopping.set)
+    certificates = [] if outer is None else [outer]
+    async with asyncio.TaskGroup() as group:
+        for listener, name in zip(listeners, ("people", "gateways"), strict=True):
+            group.create_task(listener.serve(), name=name)
+        listening = None
+        if not isinstance(cloud.store.place, Path):
+            listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
+        group.create_task(watch(cloud, certificates, stopping), name="watch")
+        group.create_task(hear(cloud, stopping), name="erasures")
+        group.create_task(look_for_missing(cloud, stopping), name="missing")
+        group.create_task(retain(cloud, stopping), name="retention")
+        group.create_task(keep_rollup(cloud, stopping), name="pyramid")
+        group.create_task(trim_heap(cloud, stopping), name="memory")
+        group.create_task(keep_compacted(cloud, stopping), name="packing")
+        group.create_task(keep_whole(cloud, stopping), name="wholeness")
+        for listener in listeners:
+            await listener.ready.wait()
+        freeze_gc()
+        log.info(
+            "ready: people=%s gateways=%s store=%s",
+            listeners[0].url,
+            listeners[1].url,
+            cloud.store,
+        )
+        await stopping.wait()
+        cloud.feed.close()
+        cloud.notifier.close()
+        if listening is not None:
+            listening.cancel()
+        for listener in listeners:
+            listener.should_exit = True
+
+
+@contextmanager
+def only_one(path: Path) -> Iterator[None]:
+    """Hold a file for this process: SQLite has no way to tell others what is new.
+
+    Raises:
+        StoreError: Another process has it.
+    """
+    try:
+        owner = LockFile(path)
+    except LockedError as error:
+        raise StoreError(f"{path}: another cloud runs on this store; stop it first") from error
+    except OSError as error:
+        raise StoreError(f"{path}: the store cannot be opened: {error}") from error
+    with owner:
+        yield

@@ -1,0 +1,7 @@
+"""The store: one schema, one writer, several readers."""
+
+from __future__ import annotations
+
+from eskin_cloud.store.store import Store
+
+__all__ = ["Store"]

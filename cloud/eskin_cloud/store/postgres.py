@@ -1,0 +1,79 @@
+"""PostgreSQL: one connection of each process writes, and one process at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Final
+
+from sqlalchemy import URL, Engine, create_engine, event
+from sqlalchemy.pool import QueuePool
+
+from eskin_cloud.store.pg_copy import attend
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+WRITING: Final = 0x65736B696E
+"""The advisory lock that whoever writes holds until its commit: "eskin"."""
+_CONNECT_S: Final = 5
+# The server looks, too, whether anybody is there: of a connection that was reset on the way, it
+# would hear nothing for a minute, and meanwhile keep what it had locked.
+_OPTIONS: Final = (
+    "-c timezone=UTC -c idle_in_transaction_session_timeout=60s "
+    "-c tcp_keepalives_idle=5 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=3"
+)
+_WRITING: Final = "-c synchronous_commit=on -c lock_timeout=10s -c statement_timeout=30s"
+_READING: Final = (
+    "-c default_transaction_read_only=on -c default_transaction_isolation=repeatable\\ read "
+    "-c statement_timeout=60s"
+)
+
+
+def writing_engine(url: URL) -> Engine:
+    """An engine with one connection, whose transactions take the write lock when they begin.
+
+    So a transaction sees all that was written before, by whichever process, as with SQLite.
+    """
+    engine = _engine(url, size=1, options=_WRITING)
+    attend(engine)
+
+    @event.listens_for(engine, "begin")
+    def lock(connection: Connection) -> None:
+        connection.exec_driver_sql(f"SELECT pg_advisory_xact_lock({WRITING})")
+
+    return engine
+
+
+def reading_engine(url: URL, *, readers: int) -> Engine:
+    """An engine with ``readers`` connections; each transaction sees one state of the store."""
+    return _engine(url, size=readers, options=_READING, pre_ping=True)
+
+
+def arguments(url: URL) -> dict[str, Any]:
+    """What libpq is told for a connection of the driver's own."""
+    _, words = url.get_dialect()().create_connect_args(url)
+    return {**words, **_patience("")}
+
+
+def _patience(options: str) -> dict[str, Any]:
+    """Nobody waits for ever for a server that is away."""
+    return {
+        "connect_timeout": _CONNECT_S,
+        "keepalives_idle": 5,
+        "keepalives_interval": 5,
+        "keepalives_count": 3,
+        "tcp_user_timeout": 20_000,
+        "application_name": "eskin cloud",
+        "options": f"{_OPTIONS} {options}",
+    }
+
+
+def _engine(url: URL, *, size: int, options: str, pre_ping: bool = False) -> Engine:
+    return create_engine(
+        url,
+        poolclass=QueuePool,
+        pool_size=size,
+        max_overflow=0,
+        pool_timeout=30,
+        pool_pre_ping=pre_ping,
+        connect_args=_patience(options),
+    )

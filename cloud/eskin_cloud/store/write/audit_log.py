@@ -1,0 +1,135 @@
+"""Who did what: deeds are only ever added, each sealed by a hash over all before it.
+
+Triggers refuse to change or remove a row. Whoever goes round them, with the file in hand, breaks
+the chain of hashes unless they write all that follows anew; `check_deeds` tells where.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Final
+
+from sqlalchemy import insert, select
+
+from eskin_cloud.store.damage import note_damaged
+from eskin_cloud.store.schema.tables import audit_log
+from eskin_cloud.store.schema.text_type import storable
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+    from typing import Any
+
+    from sqlalchemy import Connection, RowMapping
+
+_LONGEST_DETAIL: Final = 1000
+_SEALED: Final = ("number", "time", "actor", "address", "action", "target", "detail")
+
+
+class Action(StrEnum):
+    """What can be done."""
+
+    SIGN_IN = "sign in"
+    SIGN_IN_REFUSED = "sign in refused"
+    SIGN_OUT = "sign out"
+    SESSION_REVOKED = "session revoked"
+    LOGIN_LINK = "login link made"
+    TOKEN_CREATED = "token created"  # noqa: S105 - no secret
+    TOKEN_REVOKED = "token revoked"  # noqa: S105 - no secret
+    COMMAND = "command issued"
+    SUBJECT_ASSIGNED = "subject assigned"
+    SUBJECT_ERASED = "subject erased"
+    KEY_CONFLICT = "subject key differs"
+    SUBJECT_EXPORTED = "subject exported"
+
+
+@dataclass(frozen=True, slots=True)
+class AuditEntry:
+    """What somebody did.
+
+    Attributes:
+        actor: Who: a token's name, ``login link``, ``command line``, or empty where nobody knows.
+        address: From where; empty for this machine's command line.
+        action: What.
+        target: To what, such as a node or a token's id.
+        detail: What else matters; never a secret.
+    """
+
+    actor: str
+    address: str
+    action: Action
+    target: str = ""
+    detail: str = ""
+
+
+def record(connection: Connection, audit_entry: AuditEntry, *, now: int) -> None:
+    """Add a deed, in the transaction that does it.
+
+    Args:
+        connection: The writing thread's, in a transaction.
+        audit_entry: What is done.
+        now: UTC ns.
+    """
+    query = select(audit_log.c.number, audit_log.c.digest).order_by(audit_log.c.number.desc())
+    last = connection.execute(query.limit(1)).one_or_none()
+    number, before = (0, "") if last is None else (last[0] + 1, last[1])
+    row = {
+        "number": number,
+        "time": now,
+        "actor": storable(audit_entry.actor[:100]),
+        "address": storable(audit_entry.address[:64]),
+        "action": audit_entry.action.value,
+        "target": storable(audit_entry.target[:200]),
+        "detail": storable(audit_entry.detail[:_LONGEST_DETAIL]),
+    }
+    connection.execute(insert(audit_log), row | {"digest": _seal(before, row)})
+
+
+def list_audit_entries(
+    connection: Connection, *, before: int | None, limit: int
+) -> tuple[Sequence[RowMapping], int | None]:
+    """One page of deeds, latest first, and the number before which the next page goes on.
+
+    What is not as it was written is noted, and left out; so is the deed after a damaged digest.
+    """
+    query = select(audit_log).order_by(audit_log.c.number.desc()).limit(limit + 1)
+    if before is not None:
+        query = query.where(audit_log.c.number < before)
+    found = connection.execute(query).mappings().all()
+    older = [*(row["digest"] for row in found[1:]), ""]
+    pairs = zip(older[:limit], found[:limit], strict=True)
+    page = [row for seal, row in pairs if _is_sealed(seal, row)]
+    return page, found[limit - 1]["number"] if len(found) > limit else None
+
+
+def read_audit_entries(connection: Connection) -> Iterable[RowMapping]:
+    """All deeds, oldest first."""
+    query = select(audit_log).order_by(audit_log.c.number)
+    return connection.execution_options(stream_results=True).execute(query).mappings()
+
+
+def check_audit_entries(connection: Connection) -> int | None:
+    """The first number that is missing or was changed afterwards; ``None`` if all is whole.
+
+    Deeds cut off at the end leave no trace here: keep the latest digest elsewhere to notice.
+    """
+    before, expected = "", 0
+    for row in read_audit_entries(connection):
+        if row["number"] != expected or row["digest"] != _seal(before, row):
+            return expected
+        before, expected = row["digest"], expected + 1
+    return None
+
+
+def _is_sealed(before: str, row: RowMapping) -> bool:
+    if row["digest"] == _seal(before, row):
+        return True
+    note_damaged(audit_log.name, f"{audit_log.name} {row['number']}")
+    return False
+
+
+def _seal(before: str, row: Mapping[str, Any] | RowMapping) -> str:
+    text = json.dumps([before, *(row[name] for name in _SEALED)], ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()

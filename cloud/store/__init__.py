@@ -1,7 +1,0 @@
-"""The store: one schema, one writer, several readers."""
-
-from __future__ import annotations
-
-from cloud.store.store import Store
-
-__all__ = ["Store"]

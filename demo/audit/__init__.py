@@ -1,8 +1,0 @@
-"""The end-to-end check of the enclosure law: what is stored holds what was true."""
-
-from __future__ import annotations
-
-from demo.audit.audit import Audit, audit
-from demo.audit.channel import ChannelAudit
-
-__all__ = ["Audit", "ChannelAudit", "audit"]

@@ -1,8 +1,0 @@
-"""The demo's embedded broker: amqtt on loopback, its known holes closed."""
-
-from __future__ import annotations
-
-from demo.broker.access import Party, may_publish, may_subscribe
-from demo.broker.broker import LoopbackBroker
-
-__all__ = ["LoopbackBroker", "Party", "may_publish", "may_subscribe"]

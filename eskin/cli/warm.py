@@ -1,0 +1,100 @@
+"""``eskin warm``: compile all kernels once, so that no first call waits for it."""
+
+from __future__ import annotations
+
+import time
+from enum import StrEnum
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Annotated, TypeAlias
+
+import typer
+
+from eskin.errors import SettingsError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    Steps: TypeAlias = dict[str, Callable[[], object]]
+
+
+class Part(StrEnum):
+    """What uses the kernels."""
+
+    NOTEBOOK = "notebook"
+    GATEWAY = "gateway"
+    CLOUD = "cloud"
+    NODE = "node"
+
+    @property
+    def room(self) -> str:
+        """The package that it needs."""
+        rooms = {Part.NOTEBOOK: "eskin", Part.NODE: "sensor_node"}
+        return rooms.get(self, str(self))
+
+
+Parts = Annotated[
+    list[Part] | None,
+    typer.Argument(help="What to compile for; by default for all that is installed."),
+]
+
+
+def warm(parts: Parts = None) -> None:
+    """Compile all kernels once and keep them on disk: about a minute the first time."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    from eskin.kernels.arithmetic import add
+    from eskin.kernels.jit_cache import has_cache
+
+    for part in parts or ():
+        if find_spec(part.room) is None:
+            raise SettingsError("eskin warm", f"{part}: the package {part.room} is not installed")
+    if not has_cache(add):
+        raise SettingsError(
+            "eskin warm",
+            "nothing can be written beside the sources; set NUMBA_CACHE_DIR to a folder that lasts",
+        )
+    steps: Steps = {}
+    for part in parts or [each for each in Part if find_spec(each.room)]:
+        steps |= _STEPS[part]()
+    began = time.monotonic()
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("", total=len(steps))
+        for name, step in steps.items():
+            bar.update(task, description=f"compiling {name}")
+            step()
+            bar.advance(task)
+    typer.echo(f"Kernels are compiled and on disk; this took {time.monotonic() - began:.1f} s.")
+
+
+def _of_notebook() -> Steps:
+    from eskin.warm_up import STEPS
+
+    return STEPS
+
+
+def _of_gateway() -> Steps:
+    from eskin.wire.messages.warm_up import warm_up
+
+    return {"messages": warm_up}
+
+
+def _of_cloud() -> Steps:
+    from eskin_cloud.warm_up import warm_up
+
+    return {"the cloud": warm_up}
+
+
+def _of_node() -> Steps:
+    from eskin_sensor_node.warm_up import STEPS
+
+    return STEPS
+
+
+_STEPS: dict[Part, Callable[[], Steps]] = {
+    Part.NOTEBOOK: _of_notebook,
+    Part.GATEWAY: _of_gateway,
+    Part.CLOUD: _of_cloud,
+    Part.NODE: _of_node,
+}

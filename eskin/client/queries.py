@@ -1,0 +1,147 @@
+"""Questions with three honest answers: two channels compared, a channel beside a prediction."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any, Literal
+
+from eskin.client.http import API
+from eskin.client.timestamps import written_moments
+from eskin.interval import Interval
+from eskin.interval.conversion import enclose
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eskin.client.http import HttpClient
+    from eskin.client.timestamps import Moment
+
+_JSON = "application/json"
+
+
+class Queries:
+    """Questions to a cloud; a window that is left out is the last minute of data.
+
+    Args:
+        pages: Asks the cloud.
+    """
+
+    def __init__(self, pages: HttpClient) -> None:
+        self._pages = pages
+
+    def comparison(
+        self,
+        node: str,
+        channel: str,
+        other: str,
+        *,
+        state: Literal["above", "below"] = "above",
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> list[dict[str, Any]]:
+        """When a channel is above or below another, ``certain`` or ``possible``, in order of time.
+
+        Args:
+            node: Such as ``fingertip``.
+            channel: Such as ``t01.capacitance``.
+            other: The other channel, as ``NODE/CHANNEL``, of the same unit.
+            state: What is asked of the channel.
+            start: Included.
+            end: Excluded.
+
+        Raises:
+            QueryError: A moment without a time zone.
+            CloudError: The cloud refused, or did not answer.
+        """
+        params = written_moments(start=start, end=end) | {"other": other, "state": state}
+        return list(self._pages.items(_path(node, channel, "comparison"), params))
+
+    def comparison_time(
+        self,
+        node: str,
+        channel: str,
+        other: str,
+        *,
+        state: Literal["above", "below"] = "above",
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> dict[str, Any]:
+        """For how long (s) and how often: intervals; arguments and errors as `comparison`."""
+        params = written_moments(start=start, end=end) | {"other": other, "state": state}
+        return self._ask(_path(node, channel, "comparison/time"), params)
+
+    def anomalies(
+        self,
+        node: str,
+        channel: str,
+        model: str,
+        parameters: Mapping[str, Interval | float],
+        *,
+        origin: Moment | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> list[dict[str, Any]]:
+        """When a channel is not as a model predicts, ``certain`` or ``possible``, in order of time.
+
+        Args:
+            node: Such as ``palm``.
+            channel: Such as ``t01.capacitance``.
+            model: A quantity of a model, such as ``touch.capacitance``.
+            parameters: The model's parameters by name, in SI units.
+            origin: The model's time 0; else ``start``.
+            start: Included.
+            end: Excluded.
+
+        Raises:
+            QueryError: A moment without a time zone.
+            CloudError: The cloud refused, or did not answer.
+        """
+        params = written_moments(origin=origin, start=start, end=end) | _model(model, parameters)
+        return list(self._pages.items(_path(node, channel, "anomalies"), params))
+
+    def anomalies_time(
+        self,
+        node: str,
+        channel: str,
+        model: str,
+        parameters: Mapping[str, Interval | float],
+        *,
+        origin: Moment | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+    ) -> dict[str, Any]:
+        """For how long (s) and how often: intervals; arguments and errors as `anomalies`."""
+        params = written_moments(origin=origin, start=start, end=end) | _model(model, parameters)
+        return self._ask(_path(node, channel, "anomalies/time"), params)
+
+    def prediction(
+        self,
+        node: str,
+        channel: str,
+        model: str,
+        parameters: Mapping[str, Interval | float],
+        *,
+        origin: Moment | None = None,
+        start: Moment | None = None,
+        end: Moment | None = None,
+        points: int = 1000,
+    ) -> dict[str, Any]:
+        """What a model predicts, as hulls over at most ``points`` buckets; else as `anomalies`."""
+        params = written_moments(origin=origin, start=start, end=end) | _model(model, parameters)
+        return self._ask(_path(node, channel, "prediction"), params | {"points": points})
+
+    def _ask(self, path: str, params: Mapping[str, Any]) -> dict[str, Any]:
+        found: dict[str, Any] = self._pages.get(path, params, accept=_JSON).json()
+        return found
+
+
+def _path(node: str, channel: str, question: str) -> str:
+    return f"{API}/series/{node}/{channel}/{question}"
+
+
+def _model(model: str, parameters: Mapping[str, Interval | float]) -> dict[str, Any]:
+    bounds = {
+        name: value if isinstance(value, Interval) else Interval(*enclose(value, name))
+        for name, value in parameters.items()
+    }
+    written = [f"{name}:{float(b.inf)!r}:{float(b.sup)!r}" for name, b in bounds.items()]
+    return {"model": model, "parameter": written}

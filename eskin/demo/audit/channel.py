@@ -1,0 +1,97 @@
+"""What the audit found of one channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.demo.audit.binomial import binomial_quantile
+
+if TYPE_CHECKING:
+    from eskin.interval import Floats
+    from eskin.wire.messages import Block
+
+CONFIDENCE: Final = 1.0 - 1e-6
+"""Chance brings more violations than allowed once in a million audits of a channel."""
+
+
+@dataclass(slots=True)
+class ChannelAudit:
+    """Sums over the blocks of one channel.
+
+    Attributes:
+        node: The node.
+        channel: ``{taxel}.{quantity}``.
+        unit: UCUM code.
+        coverage: The least that any of its blocks claims.
+        blocks: Blocks compared.
+        samples: Samples compared.
+        violations: Samples whose interval does not hold the truth.
+        mislabelled: Blocks whose channel, period or columns in the store are not their own.
+        late: Blocks whose enclosure of time does not hold the true time.
+        unbounded: Samples with an unbounded side; they hold, but have no width.
+        forgotten: Blocks whose truth the emulator has dropped (beyond its limit).
+        width: Sum of the finite widths.
+        magnitude: Sum of the true values' sizes, over the same samples.
+    """
+
+    node: str
+    channel: str
+    unit: str
+    coverage: float = 1.0
+    blocks: int = 0
+    samples: int = 0
+    violations: int = 0
+    mislabelled: int = 0
+    late: int = 0
+    unbounded: int = 0
+    forgotten: int = 0
+    width: float = field(default=0.0)
+    magnitude: float = field(default=0.0)
+
+    def compare(self, block: Block, time: int, truth: Floats) -> None:
+        """Compare a block with the truth behind it.
+
+        Args:
+            block: As the cloud stored it.
+            time: True UTC of the first sample, ns.
+            truth: True values, as many as the block has samples.
+        """
+        values = block.tube.values
+        self.blocks += 1
+        self.samples += len(truth)
+        self.coverage = min(self.coverage, block.tube.coverage)
+        self.violations += int(np.count_nonzero(~values.contains(truth)))
+        earliest, latest = block.tube.time
+        self.late += not earliest <= time <= latest
+        finite = np.isfinite(values.inf) & np.isfinite(values.sup)
+        self.unbounded += int(np.count_nonzero(~finite))
+        self.width += float(np.sum(values.wid[finite]))
+        self.magnitude += float(np.sum(np.abs(truth[finite])))
+
+    @property
+    def bounded(self) -> int:
+        """Samples with two finite sides."""
+        return self.samples - self.unbounded
+
+    @property
+    def allowed(self) -> int:
+        """Violations that chance may bring under the claimed coverage; 0 under bounded noise."""
+        return binomial_quantile(self.samples, 1.0 - self.coverage, CONFIDENCE)
+
+    @property
+    def mean_width(self) -> float:
+        """Mean of the finite widths, in the unit."""
+        return self.width / self.bounded if self.bounded else float("nan")
+
+    @property
+    def relative_width(self) -> float:
+        """Mean width over the mean size of the truth."""
+        return self.width / self.magnitude if self.magnitude else float("nan")
+
+    @property
+    def passes(self) -> bool:
+        """Whether the channel keeps its promise."""
+        return self.violations <= self.allowed and self.late == 0 and self.mislabelled == 0

@@ -1,0 +1,284 @@
+"""Whether every block that a node made is stored, still under way, or told as lost."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import defaultdict
+from contextlib import closing
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Final
+
+from eskin_cloud.store.damage import DamagedRow, Head, is_sound, note_damaged
+from eskin_cloud.store.removal import Reason
+from eskin_cloud.store.schema.sealed_tables import removals
+from eskin_cloud.store.schema.tables import blocks, events, sequences
+from eskin_cloud.store.write.stored_digests import find_digest
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from sqlalchemy import select
+
+from eskin.demo.audit.sealed import sealed_positions
+from eskin.errors import AuditError
+from eskin.privacy import SealedMessage, is_sealed
+from eskin.runtime.digest import digest
+from eskin.wire.messages import Gap, Position, decode_message
+from eskin.wire.messages.cbor_map import MOST_COUNT
+from eskin.wire.messages.compacted_block import Pack
+from eskin.wire.sequence_set import SequenceRanges
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+    from eskin.demo.layout import Layout
+
+_IN_FLEET: Final = (
+    "SELECT name, message.boot, sequence FROM message JOIN member ON member.id = message.member"
+)
+_ENDS_IN_FLEET: Final = (
+    "SELECT name, ended.boot, last FROM ended JOIN member ON member.id = ended.member"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """Where the blocks of one node are.
+
+    Attributes:
+        node: The node.
+        made: Blocks whose truth the emulator keeps.
+        stored: Those that the cloud stored.
+        waiting: Those that wait in flash or spool.
+        told: Those that a gap tells as lost.
+        unborn: Those at the end of a boot that never came to be committed to flash.
+        removed: Those that the cloud had, and removed by their age or with their subject.
+        missing: All others. Not one may be.
+    """
+
+    node: str
+    made: int
+    stored: int
+    waiting: int
+    told: int
+    unborn: int
+    removed: int
+    missing: tuple[Position, ...]
+
+    @property
+    def passes(self) -> bool:
+        """Whether nothing vanished silently."""
+        return not self.missing
+
+
+class Sightings:
+    """Positions by boot."""
+
+    def __init__(self, positions: Iterable[tuple[int, int]] = ()) -> None:
+        self._boots: dict[int, SequenceRanges] = defaultdict(SequenceRanges)
+        for boot, sequence in positions:
+            self._boots[boot].add(sequence)
+
+    def __contains__(self, position: Position) -> bool:
+        return position.sequence in self._boots[position.boot]
+
+    def span(self, boot: int, first: int, last: int) -> None:
+        """Take in a span."""
+        self._boots[boot].add(first, last)
+
+    def last(self, boot: int) -> int:
+        """The greatest sequence of a boot; -1 if there is none."""
+        return max((last for _, last in self._boots[boot]), default=-1)
+
+
+@dataclass(frozen=True, slots=True)
+class UnderWay:
+    """What one look at truth, flash and spool showed; taken before the look at the store.
+
+    Messages only move downstream, so what has left one place by then shows up in the next.
+    """
+
+    truths: dict[str, Path]
+    made: dict[str, list[Position]]
+    settled: dict[str, dict[int, int]]
+    ended: dict[str, dict[int, int]]
+    waiting: dict[str, Sightings]
+    letters: list[str]
+
+    @classmethod
+    def look(cls, layout: Layout) -> UnderWay:
+        """Look at the demo's files, also while it runs.
+
+        Raises:
+            AuditError: One of them cannot be read.
+        """
+        truths: dict[str, Path] = {}
+        made: dict[str, list[Position]] = {}
+        settled: dict[str, dict[int, int]] = {}
+        for path in layout.truths:
+            found = GroundTruth.made(path)
+            made |= found
+            settled |= GroundTruth.settled(path)
+            truths |= dict.fromkeys(found, path)
+        # Before what waits there: what flash comes to hold meanwhile is found further on.
+        ended: dict[str, dict[int, int]] = defaultdict(dict)
+        for node, boot, last in _in_flash(layout, "SELECT boot, last FROM ended", _ENDS_IN_FLEET):
+            ended[node][boot] = last
+        waiting = {node: Sightings() for node in made}
+        for node, boot, sequence in _in_flash(
+            layout, "SELECT boot, sequence FROM message", _IN_FLEET
+        ):
+            if node in waiting:
+                waiting[node].span(boot, sequence, sequence)
+        for node, body in _rows(layout.spool, "SELECT node, body FROM messages"):
+            position = _position(bytes(body))
+            if node in waiting:
+                waiting[node].span(position.boot, position.sequence, position.sequence)
+        letters = _rows(layout.spool, "SELECT node, reason FROM dead_letters ORDER BY id")
+        said = [f"{node}: {reason}" for node, reason in letters]
+        return cls(truths, made, settled, dict(ended), waiting, said)
+
+    def kept(self, node: str, boot: int) -> int:
+        """The number below which all of a boot was in flash at some time, or is named by a gap.
+
+        A flash that knows of less than the emulator saw in it is an older copy: then nothing is
+        known of what came last, and nothing is excused.
+        """
+        settled = self.settled.get(node, {}).get(boot, 0)
+        last = self.ended.get(node, {}).get(boot)
+        if last is None:
+            return settled
+        return last + 1 if last + 1 >= settled else MOST_COUNT
+
+
+def deliveries(seen: UnderWay, connection: Connection) -> list[Delivery]:
+    """Look for every block that the nodes made, in what was seen and in the store."""
+    return [_delivery(node, seen, connection) for node in seen.made]
+
+
+def _delivery(node: str, seen: UnderWay, connection: Connection) -> Delivery:
+    stored = _stored(node, connection)
+    told, sighted = _told(node, connection), _sighted(node, connection)
+    waiting = seen.waiting[node]
+    counts = {"stored": 0, "waiting": 0, "told": 0, "unborn": 0}
+    gone = []
+    missing = []
+    places = (stored, told, sighted, waiting)
+    boots = {position.boot for position in seen.made[node]}
+    ends = {boot: max(place.last(boot) + 1 for place in places) for boot in boots}
+    kept = {boot: max(end, seen.kept(node, boot)) for boot, end in ends.items()}
+    for position in seen.made[node]:
+        if position in stored:
+            counts["stored"] += 1
+        elif position in told:
+            counts["told"] += 1
+        elif position in waiting:
+            counts["waiting"] += 1
+        elif position.sequence >= kept[position.boot]:
+            counts["unborn"] += 1
+        elif position in sighted:
+            gone.append(position)
+        else:
+            missing.append(position)
+    excused = _removed(node, gone, seen.truths[node], connection)
+    missing += [position for position in gone if position not in excused]
+    return Delivery(
+        node=node,
+        made=len(seen.made[node]),
+        removed=len(excused),
+        missing=tuple(sorted(missing)),
+        **counts,
+    )
+
+
+def _removed(
+    node: str, gone: Sequence[Position], path: Path, connection: Connection
+) -> set[Position]:
+    """Which of what the cloud has no more was removed by age or erasure, as its records say."""
+    if not gone:
+        return set()
+    r = removals.c
+    query = select(r.channel, r.reason, r.messages, r.before).where(r.node == node)
+    records = defaultdict(list)
+    for channel, reason, messages, before in connection.execute(query):
+        records[channel].append((reason, messages, before))
+    found = defaultdict(set)
+    for position, block in GroundTruth.read(path, gone, node=node).items():
+        for reason, _, before in records[block.channel]:
+            if reason == Reason.ERASURE or block.end - block.dt < before:
+                found[block.channel].add(position)
+    # More than was removed cannot be excused by it, and nobody can say which ones they are.
+    return {
+        position
+        for channel, positions in found.items()
+        if len(positions) <= sum(messages for _, messages, _ in records[channel])
+        for position in positions
+    }
+
+
+def _stored(node: str, connection: Connection) -> Sightings:
+    b = blocks.c
+    query = select(b.boot, b.sequence).where(b.node == node, b.packed.is_(None))
+    rows = connection.execute(query.order_by(b.boot, b.sequence))
+    found = Sightings((row[0], row[1]) for row in rows)
+    packs = select(b.data, b.head, *(b[name] for name in Head._fields))
+    packs = packs.where(b.node == node, b.packed.is_not(None))
+    for data, own, *head in connection.execute(packs):
+        if not is_sound(data, Head(*head), own):
+            continue
+        pack = Pack.read(data)
+        for sequence in pack.column("sequence").tolist():
+            found.span(pack.boot, sequence, sequence)
+    for boot, sequence in sealed_positions(connection, node):
+        found.span(boot, sequence, sequence)
+    return found
+
+
+def _position(body: bytes) -> Position:
+    """Where a message of the spool belongs, sealed or not."""
+    return (SealedMessage.decode(body) if is_sealed(body) else decode_message(body)).position
+
+
+def _told(node: str, connection: Connection) -> Sightings:
+    """What gaps tell as lost."""
+    told = Sightings()
+    e = events.c
+    query = select(e.boot, e.sequence, e.data).where(e.node == node, e.kind == "gap")
+    for boot, sequence, data in connection.execute(query).all():
+        if find_digest(connection, node, boot, sequence) != digest(bytes(data)):
+            note_damaged("events", DamagedRow(node, boot, sequence, None))
+            continue
+        gap = decode_message(bytes(data))
+        if isinstance(gap, Gap):
+            for span in gap.lost:
+                told.span(*span)
+    return told
+
+
+def _sighted(node: str, connection: Connection) -> Sightings:
+    """What the cloud ever acknowledged, whether it still has it or not."""
+    sighted = Sightings()
+    query = select(sequences.c.boot, sequences.c.first, sequences.c.last)
+    for span in connection.execute(query.where(sequences.c.node == node)):
+        sighted.span(*span)
+    return sighted
+
+
+def _in_flash(layout: Layout, single: str, fleet: str) -> Iterator[tuple[str, int, int]]:
+    """Ask the chips of nodes and fleets; gives the node, a boot and a sequence."""
+    for path in layout.flashes:
+        if _rows(path, "SELECT 1 FROM sqlite_master WHERE name = 'member'"):
+            yield from _rows(path, fleet)
+        else:
+            for boot, sequence in _rows(path, single):
+                yield path.parent.name, boot, sequence
+
+
+def _rows(path: Path, query: str) -> list[tuple[Any, ...]]:
+    if not path.exists():
+        return []
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
+            return db.execute(query).fetchall()
+    except sqlite3.Error as error:
+        raise AuditError(f"{path}: cannot be read: {error}") from error

@@ -1,0 +1,132 @@
+"""What is compiled, on disk: as fresh as its sources, written and read by one process at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import functools
+import hashlib
+import logging
+import os
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from numba.core.compiler_lock import global_compiler_lock
+from numba.core.dispatcher import Dispatcher
+
+from eskin.kernels.jit_cache_file import KernelFile
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+log = logging.getLogger(__name__)
+
+
+def enable_cache(made: Any) -> None:
+    """Keep what is compiled of a function on disk; nothing is kept where nothing can be written.
+
+    Args:
+        made: What numba makes of the function.
+    """
+    try:
+        made.enable_caching()
+    except RuntimeError:  # numba found no folder to write to
+        return
+    cache = made._cache  # noqa: SLF001 - has no other way
+    path = Path(cache._cache_file._index_path).with_suffix(".kernel")  # noqa: SLF001 - likewise
+    # numba looks at the kernel's own file alone, and would keep old parts in new kernels. What is
+    # damaged it would run, or end by.
+    cache._cache_file = KernelFile(path, _Stamps(made.py_func))  # noqa: SLF001 - likewise
+    cache.save_overload = _where_possible(cache.save_overload)
+    made.compile = _one_at_a_time(made.compile, path.with_suffix(".lock"))
+
+
+def has_cache(made: Any) -> bool:
+    """Whether what is compiled of a kernel is kept on disk."""
+    return made._cache.cache_path is not None  # noqa: SLF001 - has no other way
+
+
+@functools.cache
+def _digest(path: str) -> bytes:
+    """Of a source file; its time changes in a checkout, and in an image that is pulled."""
+    return hashlib.sha256(Path(path).read_bytes()).digest()
+
+
+class _Stamps:
+    """Name and SHA-256 of the files that a kernel and the parts in it come from.
+
+    Looked up when numba first asks: when a kernel is made, parts below it are still to come.
+    """
+
+    __hash__ = None  # type: ignore[assignment]  # equal only until a file changes
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+
+    def __eq__(self, other: object) -> bool:
+        return self._found == other
+
+    def __reduce__(self) -> tuple[type, tuple[list[tuple[str, bytes]]]]:
+        return list, (self._found,)
+
+    @functools.cached_property
+    def _found(self) -> list[tuple[str, bytes]]:
+        known: set[Any] = set()
+        waiting: list[Any] = [self._function]
+        while waiting:
+            each = waiting.pop()
+            known.add(each)
+            names = each.__code__.co_names
+            used = [each.__globals__.get(name) for name in names]
+            # Parts named by their module: the attribute's name stands beside the module's.
+            modules = [value for value in used if isinstance(value, ModuleType)]
+            used += [getattr(module, name, None) for module in modules for name in names]
+            parts = (value.py_func for value in used if isinstance(value, Dispatcher))
+            waiting += [found for found in parts if found not in known]
+        files = sorted({each.__code__.co_filename for each in known})
+        return [(name, _digest(name)) for name in files]
+
+
+def _where_possible(save: Callable[[Any, Any], None]) -> Callable[[Any, Any], None]:
+    """Let no full disk keep anybody from what is compiled already."""
+
+    def save_overload(signature: Any, made: Any) -> None:
+        try:
+            save(signature, made)
+        except OSError as error:
+            log.warning("a kernel is compiled anew at the next start: reason=%s", error)
+
+    return save_overload
+
+
+def _one_at_a_time(find: Callable[[Any], Any], lock: Path) -> Callable[[Any], Any]:
+    """Of processes that need a kernel at the same time let one compile, and the others wait.
+
+    Args:
+        find: Looks a signature up on disk, or compiles and saves it.
+        lock: Held meanwhile.
+    """
+
+    def compile_(signature: Any) -> Any:
+        # Threads first, as inside of numba: no thread holds a kernel that it does not work at.
+        with global_compiler_lock, _held(lock):
+            return find(signature)
+
+    return compile_
+
+
+@contextmanager
+def _held(lock: Path) -> Iterator[None]:
+    try:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError:  # a full disk: everybody compiles for himself
+        yield
+        return
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        # By name: a process that was forked meanwhile holds the same descriptor.
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
+        os.close(descriptor)

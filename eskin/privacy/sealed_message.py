@@ -1,0 +1,130 @@
+"""A veiled message: what a node said of a person, sealed under the subject's key, for good.
+
+In the clear stands what is needed to keep it once, to find it again, and to forget it in time:
+position, channel, kind, pseudonym, and the whole minutes in which it lies.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Self
+
+import cbor2
+
+from eskin.errors import MessageError
+from eskin.privacy.subject import is_pseudonym
+from eskin.wire.messages.cbor_map import MOST_BYTES, MOST_COUNT, dump, load
+from eskin.wire.messages.header import Kind, Position, position_fields, read_channel, read_position
+from eskin.wire.timestamp import MOST_MOMENT
+
+if TYPE_CHECKING:
+    from eskin.wire.messages.cbor_map import Fields
+
+MINUTE: Final = 60 * 10**9
+SALT_BYTES: Final = 16
+MAC_BYTES: Final = 8
+UNREAD: Final = "unread.unread"
+"""In place of a channel where a message could not be read."""
+_FIELDS: Final = frozenset(range(1, 12))
+_BEGINNING: Final = bytes([0xA0 | len(_FIELDS), 1, Kind.VEILED])
+
+
+@dataclass(frozen=True, slots=True)
+class SealedMessage:
+    """A sealed block or peak.
+
+    Attributes:
+        position: Boot and sequence.
+        channel: ``{taxel}.{quantity}``.
+        kind: What is inside: a block, a peak, or (``VEILED``) bytes that nobody could read.
+        subject: Whose: a pseudonym.
+        time: UTC ns, whole minutes that enclose all that is told.
+        salt: Drawn at the veiler's start; gives, with the subject's key, the key of this message.
+        number: Counts what was sealed under this salt: the nonce.
+        ciphertext: Of AES-256-GCM, with its tag.
+        mac: 8 bytes of HMAC-SHA-256 over node and plaintext under the subject's key: two sealings
+            of one message share it, so that they are told from two messages under one number.
+    """
+
+    position: Position
+    channel: str
+    kind: Kind
+    subject: str
+    time: tuple[int, int]
+    salt: bytes
+    number: int
+    ciphertext: bytes = b""
+    mac: bytes = bytes(MAC_BYTES)
+
+    def encode(self) -> bytes:
+        """The bytes, always the same."""
+        return dump(self._head() | {10: self.ciphertext})
+
+    @property
+    def said(self) -> bytes:
+        """What is the same each time that a message is sealed for its subject."""
+        return cbor2.dumps([self.channel, int(self.kind), self.subject, self.mac])
+
+    def bound(self, node: str) -> bytes:
+        """The associated data: all that stands in the clear, and whose node said it."""
+        return cbor2.dumps(["eskin veil 1", node, self._head()])
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read a veiled message.
+
+        Raises:
+            MessageError: It is none.
+        """
+        fields = load(data)
+        if fields.integer(1, 0, 255) != Kind.VEILED:
+            raise MessageError("field 1 is not that of a veiled message")
+        return cls.read(fields)
+
+    @classmethod
+    def read(cls, fields: Fields) -> Self:
+        """Read a veiled message from its decoded fields."""
+        fields.only(_FIELDS)
+        kind = fields.integer(5, 0, 255)
+        if kind not in {Kind.BLOCK, Kind.PEAK, Kind.VEILED}:
+            raise MessageError(f"field 5 is {kind}; only blocks and peaks are veiled")
+        subject = fields.text(6, 32)
+        if not is_pseudonym(subject):
+            raise MessageError("field 6 is no pseudonym of 32 hexadecimal digits")
+        return cls(
+            position=read_position(fields),
+            channel=read_channel(fields, 4),
+            kind=Kind(kind),
+            subject=subject,
+            time=fields.moments(7),
+            salt=_bytes(fields, 8, SALT_BYTES, SALT_BYTES),
+            number=fields.integer(9, 0, MOST_COUNT),
+            ciphertext=_bytes(fields, 10, 16, MOST_BYTES),
+            mac=_bytes(fields, 11, MAC_BYTES, MAC_BYTES),
+        )
+
+    def _head(self) -> dict[int, object]:
+        head: dict[int, object] = position_fields(Kind.VEILED, self.position)
+        head |= {4: self.channel, 5: int(self.kind), 6: self.subject, 7: list(self.time)}
+        return head | {8: self.salt, 9: self.number, 11: self.mac}
+
+
+def is_sealed(data: bytes) -> bool:
+    """Whether bytes can only be a veiled message; deterministic CBOR begins like this."""
+    return data.startswith(_BEGINNING)
+
+
+def whole_minutes(time: tuple[int, int]) -> tuple[int, int]:
+    """The whole minutes that enclose a time; not beyond what 64 bit hold.
+
+    A block's exact moments and a peak's tell of the person; which minute it was, less.
+    """
+    lo, hi = time[0] // MINUTE * MINUTE, -(-time[1] // MINUTE) * MINUTE
+    return max(lo, -MOST_MOMENT), min(hi, MOST_MOMENT)
+
+
+def _bytes(fields: Fields, key: int, least: int, most: int) -> bytes:
+    value = fields.raw(key)
+    if not isinstance(value, bytes) or not least <= len(value) <= most:
+        raise MessageError(f"field {key} is no byte string of {least} to {most} bytes")
+    return value

@@ -1,0 +1,1 @@
+"""HTTPS listeners: limits on connections, sizes and time, and client certificates."""

@@ -1,0 +1,1 @@
+"""The wire contract: messages, envelopes, topics (``docs/eskin.cddl``)."""

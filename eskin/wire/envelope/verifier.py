@@ -1,0 +1,100 @@
+"""Checking signed messages: who signed, and that nothing was altered."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.asymmetric.utils import encode_dss_signature
+from cryptography.hazmat.primitives.hashes import SHA256
+
+from eskin.errors import (
+    ForgedEnvelopeError,
+    MalformedEnvelopeError,
+    UntrustedCertificateError,
+)
+from eskin.identity.certificates import common_name, public_key
+from eskin.wire.envelope.cose_labels import ALG, ES256, SIGN1, SIGNATURE_BYTES, SIGNER_CHAIN
+from eskin.wire.envelope.header import load_header, read_tagged
+from eskin.wire.envelope.signer import signed_data
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from eskin.identity.chain_verifier import ChainVerifier
+    from eskin.identity.identity_kind import IdentityKind
+
+
+class Verifier:
+    """Takes messages of one signer only.
+
+    Args:
+        trust: Verifies certificate chains.
+        kind: The signer's kind.
+        name: Its common name.
+    """
+
+    def __init__(self, trust: ChainVerifier, *, kind: IdentityKind, name: str) -> None:
+        self._trust = trust
+        self._kind = kind
+        self._name = name
+
+    def verify(self, signed: bytes, *, topic: str) -> bytes:
+        """Check a message, and give what it says.
+
+        Args:
+            signed: The COSE_Sign1.
+            topic: Where it arrived.
+
+        Raises:
+            MalformedEnvelopeError: The bytes are no COSE_Sign1 of ours.
+            UntrustedCertificateError: The signer's chain leads elsewhere, is not valid now, or is
+                somebody else's.
+            ForgedEnvelopeError: The signature is wrong.
+        """
+        protected, plaintext, signature = _read_parts(signed)
+        header = load_header(protected)
+        if header.get(ALG) != ES256:
+            raise MalformedEnvelopeError("algorithm is not ES256 (-7)")
+        if len(signature) != SIGNATURE_BYTES:
+            raise MalformedEnvelopeError(f"signature is not {SIGNATURE_BYTES} bytes")
+        leaf = self._trust.verify(_chain(header), self._kind)
+        if common_name(leaf) != self._name:
+            raise UntrustedCertificateError(
+                f"signed by {common_name(leaf)!r}; only {self._name!r} may command"
+            )
+        half = SIGNATURE_BYTES // 2
+        encoded = encode_dss_signature(
+            int.from_bytes(signature[:half]), int.from_bytes(signature[half:])
+        )
+        try:
+            public_key(leaf).verify(
+                encoded, signed_data(protected, plaintext, topic), ec.ECDSA(SHA256())
+            )
+        except InvalidSignature as error:
+            raise ForgedEnvelopeError(
+                f"the signature of {self._name!r} on {topic!r} is wrong"
+            ) from error
+        return plaintext
+
+
+def signer_chain(signed: bytes) -> tuple[bytes, ...]:
+    """The chain (DER) that a signed message names as its signer's; not verified.
+
+    Raises:
+        MalformedEnvelopeError: The bytes are no COSE_Sign1 of ours.
+    """
+    return _chain(load_header(_read_parts(signed)[0]))
+
+
+def _chain(header: Mapping[object, object]) -> tuple[bytes, ...]:
+    chain = header.get(SIGNER_CHAIN)
+    if not isinstance(chain, list) or not all(isinstance(item, bytes) for item in chain):
+        raise MalformedEnvelopeError("header x5chain is no array of byte strings")
+    return tuple(chain)
+
+
+def _read_parts(signed: bytes) -> tuple[bytes, bytes, bytes]:
+    protected, _, plaintext, signature = read_tagged(signed, SIGN1, 4, "COSE_Sign1")
+    return protected, plaintext, signature

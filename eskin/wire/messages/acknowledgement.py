@@ -1,0 +1,55 @@
+"""The gateway's word that messages are durable; only then a node forgets them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Self
+
+from eskin.errors import MessageError
+from eskin.wire.messages.cbor_map import dump, load
+from eskin.wire.messages.gap import read_span
+from eskin.wire.messages.header import Kind
+from eskin.wire.timestamp import MOST_MOMENT
+
+MOST_SPANS: Final = 1000
+MOST_WATCHED: Final = 60_000
+_FIELDS: Final = frozenset({1, 2, 3, 4})
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """What is durable at the gateway.
+
+    Attributes:
+        time: The gateway's clock, UTC ns.
+        spans: ``(boot, first, last)`` of the messages.
+        watched: ms for which somebody is expected to look at the node's data; 0: nobody does.
+    """
+
+    time: int
+    spans: tuple[tuple[int, int, int], ...]
+    watched: int = 0
+
+    def encode(self) -> bytes:
+        """Write as CBOR."""
+        spans = [list(span) for span in self.spans]
+        fields: dict[int, object] = {1: int(Kind.ACKNOWLEDGEMENT), 2: self.time, 3: spans}
+        return dump(fields | ({4: self.watched} if self.watched else {}))
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """Read an acknowledgement.
+
+        Raises:
+            MessageError: It is none.
+        """
+        fields = load(data)
+        fields.only(_FIELDS)
+        kind = fields.integer(1, 0, 255)
+        if kind != Kind.ACKNOWLEDGEMENT:
+            raise MessageError(f"field 1 is {kind}; expected an acknowledgement (16)")
+        return cls(
+            time=fields.integer(2, -MOST_MOMENT, MOST_MOMENT),
+            spans=tuple(read_span(span, "field 3") for span in fields.items(3, MOST_SPANS)),
+            watched=fields.integer(4, 1, MOST_WATCHED) if fields.has(4) else 0,
+        )

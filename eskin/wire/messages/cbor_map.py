@@ -1,0 +1,193 @@
+"""Strict reading of CBOR maps with integer keys (RFC 8949, deterministic encoding of section 4.2).
+
+Whatever a peer sends ends as a value in its allowed range, or as a `MessageError` that names field
+and value. The bytes must be the deterministic encoding: then one message has one form, and keeping
+the bytes keeps the message.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any, Final
+
+import cbor2
+
+from eskin.errors import MessageError, shown
+from eskin.wire.messages.wellformed import require_plain
+from eskin.wire.timestamp import MOST_MOMENT
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+MOST_BYTES: Final = 65_536
+"""Size limit of one plaintext message."""
+"""Limit of times in ns: signed 64 bit."""
+MOST_COUNT: Final = 2**53 - 1
+"""Limit of counters: the integers that JavaScript keeps exact."""
+_KEYS: Final = 2**16
+
+
+def dump(fields: Mapping[int, object]) -> bytes:
+    """Encode a map, its keys in ascending order."""
+    return cbor2.dumps(dict(sorted(fields.items())))
+
+
+def load(data: bytes) -> Fields:
+    """Decode a map.
+
+    Raises:
+        MessageError: Too long, no CBOR, no map with integer keys, or not encoded deterministically.
+    """
+    if len(data) > MOST_BYTES:
+        raise MessageError(f"message of {len(data)} bytes; at most {MOST_BYTES} are allowed")
+    value = load_any(data, "message")
+    if not isinstance(value, dict) or not _are_keys(value):
+        raise MessageError("message is no CBOR map with small integer keys")
+    try:
+        again = dump(value) if list(value) != sorted(value) else cbor2.dumps(value)
+    except cbor2.CBORError as error:
+        raise MessageError(f"message holds what CBOR cannot say twice: {error}") from error
+    if again != data:
+        raise MessageError("message is not in deterministic CBOR encoding (RFC 8949, 4.2)")
+    return Fields(value)
+
+
+def load_any(data: bytes, what: str) -> object:
+    """Decode one CBOR item.
+
+    Raises:
+        MessageError: It is no CBOR.
+    """
+    require_plain(data, what)
+    try:
+        value: object = cbor2.loads(data)
+    except cbor2.CBORError as error:
+        raise MessageError(f"{what} is no CBOR: {error}") from error
+    return value
+
+
+class Fields:
+    """The fields of one decoded map; every reader checks type and range."""
+
+    __slots__ = ("_fields",)
+
+    def __init__(self, fields: Mapping[int, object]) -> None:
+        self._fields = fields
+
+    def only(self, keys: frozenset[int]) -> None:
+        """Refuse fields that the message does not have.
+
+        Raises:
+            MessageError: There is one.
+        """
+        for key in self._fields:
+            if key not in keys:
+                raise MessageError(f"field {key} is unknown")
+
+    def has(self, key: int) -> bool:
+        """Whether the field is there."""
+        return key in self._fields
+
+    def raw(self, key: int) -> object:
+        """The value as decoded.
+
+        Raises:
+            MessageError: It is missing.
+        """
+        try:
+            return self._fields[key]
+        except KeyError:
+            raise MessageError(f"field {key} is missing") from None
+
+    def integer(self, key: int, least: int, most: int) -> int:
+        """An integer in ``[least, most]``."""
+        return integer(self.raw(key), f"field {key}", least, most)
+
+    def real(self, key: int, least: float = -math.inf, most: float = math.inf) -> float:
+        """A float in ``[least, most]``, never NaN."""
+        return real(self.raw(key), f"field {key}", least, most)
+
+    def text(self, key: int, longest: int) -> str:
+        """A text of 1 to ``longest`` characters, all printable."""
+        return text(self.raw(key), f"field {key}", longest)
+
+    def items(self, key: int, most: int) -> list[object]:
+        """An array of at most ``most`` items."""
+        return items(self.raw(key), f"field {key}", most)
+
+    def moments(self, key: int) -> tuple[int, int]:
+        """A pair of UTC times in ns, in order."""
+        return integer_pair(self.raw(key), f"field {key}", -MOST_MOMENT, MOST_MOMENT)
+
+    def counts(self, key: int) -> tuple[int, int]:
+        """A pair of counters, in order."""
+        return integer_pair(self.raw(key), f"field {key}", 0, MOST_COUNT)
+
+    def interval(self, key: int) -> tuple[float, float]:
+        """A pair of floats, in order; infinite where a side is unbounded."""
+        lo, hi = pair(self.raw(key), f"field {key}")
+        bounds = real(lo, f"field {key}"), real(hi, f"field {key}")
+        if bounds[0] > bounds[1]:
+            raise MessageError(f"field {key} is reversed: {bounds[0]!r} > {bounds[1]!r}")
+        return bounds
+
+
+def integer(value: object, what: str, least: int, most: int) -> int:
+    """Check an integer."""
+    if type(value) is not int:
+        raise MessageError(f"{what} is {shown(value)}; expected an integer")
+    if not least <= value <= most:
+        raise MessageError(f"{what} is {shown(value)}; allowed is {least} to {most}")
+    return value
+
+
+def real(value: object, what: str, least: float = -math.inf, most: float = math.inf) -> float:
+    """Check a float."""
+    if type(value) is not float:
+        raise MessageError(f"{what} is {shown(value)}; expected a float")
+    if not least <= value <= most:
+        raise MessageError(f"{what} is {value!r}; allowed is {least} to {most}")
+    return value
+
+
+def text(value: object, what: str, longest: int) -> str:
+    """Check a text."""
+    if type(value) is not str:
+        raise MessageError(f"{what} is {shown(value)}; expected a text")
+    if not 1 <= len(value) <= longest or not value.isprintable():
+        raise MessageError(
+            f"{what} is {shown(value)}; expected 1 to {longest} printable characters"
+        )
+    return value
+
+
+def items(value: object, what: str, most: int) -> list[object]:
+    """Check an array."""
+    if not isinstance(value, list):
+        raise MessageError(f"{what} is {shown(value)}; expected an array")
+    if len(value) > most:
+        raise MessageError(f"{what} has {len(value)} items; at most {most} are allowed")
+    return value
+
+
+def pair(value: object, what: str) -> tuple[object, object]:
+    """Check an array of two."""
+    found = items(value, what, 2)
+    if len(found) != 2:
+        raise MessageError(f"{what} has {len(found)} items; expected 2")
+    return found[0], found[1]
+
+
+def integer_pair(value: object, what: str, least: int, most: int) -> tuple[int, int]:
+    """Check an array of two integers in order."""
+    first, second = pair(value, what)
+    lo, hi = integer(first, what, least, most), integer(second, what, least, most)
+    if lo > hi:
+        raise MessageError(f"{what} is reversed: {lo} > {hi}")
+    return lo, hi
+
+
+def _are_keys(value: dict[Any, object]) -> bool:
+    if not value:
+        return True
+    return set(map(type, value)) == {int} and min(value) > -_KEYS and max(value) < _KEYS

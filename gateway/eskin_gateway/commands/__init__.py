@@ -1,0 +1,1 @@
+"""Commands of the cloud: fetched, held until answered, published to their nodes."""

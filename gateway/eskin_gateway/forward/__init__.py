@@ -1,0 +1,1 @@
+"""From the spool to the cloud: send in order, retry, delete what the cloud confirmed."""

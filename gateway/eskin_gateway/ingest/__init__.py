@@ -1,0 +1,1 @@
+"""From received messages to one durable commit: validate, encrypt, commit, acknowledge."""

@@ -1,0 +1,1 @@
+"""Operation: health, keys, and subjects kept in step with the cloud."""

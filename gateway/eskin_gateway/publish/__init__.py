@@ -1,0 +1,1 @@
+"""What other MQTT clients see: plain JSON, presence, Home Assistant discovery."""

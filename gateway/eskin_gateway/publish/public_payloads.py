@@ -1,0 +1,146 @@
+"""The public face: plain JSON for any MQTT client, every number exact, every interval whole."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import orjson
+
+from eskin.privacy import is_biometric
+from eskin.union_bound import union_coverage
+from eskin.wire import senml
+from eskin.wire.messages import BlockSummary, Energy, Gap, Peak, Status
+from eskin.wire.timestamp import format_timestamp
+from eskin.wire.topics import live_topic, senml_topic
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+def is_public(message: BlockSummary | Peak) -> bool:
+    """Whether everybody may know of what a channel measures."""
+    return not is_biometric(message.channel)
+
+
+def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
+    """Topic and JSON of a block's hull.
+
+    ``t0`` is the earliest moment of the first sample, ``t1`` the latest of the last. An unbounded
+    side is null.
+    """
+    lo, hi = block.bounds
+    body = orjson.dumps(
+        {
+            "t0": format_timestamp(block.time[0]),
+            "t1": format_timestamp(block.time[1] + (block.n - 1) * block.dt),
+            "lo": lo,  # orjson writes infinities as null
+            "hi": hi,
+            "unit": block.unit,
+            "coverage": union_coverage(block.coverage, n=block.n),
+            "n": block.n,
+        }
+    )
+    return live_topic(node, block.channel), body
+
+
+def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
+    """Topic and SenML (RFC 8428) of a block's hull, which holds for ``span`` s from its time on.
+
+    A time before 1978 cannot be told: SenML would take it for one before now.
+    """
+    t0 = block.time[0]
+    if t0 < senml.EARLIEST:
+        return
+    t1 = block.time[1] + (block.n - 1) * block.dt
+    coverage = union_coverage(block.coverage, n=block.n)
+    about = {
+        "coverage": (coverage, senml.RATIO),
+        "span": (senml.seconds(t1 - t0), senml.SECONDS),
+    }
+    lo, hi = block.bounds
+    name = f"{node}/{block.channel}/"
+    pack = senml.Pack(name, block.unit, t0, (0,), (lo,), (hi,), about)
+    yield senml_topic(node, block.channel), senml.as_json(pack)
+
+
+def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
+    """Topic and JSON of a peak or gap, as REST's ``/events`` lists it."""
+    position = message.position
+    item: dict[str, Any] = {
+        "id": f"{node}/{position.boot}/{position.sequence}",
+        "node": node,
+        "channel": None,
+        "kind": "gap",
+        "verdict": None,
+        "time": {"lo": format_timestamp(message.time[0]), "hi": format_timestamp(message.time[1])},
+        "height": None,
+        "prominence": None,
+        "count": None,
+        "unit": None,
+        "coverage": None,
+        "boot": position.boot,
+        "sequence": position.sequence,
+        "detail": None,
+    }
+    item |= _peak(message) if isinstance(message, Peak) else {"detail": message.detail}
+    return live_topic(node, "events"), orjson.dumps(item)
+
+
+def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
+    """Topic and JSON of a node's status."""
+    item: dict[str, Any] = {
+        "node": node,
+        "online": online,
+        "time": {"lo": format_timestamp(message.time[0]), "hi": format_timestamp(message.time[1])},
+        "boot": message.position.boot,
+        "sequence": message.position.sequence,
+        "profile": message.profile,
+        "description": message.description,
+        "uptime_ns": message.uptime,
+        "outbox": {
+            "messages": message.messages,
+            "bytes": message.used,
+            "capacity_bytes": message.capacity,
+        },
+        "gaps": message.gaps,
+        "cause": None if message.cause is None else message.cause.label,
+        "channels": [
+            {"id": c.channel, "unit": c.unit, "dt": c.dt, "coverage": c.coverage}
+            for c in message.channels
+        ],
+    }
+    if message.faults is not None:
+        item["faults"] = [
+            {"taxel": each.taxel}
+            | {"dead": each.dead.name.lower(), "stuck": each.stuck.name.lower()}
+            for each in message.faults
+        ]
+    if message.energy is not None:
+        item["energy"] = _energy(message.energy)
+    return live_topic(node, "status"), orjson.dumps(item)
+
+
+def _energy(energy: Energy) -> dict[str, Any]:
+    return {
+        "stored": {"lo": energy.stored[0], "hi": energy.stored[1]},
+        "charge": {"lo": energy.charge[0], "hi": energy.charge[1]},
+        "self_sustaining": energy.verdict.name.lower(),
+        "shedding": energy.shedding.name.lower(),
+    }
+
+
+def _peak(peak: Peak) -> dict[str, Any]:
+    return {
+        "channel": peak.channel,
+        "kind": "peak",
+        "verdict": peak.verdict.name.lower(),
+        "height": _interval(peak.height),
+        "prominence": _interval(peak.prominence),
+        "count": _interval(peak.count),
+        "unit": peak.unit,
+        "coverage": peak.coverage,
+    }
+
+
+def _interval(bounds: tuple[float, float]) -> dict[str, float]:
+    return {"lo": bounds[0], "hi": bounds[1]}

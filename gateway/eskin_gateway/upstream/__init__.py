@@ -1,0 +1,1 @@
+"""HTTPS clients of the cloud, one a resource."""

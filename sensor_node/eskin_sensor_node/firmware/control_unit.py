@@ -1,0 +1,259 @@
+"""The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
+
+from array import array
+
+from eskin_sensor_node.firmware.adaptation import Adaptation
+from eskin_sensor_node.firmware.autoranging import Autoranging
+from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES, ChannelUnit
+from eskin_sensor_node.firmware.message_writer import Channel
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from eskin_sensor_node.firmware.autoranging import Hold, Readings
+    from eskin_sensor_node.firmware.clock import Clock
+    from eskin_sensor_node.firmware.inversion import Buffer, Codes
+    from eskin_sensor_node.firmware.message_writer import MessageWriter, Record
+    from eskin_sensor_node.firmware.schedule import Frame, Schedule
+    from eskin_sensor_node.firmware.taxel import Taxel
+
+
+_FRUGAL = (SAMPLES, ADAPTIVE, PEAKS)
+"""Modes, each of which sends less than the one before."""
+
+
+class ControlUnit:
+    """Measures one taxel, as it is set.
+
+    Args:
+        name: The taxel's.
+        taxel: Its calibration.
+        schedule: When its samples are taken.
+        coverage: Probability that the noise stays within the calibration's reach.
+        prominences: Quantity to the least prominence of its peaks; others have none.
+        longest: ns after which undecided peaks are reported.
+        encoding: How blocks write their bounds.
+        repeats: How often a sample can be converted again before the next one comes.
+        clock: What the node knows of time.
+        message_writer: Writes its messages.
+
+    Attributes:
+        broken: Whether the taxel is certainly stuck or dead: it tells of no cause then.
+        ranging: Converts again what saturates, while it is adaptive.
+        left_out: Samples that it has not told for this, until somebody says so and sets it to 0.
+        known_neighbours: How many were measured at the instants of its last frame.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        taxel: "Taxel",
+        *,
+        schedule: "Schedule",
+        coverage: float,
+        prominences: "Mapping[str, float]",
+        longest: int,
+        encoding: int,
+        repeats: int,
+        clock: "Clock",
+        message_writer: "MessageWriter",
+    ) -> None:
+        self.name = name
+        self.mode = SAMPLES
+        self.adaptation = Adaptation(taxel.sheet)
+        self.adaptive = self._designed_adaptive = taxel.sheet["adaptive"] != 0.0
+        self.shed = 0
+        self.smoothing = 0.0
+        self.schedule = self.designed = schedule
+        self.known_neighbours = 0
+        self.broken = False
+        self.left_out = 0
+        self._around: Sequence[ControlUnit] = ()
+        self._frame: Frame | None = None
+        self._adjustable: list[Codes] = []
+        self.ranging = Autoranging(taxel, self.adaptation, repeats)
+        self._taxel = taxel
+        self._prominences = prominences
+        self._encoding = encoding
+        self.units: list[ChannelUnit] = []
+        self._bounds = []
+        for quantity, unit in taxel.quantities:
+            made = ChannelUnit(
+                Channel(name + "." + quantity, unit, schedule.dt, coverage),
+                schedule=schedule,
+                threshold=prominences.get(quantity, 0.0),
+                longest=longest,
+                clock=clock,
+                message_writer=message_writer,
+            )
+            self.units.append(made)
+            self._bounds += [made.lows, made.highs]
+
+    @property
+    def channels(self) -> "list[Channel]":
+        """What it measures."""
+        return [unit.channel for unit in self.units]
+
+    @property
+    def mode_now(self) -> str:
+        """The mode that is set, or a more frugal one while load is shed."""
+        return _FRUGAL[max(_FRUGAL.index(self.mode), min(self.shed, 2))]
+
+    def process(
+        self, frame: "Frame", readings: "Readings", other: "Readings | None" = None
+    ) -> "list[Record]":
+        """Measure one frame: each channel's block, and the peaks that are decided now.
+
+        Taxels that are sampled at the same instants do its three steps together, one by one.
+        """
+        self.measure(frame, readings, other)
+        self.separate()
+        return self.tell()
+
+    def surround(self, around: "Sequence[ControlUnit]", neighbours: int) -> None:
+        """Sit among so many neighbours in the skin, some of which are measured by the node."""
+        self._around = around
+        self._taxel.surround(neighbours)
+
+    def repeat(self, readings: "Readings", i: int, k: int, hold: "Hold") -> None:
+        """Convert a sample again whose code is at an end: the k-th of the i-th amplified input."""
+        if self.adaptive:
+            self.ranging.repeat(readings, i, k, hold)
+
+    def measure(
+        self, frame: "Frame", readings: "Readings", other: "Readings | None" = None
+    ) -> None:
+        """Calculate a frame's samples back, as if the taxel were alone.
+
+        Where the input was an interval, there are readings of its one end and of its other one;
+        what is told encloses both.
+        """
+        self._frame = frame
+        self.ranging.measure(readings, frame.n, self._bounds)
+        self._adjustable = list(readings.codes[: self._taxel.amplified])
+        if other is not None:
+            self._enclose(other, frame.n)
+            self._adjustable += other.codes[: self._taxel.amplified]
+
+    def separate(self) -> None:
+        """Take back what neighbours hand on that are measured at the same instants."""
+        if self._frame is None:
+            return
+        around = [unit.felt() for unit in self._around if unit.measures(self._frame)]
+        self.known_neighbours = len(around)
+        self._taxel.separate(self._frame.n, self._bounds, around)
+
+    def measures(self, frame: "Frame") -> bool:
+        """Whether it has measured at a frame's instants, and is to be believed of them."""
+        return self._frame is not None and self._frame.meets(frame) and not self.broken
+
+    def felt(self) -> "tuple[Buffer, Buffer]":
+        """What it hands on a share of, at its frame's instants."""
+        return self._taxel.felt(self._bounds)
+
+    def tell(self) -> "list[Record]":
+        """What is to be said of the frame that was measured."""
+        records: list[Record] = []
+        frame, self._frame = self._frame, None
+        if frame is None:
+            return records
+        for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
+            if self.broken and quantity in self._taxel.derived:
+                records += unit.skip(frame.n)
+                self.left_out += frame.n
+            else:
+                records += unit.tell(frame, self.mode_now, self._encoding)
+        if self.adaptive:
+            plate = self.adaptation.plate
+            self.adaptation.adapt(self._adjustable, frame.n, rests=self._rests())
+            records += self._adjust(plate)
+        return records
+
+    def skip(self, samples: int) -> "list[Record]":
+        """Say that samples are missing here; gives the peaks that stay undecided."""
+        records: list[Record] = []
+        for unit in self.units:
+            records += unit.skip(samples)
+        return records
+
+    def calibrate(self) -> None:
+        """Take the next frame as the rest of each channel."""
+        for unit in self.units:
+            unit.calibrate()
+
+    def amplify(self, gain: float) -> "list[Record]":
+        """Calculate with another gain of the amplifier; gives the peaks that stay undecided."""
+        self.adaptation.amplify(gain)
+        self._adjust(self.adaptation.plate)
+        return self._restart(self.smoothing)
+
+    def adapt(self, on: int) -> "list[Record]":
+        """Let gain, trimmer and plates be set here, or go back to the designed ones.
+
+        Gives the peaks that stay undecided.
+        """
+        self.adaptive = on != 0
+        plate = self.adaptation.plate
+        self.adaptation.reset()
+        return self._adjust(plate)
+
+    def smooth(self, weight: float) -> "list[Record]":
+        """Seek peaks in smoothed samples; gives those that stay undecided."""
+        return self._restart(weight)
+
+    def set_threshold(self, k: int, threshold: float) -> "list[Record]":
+        """Seek other peaks on the k-th channel; gives those that stay undecided."""
+        records = self.units[k].skip(0)
+        self.units[k].restart(self.schedule, threshold, self.smoothing)
+        return records
+
+    def sample_every(self, dt: int, origin: int) -> "list[Record]":
+        """Sample with another period, ns, from a moment on; gives undecided peaks."""
+        self.schedule = self.designed.at_period(dt, origin)
+        return self._restart(self.smoothing)
+
+    def reset(self, origin: int) -> "list[Record]":
+        """Go back to the design, from a moment on; gives undecided peaks."""
+        records = self.skip(0)
+        self.mode = SAMPLES
+        self.smoothing = 0.0
+        records += self.adapt(self._designed_adaptive)
+        self.schedule = self.designed.at_period(self.designed.dt, origin)
+        for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
+            unit.baseline.forget()
+            unit.restart(self.schedule, self._prominences.get(quantity, 0.0), 0.0)
+        return records
+
+    def _enclose(self, readings: "Readings", n: int) -> None:
+        """Widen what is measured, so that it encloses what other readings tell."""
+        found = [array("d", bytes(8 * n)) for _ in self._bounds]
+        self.ranging.measure(readings, n, found)
+        for j in range(0, len(found), 2):
+            lows, highs = self._bounds[j], self._bounds[j + 1]
+            for k in range(n):
+                lows[k] = min(lows[k], found[j][k])
+                highs[k] = max(highs[k], found[j + 1][k])
+
+    def _rests(self) -> bool:
+        """Whether nothing touches, as far as is known."""
+        return not any(unit.away for unit in self.units)
+
+    def _adjust(self, plate: int) -> "list[Record]":
+        """Calculate with the chosen settings; peaks end where plates move from another step."""
+        settings, records = self.adaptation, []
+        self._taxel.adjust(settings.gain, settings.trim)
+        if settings.plate != plate:
+            ratios = self._taxel.move(plate, settings.plate)
+            for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
+                if quantity in ratios:
+                    records += unit.skip(0)
+                    unit.baseline.scale(ratios[quantity])
+        return records
+
+    def _restart(self, smoothing: float) -> "list[Record]":
+        records = self.skip(0)
+        self.smoothing = smoothing
+        for unit in self.units:
+            unit.restart(self.schedule, unit.threshold, smoothing)
+        return records

@@ -1,0 +1,325 @@
+"""What the control unit says: messages as bytes, written for `eskin.wire.messages` to read."""
+
+from eskin_sensor_node.firmware.cbor import Writer
+from eskin_sensor_node.firmware.encoding import Q16, TAGS, write
+from eskin_sensor_node.firmware.fields import (
+    put_integer,
+    put_integers,
+    put_real,
+    put_reals,
+    put_text,
+)
+from eskin_sensor_node.firmware.gap_reasons import tell
+from eskin_sensor_node.firmware.places import write_places
+from eskin_sensor_node.firmware.rounding import up
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from typing import Protocol
+
+    from eskin_sensor_node.firmware.energy import Energy
+    from eskin_sensor_node.firmware.peaks import PeakEvent
+    from eskin_sensor_node.firmware.places import Places
+
+    class Numbers(Protocol):
+        """Counts messages."""
+
+        def next_sequence(self) -> int:
+            """The next number; never given out again."""
+
+
+BLOCK = 1
+PEAK = 2
+GAP = 3
+STATUS = 4
+RESULT = 5
+
+
+class Channel:
+    """One quantity of one taxel.
+
+    Attributes:
+        name: ``{taxel}.{quantity}``.
+        unit: UCUM code.
+        dt: Sampling period in ns.
+        coverage: Probability that a sample's interval encloses the truth.
+    """
+
+    __slots__ = ("coverage", "dt", "name", "unit")
+
+    def __init__(self, name: str, unit: str, dt: int, coverage: float) -> None:
+        self.name = name
+        self.unit = unit
+        self.dt = dt
+        self.coverage = coverage
+
+
+class Record:
+    """A message with what flash must know of it.
+
+    Attributes:
+        kind: `BLOCK`, `PEAK`, `GAP`, `STATUS` or `RESULT`.
+        sequence: Its place in what this boot says.
+        body: Its bytes.
+        earliest: UTC ns that it tells of.
+        latest: The same, at the end.
+        samples: How many samples it holds, or for a gap: how many were lost.
+        named: How many lost messages it names.
+        channel: Name of the channel that it tells of, or empty.
+    """
+
+    __slots__ = (
+        "body",
+        "channel",
+        "earliest",
+        "kind",
+        "latest",
+        "named",
+        "samples",
+        "sequence",
+    )
+
+    def __init__(
+        self,
+        kind: int,
+        sequence: int,
+        body: bytes,
+        time: "tuple[int, int]",
+        samples: int,
+        named: int = 0,
+        channel: str = "",
+    ) -> None:
+        self.kind = kind
+        self.sequence = sequence
+        self.body = body
+        self.earliest, self.latest = time
+        self.samples = samples
+        self.named = named
+        self.channel = channel
+
+
+class MessageWriter:
+    """Writes messages, numbered one after the other.
+
+    Args:
+        boot: Number of this start.
+        numbers: Gives the sequence numbers.
+
+    Attributes:
+        gateway_time: Latest time of a gateway's clock in an acknowledgement, UTC ns; ``None``
+            before the first one. It goes out with each status: what a node writes after it has
+            received a time was not written before that time.
+    """
+
+    def __init__(self, boot: int, numbers: "Numbers") -> None:
+        self._boot = boot
+        self._numbers = numbers
+        self.gateway_time: "int | None" = None
+
+    def hear(self, time: int) -> None:
+        """Remember the time in an acknowledgement, UTC ns, if it is the latest."""
+        if self.gateway_time is None or time > self.gateway_time:
+            self.gateway_time = time
+
+    def block(
+        self,
+        channel: Channel,
+        ticks: int,
+        time: "tuple[int, int]",
+        encoding: int,
+        lows: "Sequence[float]",
+        highs: "Sequence[float]",
+        n: int,
+    ) -> Record:
+        """Samples of one channel."""
+        written = write(encoding, lows, highs, n)
+        out, sequence = self._begin(BLOCK, 17 if encoding == Q16 else 15)
+        put_text(out, 4, channel.name)
+        put_text(out, 5, channel.unit)
+        put_integer(out, 6, ticks)
+        put_integers(out, 7, time)
+        put_integer(out, 8, channel.dt)
+        put_integer(out, 9, n)
+        put_real(out, 10, channel.coverage)
+        put_integer(out, 11, encoding)
+        for key, content in ((12, written.lo), (13, written.hi)):
+            out.integer(key)
+            out.typed_array(TAGS[encoding], content)
+        put_reals(out, 14, (written.lowest, written.highest))
+        if encoding == Q16:
+            put_integer(out, 15, written.exponent)
+            put_integer(out, 16, written.offset)
+        put_real(out, 17, up(written.widening) if written.widening > 0.0 else 0.0)
+        until = time[0], time[1] + channel.dt * (n - 1)
+        return Record(BLOCK, sequence, bytes(out.buffer), until, n, 0, channel.name)
+
+    def peak(
+        self, channel: Channel, event: "PeakEvent", time: "tuple[int, int]", coverage: float
+    ) -> Record:
+        """A peak, or a region of possible ones."""
+        out, sequence = self._begin(PEAK, 11)
+        put_text(out, 4, channel.name)
+        put_text(out, 5, channel.unit)
+        put_integers(out, 6, time)
+        put_integer(out, 7, event.verdict)
+        put_integers(out, 8, event.count)
+        put_reals(out, 9, event.height)
+        put_reals(out, 10, event.prominence)
+        put_real(out, 11, coverage)
+        return Record(PEAK, sequence, bytes(out.buffer), time, 0)
+
+    def gap(
+        self,
+        reason: int,
+        time: "tuple[int, int]",
+        samples: int,
+        messages: int = 0,
+        lost: "Sequence[tuple[int, int, int]]" = (),
+        sequence: "int | None" = None,
+        taxel: str = "",
+    ) -> Record:
+        """Samples that were never taken, or messages that were lost.
+
+        Args:
+            reason: Why, as a code of `eskin_sensor_node.firmware.gap_reasons`.
+            time: UTC ns, from the earliest to the latest moment that is affected.
+            samples: How many samples.
+            messages: How many messages.
+            lost: ``(boot, first, last)`` of the messages.
+            sequence: Its number, if it was given out before.
+            taxel: Which one is broken, where this is why.
+        """
+        out, sequence = self._begin(GAP, 8, sequence)
+        put_text(out, 4, tell(reason, taxel))
+        put_integers(out, 5, time)
+        put_integer(out, 6, messages)
+        put_integer(out, 7, samples)
+        out.integer(8)
+        out.array(len(lost))
+        for span in lost:
+            out.array(3)
+            for number in span:
+                out.integer(number)
+        return Record(GAP, sequence, bytes(out.buffer), time, samples, messages)
+
+    def status(
+        self,
+        time: "tuple[int, int]",
+        profile: str,
+        description: str,
+        uptime: int,
+        storage: "tuple[int, int, int, int]",
+        channels: "Sequence[Channel]",
+        cause: int,
+        *,
+        energy: "Energy | None" = None,
+        faults: "Sequence[tuple[str, int, int]] | None" = None,
+        places: "Sequence[tuple[str, float, float]]" = (),
+        held: "tuple[int, int] | None" = None,
+        ended: "Sequence[tuple[int, int]] | None" = None,
+    ) -> Record:
+        """How the node fares, and why it started.
+
+        ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
+        stored in J, bounds of the state of charge, verdict, stage of shedding. ``faults``: taxels
+        that may be broken, whether they are dead and whether they are stuck. ``places``: taxels
+        with x and y in m on a flat map of the skin. ``held``: below it nothing waits or will come.
+        ``ended``: former boots, and the last number of each.
+        """
+        heard = self.gateway_time
+        parts = 13 + (energy is not None) + (faults is not None) + bool(places)
+        parts += (heard is not None) + (held is not None) + (ended is not None)
+        out, sequence = self._begin(STATUS, parts)
+        put_integers(out, 4, time)
+        put_text(out, 5, profile)
+        put_text(out, 6, description)
+        put_integer(out, 7, uptime)
+        for key in (8, 9, 10, 11):
+            put_integer(out, key, storage[key - 8])
+        _channels(out, channels)
+        put_integer(out, 13, cause)
+        if energy is not None:
+            stored, charge, verdict, stage = energy
+            out.integer(16)
+            out.array(6)
+            for bound in stored + charge:
+                out.real(bound)
+            out.integer(verdict)
+            out.integer(stage)
+        if faults is not None:
+            _faults(out, faults)
+        if places:
+            _places(out, places)
+        if heard is not None:
+            put_integer(out, 20, heard)
+        if held is not None:
+            put_integers(out, 21, held)
+        if ended is not None:
+            out.integer(22)
+            out.array(len(ended))
+            for boot, last in ended:
+                out.array(2)
+                out.integer(boot)
+                out.integer(last)
+        return Record(STATUS, sequence, bytes(out.buffer), time, 0)
+
+    def result(
+        self,
+        time: "tuple[int, int]",
+        command: int,
+        outcome: int,
+        reason: "str | None",
+        places: "Places",
+    ) -> Record:
+        """What became of the last command, why it was not done, and how each place is set."""
+        out, sequence = self._begin(RESULT, 7 if reason is None else 8)
+        put_integers(out, 4, time)
+        put_integer(out, 5, command)
+        put_integer(out, 6, outcome)
+        if reason is not None:
+            put_text(out, 7, reason)
+        out.integer(8)
+        write_places(out, places)
+        return Record(RESULT, sequence, bytes(out.buffer), time, 0)
+
+    def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":
+        out = Writer()
+        if sequence is None:
+            sequence = self._numbers.next_sequence()
+        out.map(fields)
+        put_integer(out, 1, kind)
+        put_integer(out, 2, self._boot)
+        put_integer(out, 3, sequence)
+        return out, sequence
+
+
+def _channels(out: Writer, channels: "Sequence[Channel]") -> None:
+    out.integer(12)
+    out.array(len(channels))
+    for channel in channels:
+        out.array(4)
+        out.text(channel.name)
+        out.text(channel.unit)
+        out.integer(channel.dt)
+        out.real(channel.coverage)
+
+
+def _places(out: Writer, places: "Sequence[tuple[str, float, float]]") -> None:
+    out.integer(18)
+    out.array(len(places))
+    for taxel, x, y in places:
+        out.array(3)
+        out.text(taxel)
+        out.real(x)
+        out.real(y)
+
+
+def _faults(out: Writer, faults: "Sequence[tuple[str, int, int]]") -> None:
+    out.integer(17)
+    out.array(len(faults))
+    for name, dead, stuck in faults:
+        out.array(3)
+        out.text(name)
+        out.integer(dead)
+        out.integer(stuck)

@@ -1,0 +1,27 @@
+"""Taxels whose capacitance is measured over the chain of Fig. 3."""
+
+from eskin_sensor_node.firmware.calibration import oscillator
+from eskin_sensor_node.firmware.taxel.taxel import Taxel
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eskin_sensor_node.firmware.calibration import Sheet
+    from eskin_sensor_node.firmware.inversion import Buffer, Codes
+
+
+class CapacitiveTaxel(Taxel):
+    """Capacitance and current over the chain of Fig. 3."""
+
+    quantities = (("capacitance", "F"), ("current", "A"))
+    inputs = ("current",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._factor = oscillator(sheet)
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Capacitance in F, current in A."""
+        self._functions.measure_capacitive(
+            codes[0], n, self._last, self._adc, self._reach, self._factor, *bounds
+        )

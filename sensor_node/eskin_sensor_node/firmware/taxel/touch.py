@@ -1,0 +1,56 @@
+"""A touch that covers a plate."""
+
+from eskin_sensor_node.firmware.calibration import (
+    distance,
+    half_square,
+    oscillator,
+    plate,
+    quotient,
+)
+from eskin_sensor_node.firmware.rounding import up
+from eskin_sensor_node.firmware.taxel.taxel import Taxel
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from eskin_sensor_node.firmware.calibration import Bounds, Sheet
+    from eskin_sensor_node.firmware.inversion import Buffer, Codes
+
+
+class TouchTaxel(Taxel):
+    """Area, capacitance and energy of a touch."""
+
+    quantities = (("area", "m2"), ("capacitance", "F"), ("energy", "J"))
+    inputs = ("current",)
+    derived = ("area",)
+
+    def _calibrate(self, sheet: "Sheet") -> None:
+        self._factor = oscillator(sheet)
+        self._energy_factor = half_square(sheet)
+        self._stand(0)
+
+    def _stand(self, steps: int) -> None:
+        per_area = plate(self.sheet, steps)
+        self._area_factor = quotient((1.0, 1.0), per_area)
+        self._reaches = self._reach, up(per_area[1] * self._reach)
+
+    def move(self, before: int, steps: int) -> "Mapping[str, Bounds]":
+        """Calculate with the plates at another step; gives by what quantities change."""
+        self._stand(steps)
+        ratio = quotient(distance(self.sheet, before), distance(self.sheet, steps))
+        return {"capacitance": ratio, "energy": ratio}
+
+    def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
+        """Area in m², capacitance in F, energy in J."""
+        self._functions.measure_touch(
+            codes[0],
+            n,
+            self._last,
+            self._adc,
+            self._reaches,
+            self._factor,
+            self._area_factor,
+            self._energy_factor,
+            *bounds,
+        )

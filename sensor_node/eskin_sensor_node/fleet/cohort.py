@@ -1,0 +1,191 @@
+"""Nodes of one roster that are set alike: the vectorised twin of `node.node.Node`."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from eskin_sensor_node.firmware.message_writer import Channel
+from eskin_sensor_node.fleet.columns import side_by_side
+from eskin_sensor_node.fleet.message_kernels import GONE
+from eskin_sensor_node.fleet.taxel import Standing, TaxelRows
+from eskin_sensor_node.fleet.watch import Watch
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.fleet.roster import Roster
+    from eskin_sensor_node.fleet.setting import Setting
+    from eskin_sensor_node.fleet.taxel import Said
+
+
+class Key(NamedTuple):
+    """What nodes must have in common to sample together.
+
+    Attributes:
+        settings: Of each taxel, how it is set and which frame is next.
+        order: Taxels as their next frames will be complete.
+    """
+
+    settings: tuple[Setting, ...]
+    order: tuple[int, ...]
+
+
+class Share(NamedTuple):
+    """Some nodes with the same key.
+
+    Attributes:
+        numbers: Which.
+        taxels: Where each of their taxels stands.
+    """
+
+    numbers: list[int]
+    taxels: list[Standing]
+
+
+class Cohort:
+    """Samples all taxels of its nodes in step.
+
+    Says byte for byte what each node would say alone.
+
+    Args:
+        roster: All nodes that started together.
+        shares: Who of them they are, and where they stand; all of them at their start, if there
+            are none.
+        order: As in their key.
+
+    Attributes:
+        numbers: Which nodes, a row each; `GONE` where one has left.
+        taxels: What each has.
+        watch: Looks for dead taxels.
+    """
+
+    def __init__(
+        self, roster: Roster, shares: Sequence[Share] = (), order: Sequence[int] | None = None
+    ) -> None:
+        everybody = [Share(list(range(len(roster))), [])]
+        found = [number for share in shares or everybody for number in share.numbers]
+        self.numbers = np.array(found, np.int64)
+        self._roster = roster
+        self._clocks = roster.clocks.beside(found)
+        given = zip(*(share.taxels for share in shares), strict=True)
+        standings = [_together(each) for each in given] if shares else [None] * _taxels(roster)
+        self.taxels = [
+            TaxelRows(roster, number, self.numbers, clocks=self._clocks, standing=standing)
+            for number, standing in enumerate(standings)
+        ]
+        self._patches = roster.patches
+        for number, patch in self._patches.items():
+            self.taxels[number].surround(patch.neighbours)
+        self.watch = Watch(roster, self.numbers, since=min(each.next.start for each in self.taxels))
+        self._order = itertools.count()
+        self._due: list[tuple[int, int, int]] = []
+        self._line_up(order or range(len(self.taxels)))
+
+    def __len__(self) -> int:
+        return int(np.count_nonzero(self.numbers != GONE))
+
+    def __contains__(self, number: int) -> bool:
+        return bool(np.any(self.numbers == number))
+
+    @property
+    def key(self) -> Key:
+        """What all its nodes have in common."""
+        order = tuple(number for _, _, number in sorted(self._due))
+        return Key(tuple(taxel.setting for taxel in self.taxels), order)
+
+    @property
+    def members(self) -> list[int]:
+        """Numbers of those who are still there."""
+        found: list[int] = self.numbers[self.numbers != GONE].tolist()
+        return found
+
+    def share(self) -> Share:
+        """Those who are still there, and where they stand."""
+        rows = np.flatnonzero(self.numbers != GONE).tolist()
+        return Share(self.members, [taxel.standing(rows) for taxel in self.taxels])
+
+    def row(self, number: int) -> int:
+        """Where a node stands here."""
+        return int(np.flatnonzero(self.numbers == number)[0])
+
+    def leave(self, number: int) -> None:
+        """A node is no more one of these."""
+        self.numbers[self.row(number)] = GONE
+
+    @property
+    def next_due(self) -> int:
+        """Ticks at which the next frame is complete."""
+        return self._due[0][0]
+
+    def advance(self, ticks: int) -> Iterator[Said]:
+        """Take all frames that are complete by now."""
+        while self.next_due <= ticks:
+            number = self._due[0][2]
+            if number in self._patches:
+                yield from self._sample_skin(self.taxels[number].next)
+                continue
+            taxel = self.taxels[number]
+            yield taxel.sample()
+            heapq.heapreplace(self._due, (taxel.next.end, next(self._order), number))
+
+    def _sample_skin(self, frame: Frame) -> list[Said]:
+        """Take the frames of all pads at the same instants, as `node.sampling_group` does."""
+        together = [k for k in self._patches if self.taxels[k].next.meets(frame)]
+        for k in together:
+            self.taxels[k].take()
+        for k in together:
+            around = [each for each in self._patches[k].around if each in together]
+            self.taxels[k].separate([self.taxels[each] for each in around])
+        said = [self.taxels[k].tell() for k in together]
+        self._due = [each for each in self._due if each[2] not in together]
+        self._due += [(self.taxels[k].next.end, next(self._order), k) for k in together]
+        heapq.heapify(self._due)
+        return said
+
+    def pass_over(self, ticks: int) -> tuple[list[Said], int, tuple[int, int]]:
+        """Give up all frames that begin before a moment.
+
+        Returns:
+            The peaks that stay undecided; how many samples each node lost; from which tick to which
+            nothing was sampled.
+        """
+        begin = min(taxel.next.start for taxel in self.taxels)
+        passed = [taxel.skip(ticks) for taxel in self.taxels]
+        self._line_up(range(len(self.taxels)))
+        again = max(taxel.next.start for taxel in self.taxels)
+        return [said for said, _ in passed], sum(lost for _, lost in passed), (begin, again)
+
+    def finish(self) -> list[Said]:
+        """The peaks that stay undecided at the end."""
+        return [taxel.skip(0)[0] for taxel in self.taxels]
+
+    def true_times(self, ticks: int) -> list[int]:
+        """True UTC of a moment at each node, row by row, ns."""
+        return self._clocks.true_times(ticks)
+
+    @property
+    def channels(self) -> list[Channel]:
+        """What each node measures."""
+        return [Channel(*given) for taxel in self.taxels for given in taxel.described]
+
+    def _line_up(self, order: Sequence[int]) -> None:
+        # As in a machine's queue of events: what is armed first comes first.
+        self._due = [(self.taxels[k].next.end, next(self._order), k) for k in order]
+        heapq.heapify(self._due)
+
+
+def _together(standings: Sequence[Standing]) -> Standing:
+    """Where one taxel of several shares stands."""
+    kept = [standing.drawn for standing in standings]
+    drawn = [each for some in kept if some is not None for each in some]
+    columns = side_by_side([standing.columns for standing in standings])
+    return Standing(standings[0].setting, columns, drawn if None not in kept else None)
+
+
+def _taxels(roster: Roster) -> int:
+    return len(roster.settings.taxel)

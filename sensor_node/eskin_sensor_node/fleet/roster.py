@@ -1,0 +1,76 @@
+"""Nodes of one design that started together: what each is, whatever it is set to."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eskin_sensor_node.fleet.clocks import Clocks
+from eskin_sensor_node.fleet.message_kernels import Nodes
+from eskin_sensor_node.world.neighbours import patches
+from eskin_sensor_node.world.skin_map import skin_map
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from eskin_sensor_node.settings import NodeSettings
+
+
+@dataclass(frozen=True, slots=True)
+class RosterEntry:
+    """One of the nodes.
+
+    Attributes:
+        seed: Draws its true parts and its noise.
+        boot: Number of this start.
+        start: True UTC at its tick 0, ns.
+    """
+
+    seed: int
+    boot: int
+    start: int
+
+
+class Roster:
+    """What nodes know and have from their start on.
+
+    Args:
+        settings: Their design; what they do not share is not looked at.
+        entries: Who they are.
+
+    Attributes:
+        settings: As given.
+        entries: As given.
+        nodes: What they know, and their next numbers.
+        clocks: Their clocks.
+        coverages: Of each taxel, the probability that its intervals hold the truth.
+        patches: Where pads sit in their skin.
+        map: Where taxels sit, as statuses tell it.
+        dead: Which taxels of which nodes are known to be dead, taxels × nodes.
+    """
+
+    def __init__(self, settings: NodeSettings, entries: Sequence[RosterEntry]) -> None:
+        self.settings = settings
+        self.entries = entries
+        self.clocks = Clocks(
+            [each.start for each in entries],
+            [np.random.default_rng((each.seed, each.boot)) for each in entries],
+            error=round(settings.clock.rtc_error_ms * 1e6),
+            drift=round(settings.clock.drift_ppm * 1e3),
+        )
+        boots = np.array([each.boot for each in entries], np.int64)
+        self.nodes = Nodes(self.clocks.readings, boots, np.zeros(len(entries), np.int64))
+        self.coverages = settings.coverages()
+        self.patches = patches(settings.taxel)
+        self.map = skin_map(settings.taxel)
+        self.dead = np.zeros((len(settings.taxel), len(entries)), np.bool_)
+
+    def __len__(self) -> int:
+        return len(self.entries)
+
+    def enclosure(self, row: int, ticks: int) -> tuple[int, int]:
+        """Earliest and latest UTC of a moment, as a node knows it; also before its start."""
+        # Drift counts in either direction from the moment at which the clock was read.
+        return self.clocks.known(row).enclosure(ticks, max(0, -2 * ticks))

@@ -1,0 +1,296 @@
+"""Members that started together: their outboxes, their cohorts, and those who sample alone."""
+
+from __future__ import annotations
+
+import logging
+import time
+from functools import cached_property
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.wire.messages import Position, ResetCause
+from eskin_sensor_node.firmware.gap_reasons import DEAD, OVERRUN, TEXTS
+from eskin_sensor_node.firmware.message_writer import BLOCK, Record
+from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.fleet.cohort import Cohort
+from eskin_sensor_node.fleet.outbox import MemberOutbox
+from eskin_sensor_node.fleet.regroup import Regroup
+from eskin_sensor_node.fleet.roster import Roster, RosterEntry
+from eskin_sensor_node.fleet.single_node import SingleNode, require_alone
+from eskin_sensor_node.machine.compiled_writer import CompiledWriter
+from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.machine.events import NEVER
+from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.factory import build_clock
+from eskin_sensor_node.node.ground_truth import TrueBlock
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Sequence
+
+    from eskin.wire.messages.command_schema import State
+    from eskin_sensor_node.fleet.storage import Storage
+    from eskin_sensor_node.fleet.taxel import Said
+    from eskin_sensor_node.node.ground_truth import GroundTruth
+    from eskin_sensor_node.settings import NodeSettings
+
+log = logging.getLogger(__name__)
+
+_MOST_FRAMES: Final = 16
+"""Frames of one commit."""
+
+
+class Shard:
+    """Some members that started together; those that are set alike sample in step.
+
+    Args:
+        settings: Their design.
+        names: Their names.
+        numbers: Their numbers in the fleet, from which their seeds come.
+        seed: The fleet's.
+        storage: Where they keep what they say.
+        truth: What the emulator keeps.
+        start: True UTC in ns at which their emulated time begins.
+        origin: The same on the monotonic clock.
+        monotonic: That clock, ns.
+
+    Attributes:
+        outboxes: One for each member.
+        cohorts: Members that sample together.
+        singles: Members that sample alone, by their rows.
+        restarted: Called with a single node's row after each start of its firmware but the first.
+    """
+
+    def __init__(
+        self,
+        settings: NodeSettings,
+        names: Sequence[str],
+        numbers: Sequence[int],
+        *,
+        seed: int,
+        storage: Storage,
+        truth: GroundTruth,
+        start: int,
+        origin: int,
+        monotonic: Callable[[], int] = time.monotonic_ns,
+    ) -> None:
+        self.names = names
+        self._settings = settings
+        self._truth = truth
+        self._origin = origin
+        self._monotonic = monotonic
+        self.singles: dict[int, SingleNode] = {}
+        self.restarted: Callable[[int], None] = lambda _row: None
+        self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
+        chips = [storage.partition(name) for name in names]
+        entries = [
+            RosterEntry(member_seed(seed, number), chip.boot, start)
+            for number, chip in zip(numbers, chips, strict=True)
+        ]
+        self._roster = Roster(settings, entries)
+        self.cohorts = [Cohort(self._roster)]
+        self._gathering = Regroup(self._roster)
+        broker = settings.broker
+        self.outboxes = [
+            MemberOutbox(
+                chip,
+                self._roster.nodes,
+                row,
+                capacity=settings.flash.capacity_bytes,
+                window=broker.window,
+                resend_after=round(broker.resend_s * BILLION),
+                status_every=round(broker.status_s * BILLION),
+                message_writer=CompiledWriter,
+            )
+            for row, chip in enumerate(chips)
+        ]
+        self._alone = require_alone(settings) is not None
+        self._cuts = settings.sampling.watched_block_ms > 0.0
+        if self._alone:
+            for row in range(len(names)):
+                self.part(row, self.apart(row))
+
+    @cached_property
+    def designed(self) -> State:
+        """How a member is set that nobody has set."""
+        return NodeControls(self._single(0)).restore({})
+
+    def apart(self, row: int) -> SingleNode:
+        """A member as a node of its own, which stands where its cohort does."""
+        node = self._single(row)
+        node.take_over(self._cohort(row), row)
+        for taxel in np.flatnonzero(self._roster.dead[:, row]).tolist():
+            node.know_dead(taxel)
+        return node
+
+    def part(self, row: int, node: SingleNode) -> None:
+        """A member samples alone, until it is set like others again."""
+        if row not in self.singles:
+            self._cohort(row).leave(row)
+            self.cohorts = [cohort for cohort in self.cohorts if len(cohort)]
+        self.singles[row] = node
+        node.at_start = lambda: self.restarted(row)
+        self._gathering.await_more(self._monotonic())
+
+    def attend(self, row: int, seconds: float) -> None:
+        """A member cuts its blocks short, and samples alone: somebody looks on for some seconds."""
+        if not self._cuts:
+            return
+        if row not in self.singles:
+            self.part(row, self.apart(row))
+        self.singles[row].attend(seconds)
+        self._gathering.await_more(self._monotonic())
+
+    def gather(self, *, at_once: bool = False) -> None:
+        """Let those who are set alike sample together, some seconds after the last was set."""
+        now = self._monotonic()
+        if self._alone or not (at_once or self._gathering.is_due(now)):
+            return
+        for row in self._gathering.gather(self.cohorts, self.singles, now):
+            del self.singles[row]
+            self.outboxes[row].unmark()
+
+    def _cohort(self, row: int) -> Cohort:
+        return next(cohort for cohort in self.cohorts if row in cohort)
+
+    def _single(self, row: int) -> SingleNode:
+        """A member as a node of its own that has just started."""
+        own, given = self._roster.entries[row], self._settings
+        clock = build_clock(
+            given,
+            seed=own.seed,
+            boot=own.boot,
+            start=own.start,
+            monotonic=self._monotonic,
+            origin=self._origin,
+        )
+        return SingleNode(
+            given,
+            self.names[row],
+            clock=clock,
+            outbox=self.outboxes[row],
+            truth=self._truth,
+            seed=own.seed,
+        )
+
+    def ticks(self, now: int) -> int:
+        """Emulated ns since the start; negative before it."""
+        return int((now - self._origin) * self._settings.node.speed)
+
+    def due(self) -> int:
+        """When a cohort's next frame is complete, on the monotonic clock in ns."""
+        due = min((cohort.next_due for cohort in self.cohorts), default=NEVER)
+        return due if due == NEVER else self._origin + int(due / self._settings.node.speed)
+
+    def sample(self, now: int) -> tuple[dict[int, list[Record]], dict[str, list[TrueBlock]]]:
+        """Take the frames that are complete; say so where some were missed.
+
+        Returns:
+            What each member (its row) says, and the truth behind the blocks.
+        """
+        ticks = self.ticks(now)
+        records: dict[int, list[Record]] = {}
+        truth: dict[str, list[TrueBlock]] = {}
+        for cohort in self.cohorts:
+            if ticks - cohort.next_due > self._overrun:
+                self._pass_over(cohort, ticks, records)
+            for number, said in enumerate(cohort.advance(ticks), start=1):
+                self._take(cohort, said, records, truth)
+                self._examine(cohort, said, records)
+                if number == _MOST_FRAMES:
+                    break
+        return records, truth
+
+    def finish(self) -> dict[int, list[Record]]:
+        """What stays undecided at the end."""
+        records: dict[int, list[Record]] = {}
+        for cohort in self.cohorts:
+            for said in cohort.finish():
+                self._take(cohort, said, records, {})
+        return records
+
+    def enclosure(self, row: int) -> tuple[int, int]:
+        """Earliest and latest UTC of the present, as a member knows it."""
+        if row in self.singles:
+            return self.singles[row].enclosure()
+        return self._roster.enclosure(row, self.ticks(self._monotonic()))
+
+    def settled(self, names: Iterable[str]) -> dict[str, tuple[int, int]]:
+        """Of members by name: positions below which all was kept, or is named by a gap."""
+        rows = {name: row for row, name in enumerate(self.names)}
+        return {name: self.outboxes[rows[name]].settled for name in names}
+
+    def status(self, row: int, now: int) -> Record:
+        """How a member of a cohort fares."""
+        ticks, own = self.ticks(now), self._settings.node
+        outbox = self.outboxes[row]
+        return outbox.message_writer.status(
+            self._roster.enclosure(row, ticks),
+            own.profile,
+            own.description or own.profile,
+            max(ticks, 0),
+            outbox.usage(),
+            self._cohort(row).channels,
+            int(ResetCause.POWER_ON),
+            places=self._roster.map,
+            held=outbox.held(),
+            ended=outbox.ended(),
+        )
+
+    def _take(
+        self,
+        cohort: Cohort,
+        said: Said,
+        records: dict[int, list[Record]],
+        truth: dict[str, list[TrueBlock]],
+    ) -> None:
+        times = cohort.true_times(said.frame.start)
+        boots, numbers = self._roster.nodes.boots.tolist(), cohort.numbers.tolist()
+        for row, k, kind, sequence, earliest, latest, samples, begin, end in said.records.tolist():
+            channel, body, number = said.taxel.channels[k], said.content[begin:end], numbers[row]
+            record = Record(kind, sequence, body, (earliest, latest), samples, 0, channel)
+            records.setdefault(number, []).append(record)
+            if kind == BLOCK:
+                position = Position(boots[number], sequence)
+                values = said.truth[k][row]
+                true = TrueBlock(position, channel, times[row], said.frame.dt, values)
+                truth.setdefault(self.names[number], []).append(true)
+
+    def _examine(self, cohort: Cohort, said: Said, records: dict[int, list[Record]]) -> None:
+        """Tell of taxels that a window has shown to be dead."""
+        begin, end = cohort.watch.tested, said.frame.end
+        cohort.watch.take(said.taxel.number, said.bounded)
+        for row, k in cohort.watch.examine(end):
+            taxel = self._settings.taxel[k]
+            gap = self._gap(row, DEAD, begin, end, 0, taxel=taxel.id)
+            records.setdefault(row, []).append(gap)
+            if CHAINS[taxel.chain].derived and row not in self.singles:
+                # From now on it tells of no cause.
+                self.part(row, self.apart(row))
+
+    def _pass_over(self, cohort: Cohort, ticks: int, records: dict[int, list[Record]]) -> None:
+        passed, lost, (begin, again) = cohort.pass_over(ticks)
+        for said in passed:
+            self._take(cohort, said, records, {})
+        together = cohort.members
+        for row in together:
+            records.setdefault(row, []).append(self._gap(row, OVERRUN, begin, again, lost))
+        log.warning(
+            "samples lost: reason=%s nodes=%d samples=%d behind_s=%.3f",
+            TEXTS[OVERRUN],
+            len(together),
+            lost * len(together),
+            (ticks - begin) / BILLION,
+        )
+
+    def _gap(
+        self, row: int, reason: int, begin: int, end: int, samples: int, *, taxel: str = ""
+    ) -> Record:
+        """That a member lost samples between two moments in ticks."""
+        time = self._roster.enclosure(row, begin)[0], self._roster.enclosure(row, end)[1]
+        return self.outboxes[row].message_writer.gap(reason, time, samples, taxel=taxel)
+
+
+def member_seed(seed: int, number: int) -> int:
+    """The seed of the number-th member; a single node with it draws the same parts and noise."""
+    return int(np.random.SeedSequence((seed, number)).generate_state(1, np.uint64)[0] >> 1)

@@ -1,0 +1,1 @@
+"""The radio link: seal, send, and receive acknowledgements and commands."""

@@ -1,0 +1,277 @@
+"""The radio peripheral: seals what the outbox hands over, and tells it what became of it."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import socket
+import sys
+import threading
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING, Any, Final
+
+import paho.mqtt.client as mqtt
+from paho.mqtt.enums import CallbackAPIVersion
+
+from eskin.errors import EnvelopeError, FlashError, MessageError
+from eskin.runtime.nodelay import send_at_once
+from eskin.wire.envelope import MOST_ENVELOPE
+from eskin.wire.messages import Acknowledgement
+from eskin.wire.sequence_set import SequenceRanges
+from eskin.wire.topics import Stream, node_topic
+from eskin_sensor_node.link.keys import NodeKeys
+from eskin_sensor_node.link.reconnect_timer import ReconnectTimer
+from eskin_sensor_node.link.uplink import Uplink
+from eskin_sensor_node.machine.crystal import BILLION
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from eskin_sensor_node.firmware.outbox import Outbox
+    from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
+    from eskin_sensor_node.machine.radio import Radio
+    from eskin_sensor_node.settings import BrokerSection, IdentitySection
+
+log = logging.getLogger(__name__)
+
+_MOST_ACKNOWLEDGEMENTS: Final = 1000
+_MOST_COMMANDS: Final = 16
+_TURN_S: Final = 0.1
+_PAUSE_S: Final = 1.0
+_MS: Final = 1000
+
+
+class Publisher:
+    """Carries messages from the outbox to the broker, and acknowledgements and commands back.
+
+    Threads: paho's own, which only takes what arrives into queues; and one that seals, sends,
+    acknowledges, and takes commands.
+
+    Args:
+        outbox: Says what to send and when; its moments are ns of the monotonic clock.
+        node: Says what it has to say, and hears what came.
+        radio: The air that every message crosses.
+        speed: Emulated seconds in a real one.
+        broker: Where to publish.
+        identity: Who the node is, and its site.
+
+    Raises:
+        IdentityError: A key or certificate cannot be used.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        *,
+        node: RadioCallbacks,
+        radio: Radio,
+        speed: float,
+        broker: BrokerSection,
+        identity: IdentitySection,
+    ) -> None:
+        self._keys = NodeKeys(identity.directory, identity.site)
+        self._outbox = outbox
+        self._callbacks = node
+        self._broker = broker
+        name = self._keys.own.name
+        self._acks_topic = node_topic(name, Stream.ACKS)
+        self._commands_topic = node_topic(name, Stream.COMMANDS)
+        self._inboxes: dict[str, queue.Queue[bytes]] = {
+            self._acks_topic: queue.Queue(_MOST_ACKNOWLEDGEMENTS)
+        }
+        if node.take_command is not None:
+            self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
+        self._fresh, self._wake = threading.Event(), threading.Event()
+        self._until = float("inf")
+        self._ended = False
+        self._silence = ReconnectTimer(broker.silence_s)
+        self._client = self._make_client()
+        self._uplink = Uplink(
+            outbox,
+            self._client,
+            node=name,
+            keys=self._keys,
+            radio=radio,
+            ahead=round(2 * _TURN_S * speed * BILLION),
+        )
+        self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
+
+    def start(self) -> None:
+        """Connect, and go on trying."""
+        self._client.connect_async(
+            self._broker.host, self._broker.port, keepalive=self._broker.keepalive_s
+        )
+        self._client.loop_start()
+        self._thread.start()
+
+    def stop(self) -> None:
+        """Wait a little for acknowledgements, then disconnect; what is left waits."""
+        self._until = time.monotonic() + self._broker.drain_s
+        self._wake.set()
+        self._thread.join()
+        self._client.disconnect()
+        self._client.loop_stop()
+
+    def notify(self) -> None:
+        """Say that the outbox holds something new."""
+        self._wake.set()
+
+    def _make_client(self) -> mqtt.Client:
+        client = mqtt.Client(
+            CallbackAPIVersion.VERSION2, client_id=self._keys.own.name, clean_session=True
+        )
+        client.tls_set_context(self._keys.context)
+        client.max_inflight_messages_set(self._broker.window)
+        client.max_queued_messages_set(4 * self._broker.window)
+        client.reconnect_delay_set(min_delay=1, max_delay=8)
+        client.on_connect, client.on_disconnect = self._on_connect, self._on_disconnect
+        client.on_socket_open = send_at_once
+        client.on_connect_fail, client.on_message = self._on_connect_fail, self._on_message
+        return client
+
+    def _on_connect(
+        self, client: mqtt.Client, _data: Any, _flags: Any, reason: Any, _properties: Any
+    ) -> None:
+        if reason.is_failure:
+            log.error("broker refuses: reason=%s", reason)
+            return
+        log.info("connected: broker=%s:%d", self._broker.host, self._broker.port)
+        client.subscribe([(topic, 1) for topic in self._inboxes])
+        self._fresh.set()
+        self._wake.set()
+
+    def _on_connect_fail(self, _client: mqtt.Client, _data: Any) -> None:
+        log.warning(
+            "broker cannot be reached, messages wait: broker=%s:%d reason=%s",
+            self._broker.host,
+            self._broker.port,
+            sys.exception(),  # which paho is about to drop
+        )
+
+    def _on_disconnect(
+        self, _client: mqtt.Client, _data: Any, _flags: Any, reason: Any, _properties: Any
+    ) -> None:
+        if not self._ended:
+            log.warning("connection lost, messages wait: reason=%s", reason)
+
+    def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
+        inbox = self._inboxes.get(message.topic)
+        if inbox is None:
+            log.warning("message ignored: topic=%.200r", message.topic)
+            return
+        if len(message.payload) > MOST_ENVELOPE:
+            log.warning("message ignored: topic=%s bytes=%d", message.topic, len(message.payload))
+            return
+        try:
+            if message.payload:  # without one, the broker forgets what it has kept
+                inbox.put_nowait(bytes(message.payload))
+        except queue.Full:
+            log.warning("message dropped, it will come again: topic=%s queue=full", message.topic)
+        self._wake.set()
+
+    def _run(self) -> None:
+        failures = 0
+        while not self._has_ended():
+            self._wake.wait(_TURN_S)
+            self._wake.clear()
+            try:
+                self._turn()
+            except FlashError as error:
+                log.warning("publishing pauses: error=%s", error)
+                time.sleep(_PAUSE_S)
+            except Exception:
+                failures += 1
+                log.exception("publisher failed and goes on: failures=%d", failures)
+                time.sleep(_PAUSE_S)
+
+    def _has_ended(self) -> bool:
+        """Whether nothing is left to wait for; asked between turns, which may add a status."""
+        if self._until < float("inf"):
+            more = self._client.is_connected() and self._outbox.messages
+            self._ended = not more or time.monotonic() >= self._until
+        return self._ended
+
+    def _turn(self) -> None:
+        if not self._callbacks.is_running():
+            return
+        self._take_acknowledgements()
+        self._take_commands()
+        now = time.monotonic_ns()
+        if self._keys.refresh(now / BILLION):
+            # A gateway opens nothing of a certificate that it has not seen.
+            self._outbox.introduce(now)
+        if not self._client.is_connected():
+            return
+        if self._fresh.is_set():
+            self._fresh.clear()
+            self._uplink.clear()
+            self._outbox.connect(now)
+            self._silence.connected(now / BILLION)
+        if self._silence.is_too_long(now / BILLION, waiting=self._outbox.messages > 0):
+            self._hang_up()
+            return
+        self._uplink.report(now)
+        self._tell_status(now)
+        self._uplink.send_due(now)
+
+    def _hang_up(self) -> None:
+        """Let paho find the connection ended, upon which it makes another."""
+        log.warning("no gateway answers, connecting anew; messages wait")
+        own = self._client.socket()
+        if isinstance(own, socket.socket):
+            with suppress(OSError):
+                # Not TLS's own farewell, which is not for two threads at once.
+                socket.socket.shutdown(own, socket.SHUT_RDWR)
+
+    def _opened(self, topic: str, what: str) -> Iterator[bytes]:
+        """What came on a topic, as far as the site has sealed it to this node."""
+        inbox = self._inboxes[topic]
+        while True:
+            try:
+                payload = inbox.get_nowait()
+            except queue.Empty:
+                return
+            self._uplink.count_received(topic, payload)
+            try:
+                yield self._keys.opener.open(payload, topic=topic).plaintext
+            except EnvelopeError as error:
+                log.warning("%s rejected: reason=%s", what, error)
+
+    def _take_commands(self) -> None:
+        take = self._callbacks.take_command
+        if take is not None:
+            for signed in self._opened(self._commands_topic, "command"):
+                take(signed)
+
+    def _take_acknowledgements(self) -> None:
+        durable: dict[int, SequenceRanges] = {}
+        watched = 0
+        for plaintext in self._opened(self._acks_topic, "acknowledgement"):
+            try:
+                said = Acknowledgement.decode(plaintext)
+                self._outbox.message_writer.hear(said.time)
+                for boot, first, last in said.spans:
+                    durable.setdefault(boot, SequenceRanges()).add(first, last)
+                # A copy is worth nothing: who carries it shall not keep a node awake.
+                if said.watched > watched and self._outbox.awaits(said.spans):
+                    watched = said.watched
+            except MessageError as error:
+                log.warning("acknowledgement rejected: reason=%s", error)
+        if durable:
+            self._outbox.acknowledge(
+                [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
+            )
+            if watched:
+                self._callbacks.attend(watched / _MS)
+            self._silence.answered(time.monotonic())
+
+    def _tell_status(self, now: int) -> None:
+        """First of all after connecting: it introduces the node to the gateway."""
+        if not self._outbox.tell_status(now):
+            return
+        try:
+            self._callbacks.record_status()
+        except FlashError as error:
+            # What waits must still go out: it makes the room that is missing.
+            log.warning("status postponed: error=%s", error)

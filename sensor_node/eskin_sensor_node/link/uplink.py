@@ -1,0 +1,142 @@
+"""From the outbox over the air to the broker: sealed, sent, and reported as gone."""
+
+from __future__ import annotations
+
+import itertools
+from collections import deque
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+import paho.mqtt.client as mqtt
+
+from eskin.wire.messages import Kind, Position
+from eskin.wire.topics import Stream, node_topic
+
+if TYPE_CHECKING:
+    from eskin_sensor_node.firmware import chip
+    from eskin_sensor_node.firmware.outbox import Outbox
+    from eskin_sensor_node.link.keys import NodeKeys
+    from eskin_sensor_node.machine.radio import Radio
+
+STREAMS: Final = {
+    Kind.BLOCK: Stream.BLOCKS,
+    Kind.PEAK: Stream.EVENTS,
+    Kind.GAP: Stream.EVENTS,
+    Kind.STATUS: Stream.STATUS,
+    Kind.RESULT: Stream.EVENTS,
+}
+_AT_ONCE: Final = 16
+"""Messages that are taken from the outbox at once."""
+_PUBACK: Final = 4
+"""Bytes (MQTT 3.1.1, section 3.4)."""
+
+
+class _Aired(NamedTuple):
+    """A sealed message on the air."""
+
+    position: chip.Position
+    topic: str
+    envelope: bytes
+    retained: bool
+    end: int
+    """Emulated ns."""
+    arrives: bool
+
+
+class Uplink:
+    """Messages that have left the outbox: on the air, or with the broker's client.
+
+    Args:
+        outbox: Says what to send.
+        client: Takes what has crossed the air.
+        node: The node's name.
+        keys: Seal to the site.
+        radio: The air.
+        ahead: Emulated ns for which the air is kept busy.
+    """
+
+    def __init__(
+        self,
+        outbox: Outbox,
+        client: mqtt.Client,
+        *,
+        node: str,
+        keys: NodeKeys,
+        radio: Radio,
+        ahead: int,
+    ) -> None:
+        self._outbox = outbox
+        self._client = client
+        self._node = node
+        self._keys = keys
+        self._radio = radio
+        self._ahead = ahead
+        self._aired: deque[_Aired] = deque()
+        # What paho still has: its window, and what waits behind.
+        self._deliveries: dict[chip.Position, mqtt.MQTTMessageInfo] = {}
+
+    def clear(self) -> None:
+        """The connection is a new one: nothing is under way."""
+        self._aired.clear()
+        self._deliveries.clear()
+
+    def count_received(self, topic: str, payload: bytes) -> None:
+        """Count a message that came, and its acknowledgement to the broker."""
+        self._radio.receive(publish_size(topic, payload))
+        self._radio.send(_PUBACK)
+
+    def send_due(self, now: int) -> None:
+        """Send what is due, as far as the air has room until the next turn; now: monotonic ns."""
+        # Once a turn is enough: a lower position than the true one is safe.
+        held = Position(*self._outbox.held())
+        while self._radio.is_free(self._ahead) and (due := self._outbox.due(now, _AT_ONCE)):
+            self._send(deque(due), held, now)
+        self._pass_on(now)
+
+    def report(self, now: int) -> None:
+        """Tell the outbox what has left: it misses from here on what is not acknowledged."""
+        # A broker acknowledges in order.
+        for position in list(itertools.takewhile(self._left, self._deliveries)):
+            del self._deliveries[position]
+            self._radio.receive(_PUBACK)
+            self._outbox.left(position, now)
+
+    def _left(self, position: chip.Position) -> bool:
+        """Whether paho is done with it: the broker has it, or there was no room in the queue."""
+        delivery = self._deliveries[position]
+        if delivery.rc == mqtt.MQTT_ERR_QUEUE_SIZE:
+            return True
+        return delivery.rc == mqtt.MQTT_ERR_SUCCESS and delivery.is_published()
+
+    def _send(self, due: deque[chip.StoredMessage], held: Position, now: int) -> None:
+        try:
+            while due:
+                self._aired.append(self._air(due[0], held))
+                due.popleft()
+        finally:
+            for kept in due:
+                self._outbox.left(kept.position, now)
+
+    def _air(self, kept: chip.StoredMessage, held: Position) -> _Aired:
+        topic = node_topic(self._node, STREAMS[Kind(kept.kind)])
+        status = kept.kind == Kind.STATUS
+        envelope = self._keys.sealer.seal(kept.body, topic=topic, held=held, introduce=status)
+        newest = status and kept.position == self._outbox.newest_status
+        end, arrives = self._radio.send(publish_size(topic, envelope))
+        return _Aired(kept.position, topic, envelope, newest, end, arrives)
+
+    def _pass_on(self, now: int) -> None:
+        """Give the broker what has crossed the air by now."""
+        while self._aired and self._radio.has_reached(self._aired[0].end):
+            aired = self._aired.popleft()
+            if aired.arrives:
+                self._deliveries[aired.position] = self._client.publish(
+                    aired.topic, aired.envelope, qos=1, retain=aired.retained
+                )
+            else:
+                self._outbox.left(aired.position, now)
+
+
+def publish_size(topic: str, payload: bytes | bytearray, qos: int = 1) -> int:
+    """Bytes of MQTT's PUBLISH (MQTT 3.1.1, section 3.3)."""
+    remaining = 2 + len(topic) + 2 * qos + len(payload)
+    return 1 + max(1, -(-remaining.bit_length() // 7)) + remaining

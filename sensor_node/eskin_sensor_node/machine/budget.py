@@ -1,0 +1,139 @@
+"""What a node's firmware needs of its microcontroller's RAM, from the layout of what it keeps.
+
+Objects are counted as MicroPython lays them out on 32 bits (blocks of 16 bytes, a float of 64 bits
+in each); the tests compare with what its heap says.
+
+The numbers that an expression leaves behind are not counted: they are garbage, which the heap
+collects whenever it needs the room.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import SettingsError
+from eskin_sensor_node.firmware.autoranging import MOST
+from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.firmware.taxel.air import SLOTS
+from eskin_sensor_node.machine.schedule import build_schedule
+
+if TYPE_CHECKING:
+    from eskin_sensor_node.settings import NodeSettings
+    from eskin_sensor_node.taxels import AnyTaxel
+
+PROGRAM: Final = 112 * 1024
+"""Bytes kept for the firmware's modules, as MicroPython loads them."""
+CONNECTION: Final = 48 * 1024
+"""Bytes kept for TLS: two records of 16 KiB and what a handshake needs."""
+_TAXEL: Final = 1536
+"""Bytes of a taxel's calibration, schedule and control unit."""
+_RANGES: Final = 2 * MOST * 48
+"""Bytes of the ranges beyond both ends of a frame's own: gain and step of each."""
+_CHANNEL: Final = 768
+"""Bytes of a channel's unit, rest and filter."""
+_DETECTOR: Final = 10 * 160
+"""Bytes of a detector's stretches: two that grow and eight that wait."""
+_RECORD: Final = 384
+"""Bytes of a message besides a block's bounds: its head, and the object that holds it."""
+_PEAKS: Final = 16
+"""Peaks of one frame that wait to be stored, of each channel."""
+_FLIGHT: Final = 32
+"""Bytes of an entry in the index of messages under way."""
+_BOUND: Final = 8
+_CODE: Final = 2
+_RANGE: Final = 1
+_MEMORY: Final = SLOTS * (4 + 2 * _BOUND) + 3 * 16
+"""Bytes in which a pad remembers what a sensor's codes mean: code, bounds, three arrays' heads."""
+_WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
+
+
+@dataclass(frozen=True, slots=True)
+class Budget:
+    """Bytes of RAM by purpose.
+
+    Attributes:
+        program: The firmware's modules.
+        connection: TLS.
+        codes: Two buffers of codes for each input: one fills while the other is worked off; and of
+            the ranges that an amplified input's samples were converted with.
+        bounds: A lower and an upper bound of each sample of a frame, for each channel.
+        objects: Calibrations, schedules, rests, filters, detectors.
+        messages: A frame's messages while they are written, and the one that is being sealed.
+        window: The index of messages under way.
+    """
+
+    program: int
+    connection: int
+    codes: int
+    bounds: int
+    objects: int
+    messages: int
+    window: int
+
+    @property
+    def total(self) -> int:
+        """All of it."""
+        return sum(self.parts().values())
+
+    def parts(self) -> dict[str, int]:
+        """Bytes by purpose."""
+        return {name: getattr(self, name) for name in self.__slots__}
+
+
+def ram_budget(settings: NodeSettings) -> Budget:
+    """What a node needs."""
+    sampling = settings.sampling
+    blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
+    width = _WIDTHS[sampling.encoding]
+    shapes = [
+        (n, _CODE * _inputs(taxel) + _RANGE * CHAINS[taxel.chain].amplified, len(taxel.units))
+        for n, taxel in zip(blocks, settings.taxel, strict=True)
+    ]
+    return Budget(
+        program=PROGRAM,
+        connection=CONNECTION,
+        codes=sum(2 * n * size for n, size, _ in shapes),
+        bounds=sum(2 * _BOUND * n * channels for n, _, channels in shapes),
+        objects=sum(map(taxel_objects, settings.taxel)),
+        messages=max(_messages(n, channels, width) for n, _, channels in shapes),
+        window=_FLIGHT * settings.broker.window,
+    )
+
+
+def taxel_objects(taxel: AnyTaxel) -> int:
+    """Bytes of a taxel's objects besides its buffers."""
+    peaks = sum(taxel.prominence(quantity) is not None for quantity in taxel.units)
+    along = len(taxel.companions)
+    of_taxels = _TAXEL * (1 + along) + _MEMORY * along
+    return of_taxels + _RANGES + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
+
+
+def _inputs(taxel: AnyTaxel) -> int:
+    """Of the converter; those that a taxel reads along besides its own."""
+    return max(1, len(CHAINS[taxel.chain].inputs)) + len(taxel.companions)
+
+
+def _messages(n: int, channels: int, width: int) -> int:
+    """All of a frame; of one, its bounds as written and its growing buffer; one in an envelope."""
+    bounds = 2 * n * width
+    block = bounds + _RECORD
+    return channels * (block + _PEAKS * _RECORD) + bounds + 2 * block + 2 * block
+
+
+def require_fit(settings: NodeSettings) -> None:
+    """Refuse a node that its machine cannot hold.
+
+    Raises:
+        SettingsError: It needs more RAM than there is.
+    """
+    budget, limit = ram_budget(settings), settings.machine.ram_bytes
+    if budget.total <= limit:
+        return
+    parts = ", ".join(f"{name} {size}" for name, size in budget.parts().items())
+    raise SettingsError(
+        "machine.ram_bytes",
+        f"{limit} bytes do not hold this node, which needs {budget.total} ({parts}); use fewer "
+        f"sampling.block_samples than {settings.sampling.block_samples}, fewer of its "
+        f"{len(settings.taxel)} taxels, or a machine with more RAM",
+    )

@@ -1,0 +1,1 @@
+"""The emulated flash chip: encrypted records, each batch one synchronised commit."""

@@ -1,0 +1,171 @@
+"""A node's records as they lie on its chip: sealed, each for its own place.
+
+In the clear stand position, shelf, kind, how many samples and messages a record stands for, its
+size, and the whole minutes that enclose its time. Of these, position and kind are authenticated;
+the others are asked only where a record does not open, to tell what was lost with it.
+"""
+
+from __future__ import annotations
+
+from struct import Struct
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+from eskin.errors import FlashError
+from eskin.privacy.sealed_message import whole_minutes
+from eskin.wire.messages import Gap
+from eskin.wire.messages import Position as Place
+from eskin.wire.messages.cbor_map import MOST_COUNT
+from eskin.wire.timestamp import MOST_MOMENT
+from eskin_sensor_node.firmware.chip import StoredMessage
+from eskin_sensor_node.firmware.message_writer import GAP
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from eskin_sensor_node.firmware.chip import Position
+    from eskin_sensor_node.firmware.message_writer import Record
+    from eskin_sensor_node.machine.flash.cipher import Cipher
+
+ANSWER: Final = "answer"
+UNREADABLE: Final = "flash record unreadable"
+"""Why, as a gap says it."""
+_EXACT: Final = Struct("<qqqq")
+"""Earliest and latest moment, samples, and what it stands for: before the body, sealed."""
+
+
+class Row(NamedTuple):
+    """A record in its table.
+
+    Attributes:
+        boot: Of the node.
+        sequence: In that boot.
+        kind: As in `eskin_sensor_node.firmware.message_writer`.
+        body: Sealed.
+        earliest: UTC ns, a whole minute.
+        latest: Likewise, behind it.
+        samples: That go with it.
+        stands_for: Messages: itself, and those that a gap names.
+    """
+
+    boot: int
+    sequence: int
+    kind: int
+    body: bytes
+    earliest: int
+    latest: int
+    samples: int
+    stands_for: int
+
+
+def read_row(values: Sequence[Any], path: Path) -> Row:
+    """A record as a file gives it.
+
+    Raises:
+        FlashError: It is of other types than were ever written: the file's schema is damaged.
+    """
+    row = Row(*values)
+    numbers = *row[:3], *row[4:]
+    if type(row.body) is not bytes or any(type(number) is not int for number in numbers):
+        raise FlashError(
+            f"{path}: flash is damaged: a record is of other types than were written; bring back a "
+            "copy, or remove the file with all that waits in it"
+        )
+    return row
+
+
+class Sealing:
+    """Seals and opens what one node keeps.
+
+    Args:
+        cipher: The chip's.
+        node: Whose it is.
+    """
+
+    __slots__ = ("_cipher", "_node")
+
+    def __init__(self, cipher: Cipher, node: str) -> None:
+        self._cipher = cipher
+        self._node = node.encode()
+
+    def __str__(self) -> str:
+        return self._node.decode()
+
+    def seal(self, kept: StoredMessage) -> Row:
+        """A record as it may lie on the chip."""
+        plaintext = _EXACT.pack(*kept.time, kept.samples, kept.messages) + kept.body
+        body = self._cipher.seal(self._place(kept.position, kept.kind), plaintext)
+        told = *whole_minutes(kept.time), kept.samples, kept.messages
+        return Row(*kept.position, kept.kind, body, *told)
+
+    def row(self, boot: int, record: Record) -> Row:
+        """What a node says, as it may lie on the chip."""
+        time = record.earliest, record.latest
+        place = boot, record.sequence
+        return self.seal(
+            StoredMessage(place, record.kind, record.body, time, record.samples, 1 + record.named)
+        )
+
+    def open(self, row: Row) -> StoredMessage | None:
+        """What was sealed; ``None`` where nobody can tell any more."""
+        position = row.boot, row.sequence
+        plaintext = self._cipher.open(self._place(position, row.kind), row.body)
+        if plaintext is None:
+            return None
+        earliest, latest, samples, stands_for = _EXACT.unpack_from(plaintext)
+        body = plaintext[_EXACT.size :]
+        return StoredMessage(position, row.kind, body, (earliest, latest), samples, stands_for)
+
+    def seal_last(self, what: str, body: bytes) -> bytes:
+        """What a node keeps one of, such as its last ``answer``, as it may lie on the chip."""
+        return self._cipher.seal(b"%b %b" % (self._node, what.encode()), body)
+
+    def open_last(self, what: str, sealed: bytes) -> bytes | None:
+        """That; ``None`` where nobody can tell any more."""
+        return self._cipher.open(b"%b %b" % (self._node, what.encode()), sealed)
+
+    def open_answer(self, sealed: bytes, path: Path) -> bytes:
+        """The last result; without it, commands might be done twice.
+
+        Raises:
+            FlashError: Nobody can tell any more.
+        """
+        body = self.open_last(ANSWER, sealed)
+        if body is None:
+            raise FlashError(
+                f"{path}: flash is damaged: the last result of {self} does not open, so that it "
+                "takes no command; bring back a copy, or remove the file with all that waits in it"
+            )
+        return body
+
+    def _place(self, position: Position, kind: int) -> bytes:
+        return b"%b message %d %d %d" % (self._node, *position, kind)
+
+
+def kept_in_clear(
+    boot: int,
+    sequence: int,
+    kind: int,
+    body: bytes,
+    earliest: int,
+    latest: int,
+    samples: int,
+    stands_for: int,
+) -> StoredMessage:
+    """A row that was never sealed."""
+    return StoredMessage((boot, sequence), kind, body, (earliest, latest), samples, stands_for)
+
+
+def epitaph(row: Row) -> StoredMessage:
+    """The gap that stands in the place of a record which does not open, and tells of it.
+
+    It takes nobody's number, so that nothing else of the node's order changes; it stands for as
+    many messages as the record did. What the clear columns tell is told as far as a gap can.
+    """
+    position = row.boot, row.sequence
+    earliest, latest = (max(-MOST_MOMENT, min(each, MOST_MOMENT)) for each in row[4:6])
+    samples, messages = (max(0, min(each, MOST_COUNT)) for each in row[6:8])
+    time = min(earliest, latest), max(earliest, latest)
+    lost = ((row.boot, row.sequence, row.sequence),)
+    gap = Gap(Place(*position), UNREADABLE, time, messages, samples, lost)
+    return StoredMessage(position, GAP, gap.encode(), time, samples, messages)

@@ -1,0 +1,148 @@
+"""The emulated microcontroller: its time, its interrupts, its power, its resets."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Final
+
+from eskin.wire.messages import ResetCause
+from eskin_sensor_node.machine.events import EventQueue, Timer
+from eskin_sensor_node.machine.ledger import Ledger
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+log = logging.getLogger(__name__)
+
+START_UP: Final = 20_000_000
+"""ns from a reset to the firmware's first instruction: supply and oscillator settle, ROM loads."""
+
+
+class Machine:
+    """Runs events one after the other; a reset stops those of the firmware, and starts it anew.
+
+    Hardware (supply, radio) puts its timers into `events`, where they go on through every reset.
+    The firmware's interrupts are timers, too; a reset clears them.
+
+    Args:
+        timeout: ns after its last kick at which the watchdog resets the machine.
+        clock_hz: Cycles of its processor a second.
+
+    Attributes:
+        events: Everything that is going to happen, in machine time: nominal ns since the
+            emulation began.
+        on: Whether the firmware has power.
+        cause: Why it started last.
+        booted: Machine time of that start.
+        stopped: Machine time at which it stopped before.
+        resets: How often it was reset.
+        ledger: What it has done.
+        starting: Whether the firmware is to start before the next event.
+    """
+
+    def __init__(self, *, timeout: int, clock_hz: int) -> None:
+        self.events = EventQueue()
+        self.ledger = Ledger(clock_hz)
+        self.on = False
+        self.cause = ResetCause.POWER_ON
+        self.booted = self.stopped = 0
+        self.resets = 0
+        self.starting = False
+        self._timeout = timeout
+        self._kicked = 0
+        self._hung: int | None = None
+        self._interrupts: set[Timer] = set()
+        self._watchdog = Timer(self._bite, 0)
+        self._start_up = Timer(self.power_on, 0)
+
+    @property
+    def now(self) -> int:
+        """Machine time in ns."""
+        return self.events.now
+
+    @property
+    def running(self) -> bool:
+        """Whether the firmware has power and does not hang."""
+        return bool(self._interrupts)
+
+    def reset(self, cause: ResetCause, lasting: int = START_UP) -> None:
+        """Stop the firmware at once; it starts ``lasting`` ns later, with nothing in its RAM."""
+        self.power_off(cause)
+        self.events.arm(self._start_up, self.now + lasting)
+
+    def power_off(self, cause: ResetCause) -> None:
+        """Stop the firmware at once, until `power_on`; ``cause`` is what its next start tells."""
+        self._start_up.stop()
+        self.starting = False
+        self.cause = cause
+        if not self.on:
+            return
+        if self._hung is not None:
+            self.ledger.charge_hang(self.now - self._hung)
+        self._clear()
+        self._watchdog.stop()
+        self.on = False
+        self.stopped = self.now
+        self.resets += 1
+        log.warning("machine stops: cause=%s at_s=%.3f", cause.label, self.now / 1e9)
+
+    def power_on(self) -> None:
+        """Let the firmware start now, with nothing in its RAM."""
+        if not self.on:
+            self._start_up.stop()
+            self.starting = True
+
+    def boot(self) -> None:
+        """Begin the firmware's life; whoever runs the machine calls it between two events."""
+        self.ledger.charge_off(self.now - self.stopped)
+        self.on, self.starting, self._hung = True, False, None
+        self.booted = self._kicked = self.now
+        self.events.arm(self._watchdog, self.now + self._timeout)
+        # Where nothing else wakes the firmware in time, this does.
+        self.interrupt_every(self._timeout // 2, self.kick)
+
+    def interrupt(self, action: Callable[[], None]) -> Timer:
+        """A timer of the firmware, not yet armed; a reset clears it."""
+        timer = Timer(action, 0)
+        self._interrupts.add(timer)
+        return timer
+
+    def arm(self, timer: Timer, time: int) -> None:
+        """Let an interrupt come at a machine time; not after the firmware has stopped."""
+        if timer in self._interrupts:
+            self.events.arm(timer, time)
+
+    def interrupt_every(self, period: int, action: Callable[[], None]) -> Timer:
+        """A periodic timer of the firmware, in ns; a reset clears it."""
+        timer = self.events.every(period, action)
+        self._interrupts.add(timer)
+        return timer
+
+    def kick(self) -> None:
+        """Tell the watchdog that the firmware goes on."""
+        self._kicked = self.now
+
+    def halt(self) -> None:
+        """Take no interrupt any more, as a processor that hangs; the watchdog goes on."""
+        self._hung = self.now
+        self._clear()
+
+    def run(self, time: int, most: int) -> None:
+        """Run at most so many events up to a machine time, and stop where the firmware starts."""
+        events = self.events
+        for _ in range(most):
+            if self.starting or events.next_due > time:
+                return
+            events.step()
+
+    def _bite(self) -> None:
+        due = self._kicked + self._timeout
+        if self.now < due:
+            self.events.arm(self._watchdog, due)
+        else:
+            self.reset(ResetCause.WATCHDOG)
+
+    def _clear(self) -> None:
+        for timer in self._interrupts:
+            timer.stop()
+        self._interrupts.clear()

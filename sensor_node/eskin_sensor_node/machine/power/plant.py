@@ -1,0 +1,71 @@
+"""A machine that lives on its supply: harvest in, work out, brown-out and recovery."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.wire.messages import ResetCause
+from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.machine.power.harvest import Harvester, Layers
+from eskin_sensor_node.machine.power.supply import Supply
+from eskin_sensor_node.machine.work_counters import WorkCounters
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from eskin_sensor_node.machine.machine import Machine
+    from eskin_sensor_node.machine.power.settings import EnergySection
+    from eskin_sensor_node.taxels import AnyTaxel
+
+STEP: Final = BILLION // 4
+"""ns from one look at the supply to the next."""
+
+
+class PowerPlant:
+    """Hardware beside the machine: it goes on through every reset.
+
+    Args:
+        machine: Which it feeds, and stops below the brown-out voltage.
+        section: Data sheets of its parts.
+        taxels: Those whose touches it harvests.
+        seed: Draws the true parts, the same at each start.
+        watch: Takes, while the firmware runs, the supply's code and the work since the last look.
+    """
+
+    def __init__(
+        self,
+        machine: Machine,
+        section: EnergySection,
+        *,
+        taxels: Sequence[AnyTaxel],
+        seed: tuple[int, ...],
+        watch: Callable[[int, WorkCounters], None],
+    ) -> None:
+        random = np.random.default_rng(seed)
+        self.supply = Supply(section, random)
+        self._layers = Layers(section, random)
+        self._harvester = Harvester(taxels)
+        self._machine = machine
+        self._watch = watch
+        self._passed = machine.now
+        machine.events.every(STEP, self.look)
+
+    def look(self) -> None:
+        """Let the supply live up to the present, and the firmware see it."""
+        machine, supply = self._machine, self.supply
+        span = machine.now - self._passed
+        self._passed = machine.now
+        # Without power it works nothing, and its ledger is closed.
+        work = WorkCounters(span=span)
+        if machine.on:
+            work = machine.ledger.take(machine.now)._replace(span=span)
+        touches = self._harvester.touches(machine.now / BILLION)
+        supply.pass_span(work, self._layers.energy(touches))
+        if machine.on and supply.failing:
+            machine.power_off(ResetCause.BROWN_OUT)
+        elif not machine.on and machine.cause == ResetCause.BROWN_OUT and supply.restored:
+            machine.power_on()
+        if machine.running:
+            self._watch(supply.code(), work)

@@ -1,0 +1,112 @@
+"""What the firmware's operations take of the processor: cycles, at least and at most.
+
+Instructions of the inner operations are counted: in C, compiled for the emulated Cortex-M33, run in
+QEMU, and equal to the firmware's Python to the same bit (``tests.robustness.cortex_m33`` writes the
+table, and compares with it). An instruction's cycles are bounded, by the Cortex-M4's table. What
+nothing counts is assumed, and stands here.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from importlib.resources import files
+from math import ceil, floor
+from typing import TYPE_CHECKING, Final, NamedTuple
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+BILLION: Final = 1_000_000_000
+
+
+class Cycles(NamedTuple):
+    """Of the processor.
+
+    Attributes:
+        least: So many at least.
+        most: So many at most.
+    """
+
+    least: int
+    most: int
+
+    def plus(self, other: Cycles) -> Cycles:
+        """Both."""
+        return Cycles(self.least + other.least, self.most + other.most)
+
+    def times(self, n: int) -> Cycles:
+        """So many times the same."""
+        return Cycles(n * self.least, n * self.most)
+
+    def span(self, clock_hz: int) -> int:
+        """How many ns they take at most."""
+        return self.most * BILLION // clock_hz
+
+
+NONE: Final = Cycles(0, 0)
+"""No work at all."""
+
+
+def _counted() -> dict[str, Cycles]:
+    """The counted ones, from the table."""
+    text = files("eskin_sensor_node.machine").joinpath("instructions.toml").read_text("utf-8")
+    table = tomllib.loads(text)
+    rates = table["cycles"]
+    return {
+        name: Cycles(floor(low * rates[name][0]), ceil(high * rates[name][1]))
+        for name, (low, high) in table["instructions"].items()
+    }
+
+
+PRICES: Final[Mapping[str, Cycles]] = _counted() | {
+    "interrupt": Cycles(100, 200),
+    "frame": Cycles(2_000, 10_000),
+    "message": Cycles(20_000, 60_000),
+}
+"""Of each operation; assumed are an interrupt (entry, taking codes out of a buffer, exit), a frame
+(schedule, states) and a message (flash driver, MQTT, TLS records, IP)."""
+ENVELOPE: Final = 160
+"""Bytes of COSE_Encrypt0 around a message: headers, salt, key names, tag."""
+_SEALED: Final = 2
+"""How often a message is enciphered: in its envelope, and in TLS."""
+
+
+def inversion(chain: str, n: int, neighbours: int, new: Mapping[str, int]) -> Cycles:
+    """Of the inversion of a frame.
+
+    Args:
+        chain: The taxel's.
+        n: Samples.
+        neighbours: How many were measured at the same instants.
+        new: Of each sensor that is read along, its chain, and how many codes were new.
+    """
+    total = PRICES[chain].plus(PRICES["neighbour"].times(neighbours))
+    total = total.plus(PRICES["remembered"].times(len(new))).times(n)
+    for sensor, times in new.items():
+        total = total.plus(PRICES[f"new_{sensor}"].times(times))
+    return total
+
+
+def passes(*, rest: bool, peaks: bool, smoothed: bool = False) -> Cycles:
+    """Of the passes over a channel's bounds, each sample: its rest, smoothing, the search."""
+    names = (("rest", rest), ("peaks", peaks), ("smoothing", smoothed))
+    total = NONE
+    for name, done in names:
+        total = total.plus(PRICES[name]) if done else total
+    return total
+
+
+def message(size: int, encoding: str | None = None, samples: int = 0) -> Cycles:
+    """Of a message of so many bytes that is written, kept, and sent.
+
+    Args:
+        size: Its bytes, without its envelope.
+        encoding: Of its samples; ``None``: it has none.
+        samples: How many.
+    """
+    sealed = PRICES["seal_byte"].times(size + ENVELOPE).plus(PRICES["seal_message"]).times(_SEALED)
+    total = PRICES["message"].plus(sealed)
+    if encoding is None:
+        return total.plus(PRICES["peak"])
+    written = PRICES[f"encode_{encoding}"].times(samples).plus(PRICES[f"block_{encoding}"])
+    return total.plus(written)

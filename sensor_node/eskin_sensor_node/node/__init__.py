@@ -1,0 +1,1 @@
+"""One node: taxels sampled, measured and stored by the firmware on its machine."""

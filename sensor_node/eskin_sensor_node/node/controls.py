@@ -1,0 +1,151 @@
+"""What can be set of a node from afar, in the words of robot skin."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from eskin.errors import CommandError
+from eskin.wire.messages.command_schema import WHOLE_NODE, Mode, place_of
+from eskin_sensor_node.machine.crystal import BILLION
+
+if TYPE_CHECKING:
+    from eskin.wire.messages.command_schema import Arguments, State, Value
+    from eskin_sensor_node.firmware.message_writer import Record
+    from eskin_sensor_node.node.node import Node
+    from eskin_sensor_node.node.taxel import EmulatedTaxel
+
+_OF_TAXEL: Final = ("adaptive", "gain", "smoothing", "rate", "mode")
+
+
+class NodeControls:
+    """Sets a node between two frames; safe for several threads.
+
+    Args:
+        node: The node.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node = node
+        self._taxels = {taxel.name: taxel for taxel in node.taxels}
+
+    def apply(self, name: str, arguments: Arguments) -> State:
+        """Do what a command asks, whole or not at all.
+
+        Args:
+            name: ``calibrate``, ``set`` or ``reset``.
+            arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
+
+        Returns:
+            How the node is set now.
+
+        Raises:
+            CommandError: A taxel or channel is not there, or it samples at most more slowly.
+        """
+        taxels = self._chosen(place_of(arguments))
+        if "rate" in arguments:
+            for taxel in taxels:
+                _require_rate(taxel, arguments["rate"])
+        with self._node.between_frames() as said:
+            for taxel in taxels:
+                if name == "calibrate":
+                    taxel.control_unit.calibrate()
+                elif name == "reset":
+                    said.extend(taxel.reset())
+                else:
+                    said.extend(_set(taxel, arguments))
+        return self._state()
+
+    def restore(self, state: State) -> State:
+        """Take up, at a start, what was reported before; what does not fit any more is left out.
+
+        Args:
+            state: The last reported one; empty where there is none.
+
+        Returns:
+            How the node is set now.
+        """
+        with self._node.between_frames() as said:
+            for place, settings in state.items():
+                taxel = self._taxels.get(place.partition(".")[0])
+                if taxel is not None:
+                    said.extend(_restore(taxel, place, settings))
+        return self._state()
+
+    def _chosen(self, place: str) -> list[EmulatedTaxel]:
+        if place == WHOLE_NODE:
+            return list(self._taxels.values())
+        name, _, quantity = place.partition(".")
+        taxel = self._taxels.get(name)
+        if taxel is None:
+            raise CommandError("taxel", name, ", ".join(self._taxels))
+        channels = [unit.channel.name for unit in taxel.control_unit.units]
+        if quantity and place not in channels:
+            raise CommandError("channel", place, ", ".join(channels))
+        return [taxel]
+
+    def _state(self) -> State:
+        state: State = {}
+        for name, taxel in self._taxels.items():
+            unit = taxel.control_unit
+            state[name] = {
+                "adaptive": "on" if unit.adaptive else "off",
+                "gain": unit.adaptation.gain,
+                "smoothing": unit.smoothing,
+                "rate": BILLION / unit.schedule.dt,
+                "mode": unit.mode,
+            }
+            for channel in unit.units:
+                if channel.threshold > 0.0:
+                    state[channel.channel.name] = {"threshold": channel.threshold}
+        return state
+
+
+def _set(taxel: EmulatedTaxel, arguments: Arguments) -> list[Record]:
+    said: list[Record] = []
+    unit = taxel.control_unit
+    if "threshold" in arguments:
+        names = [each.channel.name for each in unit.units]
+        k = names.index(str(arguments["channel"]))
+        said += unit.set_threshold(k, float(arguments["threshold"]))
+    if "adaptive" in arguments:
+        said += taxel.adapt(on=arguments["adaptive"] == "on")
+    if "gain" in arguments:
+        said += taxel.amplify(float(arguments["gain"]))
+    if "smoothing" in arguments:
+        said += unit.smooth(float(arguments["smoothing"]))
+    if "rate" in arguments:
+        said += taxel.sample_every(_period(arguments["rate"]))
+    if "mode" in arguments:
+        unit.mode = str(arguments["mode"])
+    return said
+
+
+def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> list[Record]:
+    unit = taxel.control_unit
+    arguments = {key: value for key, value in settings.items() if key in _OF_TAXEL}
+    if arguments.get("mode") not in (None, *Mode):
+        del arguments["mode"]
+    if "rate" in arguments and not _is_allowed(taxel, arguments["rate"]):
+        del arguments["rate"]
+    if place in [each.channel.name for each in unit.units] and "threshold" in settings:
+        arguments = {"channel": place, "threshold": settings["threshold"]}
+    if arguments.get("adaptive") == ("on" if unit.adaptive else "off"):
+        del arguments["adaptive"]
+    # What is as designed needs no change, and costs no peaks.
+    if arguments.get("rate") == BILLION / unit.schedule.dt:
+        del arguments["rate"]
+    return _set(taxel, arguments)
+
+
+def _period(rate: Value) -> int:
+    return round(BILLION / float(rate))
+
+
+def _is_allowed(taxel: EmulatedTaxel, rate: Value) -> bool:
+    return _period(rate) >= taxel.control_unit.designed.dt
+
+
+def _require_rate(taxel: EmulatedTaxel, rate: Value) -> None:
+    if not _is_allowed(taxel, rate):
+        most = BILLION / taxel.control_unit.designed.dt
+        raise CommandError("rate", rate, f"at most {most:g}, for which {taxel.name} was designed")

@@ -1,0 +1,330 @@
+"""What the emulator knows and its nodes do not: the true samples behind every block.
+
+A file of its own for a node, or for a whole fleet, written before the flash's commit, so that every
+stored block has its truth.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections import defaultdict
+from contextlib import ExitStack, closing, contextmanager, nullcontext
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.errors import FlashError, LockedError
+from eskin.runtime.files.lock import LockFile
+from eskin.runtime.sqlite_integrity import UNREADABLE, why
+from eskin.wire.messages import Position
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+    from contextlib import AbstractContextManager
+    from pathlib import Path
+
+    from eskin.interval import Floats
+
+_SCHEMA: Final = """
+CREATE TABLE IF NOT EXISTS fact (key TEXT PRIMARY KEY, value INTEGER NOT NULL) STRICT;
+CREATE TABLE IF NOT EXISTS supply (
+    node TEXT PRIMARY KEY,
+    time INTEGER NOT NULL,   -- true UTC, ns since 1970
+    energy REAL NOT NULL     -- what it held then, in J
+) STRICT;
+CREATE TABLE IF NOT EXISTS truth (
+    id INTEGER PRIMARY KEY,  -- in the order of their making
+    node TEXT NOT NULL,
+    boot INTEGER NOT NULL,
+    sequence INTEGER NOT NULL,
+    channel TEXT NOT NULL,
+    time INTEGER NOT NULL,   -- true UTC of the first sample, ns since 1970
+    dt INTEGER NOT NULL,     -- sampling period in ns
+    samples BLOB NOT NULL    -- float64, little endian
+) STRICT;
+CREATE TABLE IF NOT EXISTS settled (
+    node TEXT NOT NULL,
+    boot INTEGER NOT NULL,
+    sequence INTEGER NOT NULL, -- below it all was in flash, or is named by a gap
+    PRIMARY KEY (node, boot)
+) STRICT, WITHOUT ROWID;
+CREATE UNIQUE INDEX IF NOT EXISTS truth_position ON truth (boot, sequence, node);
+"""
+_INSERT: Final = (
+    "INSERT OR REPLACE INTO truth (node, boot, sequence, channel, time, dt, samples) "
+    "VALUES (?,?,?,?,?,?,?)"
+)
+_KEEP: Final = "INSERT OR REPLACE INTO fact VALUES (?, ?)"
+_LATER: Final = (
+    "INSERT INTO fact VALUES ('end', ?) ON CONFLICT (key) DO UPDATE SET value = max(value, ?1)"
+)
+_SETTLED: Final = "INSERT OR REPLACE INTO settled VALUES (?, ?, ?)"
+_SLACK: Final = 128
+_FORGOTTEN_AT_ONCE: Final = 64
+
+
+@dataclass(frozen=True, slots=True)
+class TrueBlock:
+    """The truth behind one block.
+
+    Attributes:
+        position: The block's boot and sequence.
+        channel: ``{taxel}.{quantity}``.
+        time: True UTC of the first sample, ns.
+        dt: Sampling period, ns.
+        values: True values in the channel's unit, without noise.
+    """
+
+    position: Position
+    channel: str
+    time: int
+    dt: int
+    values: Floats
+
+    @property
+    def end(self) -> int:
+        """True UTC after the last sample, ns."""
+        return self.time + self.dt * len(self.values)
+
+
+class GroundTruth:
+    """The emulator's own record. One process writes, others may read meanwhile.
+
+    Args:
+        path: Database file; made if missing.
+        limit: Bytes of samples to keep; the oldest give way.
+
+    Raises:
+        FlashError: It cannot be opened.
+    """
+
+    def __init__(self, path: Path, *, limit: int) -> None:
+        self._path = path
+        self._limit = limit
+        try:
+            with ExitStack() as opened:
+                self._owner = opened.enter_context(LockFile(path))
+                self._db = opened.enter_context(closing(_connect(path)))
+                self._db.executescript(_SCHEMA)
+                self._used = int(
+                    self._db.execute(
+                        f"SELECT coalesce(sum(length(samples) + {_SLACK}), 0) FROM truth"  # noqa: S608 - a constant
+                    ).fetchone()[0]
+                )
+                opened.pop_all()
+        except LockedError as error:
+            raise FlashError(f"{path}: another node keeps its truth here; stop it first") from error
+        except (OSError, *UNREADABLE) as error:
+            raise FlashError(f"{path}: the truth cannot be opened: {why(error)}") from error
+
+    @classmethod
+    def read(
+        cls, path: Path, positions: Sequence[Position], *, node: str | None = None
+    ) -> dict[Position, TrueBlock]:
+        """Read the truth behind some blocks, also while a node writes.
+
+        Args:
+            path: Database file.
+            positions: Of the blocks.
+            node: Whose; ``None`` where the file has but one.
+
+        Returns:
+            What is (still) there.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        query = "SELECT channel, time, dt, samples FROM truth WHERE boot = ? AND sequence = ?"
+        found: dict[Position, TrueBlock] = {}
+        with _reading(path) as db:
+            for position in positions:
+                row = db.execute(*_of(node, query, position.boot, position.sequence)).fetchone()
+                if row is not None:
+                    values = np.frombuffer(row[3], dtype="<f8").astype(np.float64)
+                    found[position] = TrueBlock(position, row[0], row[1], row[2], values)
+        return found
+
+    @classmethod
+    def made(cls, path: Path) -> dict[str, list[Position]]:
+        """Positions of all blocks whose truth is there, in order, of each node.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        query = "SELECT node, boot, sequence FROM truth ORDER BY boot, sequence"
+        found: dict[str, list[Position]] = defaultdict(list)
+        with _reading(path) as db:
+            for node, boot, sequence in db.execute(query):
+                found[node].append(Position(boot, sequence))
+        return dict(found)
+
+    @classmethod
+    def positions(cls, path: Path) -> list[Position]:
+        """The same of a file that has one node.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        return [position for each in cls.made(path).values() for position in each]
+
+    @classmethod
+    def oldest(cls, path: Path, *, node: str | None = None) -> Position | None:
+        """The position of the oldest block whose truth is still there; ``None`` if there is none.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        query, values = _of(node, "SELECT boot, sequence FROM truth WHERE boot >= ?", 0)
+        with _reading(path) as db:
+            row = db.execute(f"{query} ORDER BY boot, sequence LIMIT 1", values).fetchone()
+        return None if row is None else Position(*row)
+
+    def end(self) -> int | None:
+        """True UTC in ns after the latest sample of all that ever was; ``None`` if none was."""
+        return self._fact("end")
+
+    def seed(self, wanted: int | None) -> int:
+        """The seed of all: the wanted one, else the recorded one, else a fresh one; recorded."""
+        seed = self._fact("seed") if wanted is None else wanted
+        if seed is None:
+            seed = int(np.random.SeedSequence().generate_state(1)[0])
+        self._db.execute(_KEEP, ("seed", seed))
+        return seed
+
+    def supply(self, node: str) -> tuple[int, float] | None:
+        """True UTC in ns, and J that a node's supply held then; ``None`` if none was kept."""
+        query = "SELECT time, energy FROM supply WHERE node = ?"
+        row: tuple[int, float] | None = self._db.execute(query, (node,)).fetchone()
+        return row
+
+    def keep_supply(self, node: str, time: int, energy: float) -> None:
+        """Keep how much a node's supply holds at a moment.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        try:
+            self._db.execute("INSERT OR REPLACE INTO supply VALUES (?, ?, ?)", (node, time, energy))
+        except UNREADABLE as error:
+            raise FlashError(f"{self._path}: the truth cannot be written: {why(error)}") from error
+
+    @classmethod
+    def settled(cls, path: Path) -> dict[str, dict[int, int]]:
+        """Of each node and boot: the number below which all was in flash, or is named by a gap.
+
+        Known at the latest `store`; what was committed to flash after it is not in it.
+
+        Raises:
+            FlashError: The file cannot be read.
+        """
+        found: dict[str, dict[int, int]] = defaultdict(dict)
+        with _reading(path) as db:
+            for node, boot, sequence in db.execute("SELECT node, boot, sequence FROM settled"):
+                found[node][boot] = sequence
+        return dict(found)
+
+    def store(
+        self,
+        blocks: Mapping[str, Sequence[TrueBlock]],
+        settled: Mapping[str, tuple[int, int]] | None = None,
+    ) -> None:
+        """Keep the truth behind some blocks of each of some nodes, in one commit.
+
+        Args:
+            blocks: By node.
+            settled: Of each node, the position of its boot below which all was in flash before, or
+                is named by a gap.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        rows = [_row(node, block) for node, each in blocks.items() for block in each]
+        if not rows:
+            return
+        ends = (block.end for each in blocks.values() for block in each)
+        used = self._used + sum(len(row[-1]) + _SLACK for row in rows)
+        with self._commit(), self._writing():
+            self._db.executemany(_INSERT, rows)
+            self._db.execute(_LATER, (max(ends),))
+            settled_rows = [(node, *position) for node, position in (settled or {}).items()]
+            self._db.executemany(_SETTLED, settled_rows)
+            used -= self._drop(used - self._limit)
+        self._used = used
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Make what is stored inside of the block durable at its end, in one commit.
+
+        Raises:
+            FlashError: It cannot be written.
+        """
+        with self._writing():
+            self._db.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+            with self._writing():
+                self._db.execute("COMMIT")
+        finally:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+
+    def _commit(self) -> AbstractContextManager[None]:
+        return nullcontext() if self._db.in_transaction else self.together()
+
+    @contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except UNREADABLE as error:
+            raise FlashError(f"{self._path}: the truth cannot be written: {why(error)}") from error
+
+    def close(self) -> None:
+        """Close the file."""
+        self._db.close()
+        self._owner.close()
+
+    def _fact(self, key: str) -> int | None:
+        row = self._db.execute("SELECT value FROM fact WHERE key = ?", (key,)).fetchone()
+        return None if row is None else int(row[0])
+
+    def _drop(self, excess: int) -> int:
+        """Forget the oldest; gives the bytes that this frees."""
+        freed = 0
+        while freed < excess:
+            rows = self._db.execute(
+                "DELETE FROM truth WHERE id IN (SELECT id FROM truth ORDER BY id LIMIT ?) "
+                "RETURNING length(samples)",
+                (_FORGOTTEN_AT_ONCE,),
+            ).fetchall()
+            if not rows:
+                break
+            freed += sum(row[0] + _SLACK for row in rows)
+        return freed
+
+
+@contextmanager
+def _reading(path: Path) -> Iterator[sqlite3.Connection]:
+    try:
+        with closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode=ro", uri=True)) as db:
+            yield db
+    except UNREADABLE as error:
+        raise FlashError(f"{path}: the truth cannot be read: {why(error)}") from error
+
+
+def _of(node: str | None, query: str, *values: int) -> tuple[str, tuple[int | str, ...]]:
+    """A query for one node."""
+    return (query, values) if node is None else (f"{query} AND node = ?", (*values, node))
+
+
+def _row(node: str, block: TrueBlock) -> tuple[str, int, int, str, int, int, bytes]:
+    samples = block.values.astype("<f8").tobytes()
+    place = node, block.position.boot, block.position.sequence
+    return *place, block.channel, block.time, block.dt, samples
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(path, isolation_level=None, check_same_thread=False)
+    db.execute("PRAGMA journal_mode = WAL")
+    db.execute("PRAGMA synchronous = FULL")
+    return db

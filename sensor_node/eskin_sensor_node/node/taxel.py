@@ -1,0 +1,310 @@
+"""One emulated taxel: its world and analogue chain before, its control unit behind the ADC."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from eskin.errors import FirmwareError
+from eskin.wire.messages import Encoding, Position
+from eskin_sensor_node.firmware.control_unit import ControlUnit
+from eskin_sensor_node.firmware.gap_reasons import UNRECORDED
+from eskin_sensor_node.firmware.message_writer import BLOCK
+from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.machine.data_sheet import data_sheet
+from eskin_sensor_node.machine.prices import Cycles, inversion, message, passes
+from eskin_sensor_node.machine.schedule import build_schedule
+from eskin_sensor_node.node.ground_truth import TrueBlock
+from eskin_sensor_node.node.sample_hold import Reader
+from eskin_sensor_node.node.signal_chain import SignalChain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from types import ModuleType
+
+    from eskin.interval import Floats
+    from eskin_sensor_node.firmware.attention import Attention
+    from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter, Record
+    from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.firmware.selftest import SelfTest
+    from eskin_sensor_node.machine.clock import Clock
+    from eskin_sensor_node.physics import Signals
+    from eskin_sensor_node.settings import SamplingSection
+    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.taxels.companion import Companion
+
+
+class EmulatedTaxel:
+    """Samples one taxel, frame by frame.
+
+    Args:
+        taxel: Its settings.
+        seed: Draws the true parts, the same at each boot.
+        clock: The node's clock.
+        sampling: How samples become blocks.
+        functions: The firmware's arithmetic, or its compiled copy.
+        repeats: How often a sample can be converted again before the next one comes.
+        companions: What it reads along, by the names of its inputs.
+        coverage: Probability that its intervals hold the truth.
+    """
+
+    def __init__(
+        self,
+        taxel: AnyTaxel,
+        *,
+        companions: Mapping[str, Companion],
+        coverage: float,
+        seed: tuple[int, ...],
+        clock: Clock,
+        sampling: SamplingSection,
+        functions: ModuleType,
+        repeats: int,
+    ) -> None:
+        self._taxel = taxel
+        self._inverted: list[int] = []
+        self._seed = seed
+        self._sampling = sampling
+        self._repeats = repeats
+        self._functions = functions
+        self.sensing = SignalChain(taxel, seed, companions)  # what is before its control unit
+        self._companions = companions
+        self._coverage = coverage
+        self._clock = clock
+
+    def boot(self, number: int, message_writer: MessageWriter, attention: Attention) -> None:
+        """Start its control unit, with nothing in its RAM.
+
+        Args:
+            number: The boot's. It draws the noise: each frame's depends on its start alone.
+            message_writer: Writes the node's messages.
+            attention: Says how long its frames are while somebody looks on.
+        """
+        taxel = self._taxel
+        self._boot = number
+        self._attention = attention
+        self._message_writer = message_writer
+        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel, self._companions), self._functions)
+        self.control_unit = ControlUnit(
+            taxel.id,
+            self._calibrated,
+            schedule=build_schedule(taxel, self._sampling.block_samples),
+            coverage=self._coverage,
+            prominences=taxel.prominences,
+            longest=round(taxel.longest_region_s * BILLION),
+            encoding=int(Encoding[self._sampling.encoding.upper()]),
+            repeats=self._repeats,
+            clock=self._clock.known,
+            message_writer=message_writer,
+        )
+        self.reader = Reader(self.control_unit, self.sensing, self._calibrated.inputs)
+        self._inverted = list(self._calibrated.inverted)
+        self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
+        self.next: Frame = self.control_unit.schedule.frame(0)
+        self._adjust()
+
+    @property
+    def name(self) -> str:
+        """The taxel's."""
+        return self.control_unit.name
+
+    @property
+    def inputs(self) -> int:
+        """Of the converter, each of them read at each sample."""
+        return len(self._calibrated.inputs)
+
+    def cycles(self, n: int) -> Cycles:
+        """What the n samples of its latest frame take: inversion, and each channel's passes."""
+        before, self._inverted = self._inverted, list(self._calibrated.inverted)
+        chains = [each.taxel.chain for each in self._companions.values()]
+        counts = [now - then for then, now in zip(before, self._inverted, strict=True)]
+        new = dict(zip(chains, counts, strict=True))
+        measured = n + self.reader.repeats.samples
+        unit = self.control_unit
+        total = inversion(self._taxel.chain, measured, unit.known_neighbours, new)
+        for each in unit.units:
+            sought, smoothed = each.detector is not None, each.smoothing.weight > 0.0
+            total = total.plus(
+                passes(rest=each.baseline.known, peaks=sought, smoothed=sought and smoothed).times(
+                    n
+                )
+            )
+        return total
+
+    def writing(self, record: Record) -> Cycles:
+        """What a message of its takes until it is sent."""
+        encoding = self._sampling.encoding if record.kind == BLOCK else None
+        return message(len(record.body), encoding, record.samples)
+
+    @property
+    def channels(self) -> list[Channel]:
+        """What it measures."""
+        return self.control_unit.channels
+
+    def sample(self) -> tuple[list[Record], list[TrueBlock]]:
+        """Take the next frame: what the node says of it, and the truth behind its blocks.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        frame = self.next
+        signals, random = self._sense(frame)
+        records: list[Record] = []
+        true_blocks: list[TrueBlock] = []
+        for begin, end, present in signals.runs(frame.n):
+            part = frame.part(begin, end)
+            if present:
+                said, truth = self._measure(part, signals.part(begin, end), random)
+                records += said
+                true_blocks += truth
+            else:
+                records += self._miss(part)
+        self._go_on()
+        return records, true_blocks
+
+    def take(self) -> None:
+        """Measure the next frame, which has no gaps, and say nothing yet.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        signals, random = self._sense(self.next)
+        digitised = self.sensing.digitise(signals.sensed, random)
+        self._truth = signals.truth | digitised.truth
+        with self._watched():
+            self.control_unit.measure(self.next, self.reader.read(digitised))
+
+    def separate(self) -> None:
+        """Take back what neighbours have handed on, which are measured, too.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        with self._watched():
+            self.control_unit.separate()
+
+    def tell(self) -> tuple[list[Record], list[TrueBlock]]:
+        """What the node says of the frame that was taken, and the truth behind its blocks.
+
+        Raises:
+            FirmwareError: The firmware failed.
+        """
+        frame = self.next
+        with self._watched():
+            records = self.control_unit.tell()
+        self._go_on()
+        return records, self._told(frame, records, self._truth)
+
+    def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
+        self.reader.begin()
+        random = np.random.default_rng((*self._seed, self._boot, frame.start))
+        seconds = self._clock.seconds(frame, triggered=self.control_unit.schedule.burst > 0)
+        return self.sensing.signals(seconds, random), random
+
+    def _measure(
+        self, frame: Frame, signals: Signals, random: np.random.Generator
+    ) -> tuple[list[Record], list[TrueBlock]]:
+        digitised = self.sensing.digitise(signals.sensed, random)
+        truth = signals.truth | digitised.truth
+        ends = [self.sensing.digitise(end, random) for end in signals.ends]
+        with self._watched():
+            readings = [self.reader.read(each) for each in ends or [digitised]]
+            records = self.control_unit.process(frame, *readings)
+        return records, self._told(frame, records, truth)
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        try:
+            yield
+        except Exception as error:
+            raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
+
+    def _told(
+        self, frame: Frame, records: list[Record], truth: Mapping[str, Floats]
+    ) -> list[TrueBlock]:
+        """The truth behind blocks; the hardware is set for the next frame."""
+        self._adjust()
+        time = self._clock.true_time(frame.start)
+        return [
+            TrueBlock(
+                Position(self._boot, record.sequence),
+                record.channel,
+                time,
+                frame.dt,
+                truth[self._quantities[record.channel]],
+            )
+            for record in records
+            if record.kind == BLOCK
+        ]
+
+    def _miss(self, frame: Frame) -> list[Record]:
+        """Say that there was nothing to sample."""
+        known = self._clock.known
+        time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
+        records = self.control_unit.skip(frame.n)
+        return [*records, self._message_writer.gap(UNRECORDED, time, frame.n * len(self.channels))]
+
+    def show(self, number: int, test: SelfTest) -> None:
+        """Let the node's self-test see the last frame of the first quantity."""
+        unit = self.control_unit.units[0]
+        test.take(number, unit.lows, unit.highs, unit.filled)
+
+    def amplify(self, gain: float) -> list[Record]:
+        """Set the amplifier before the converter; gives undecided peaks."""
+        records = self.control_unit.amplify(gain)
+        self._adjust()
+        return records
+
+    def adapt(self, *, on: bool) -> list[Record]:
+        """Let the node set gain, trimmer and plates, or go back to the designed ones."""
+        records = self.control_unit.adapt(int(on))
+        self._adjust()
+        return records
+
+    def sample_every(self, dt: int) -> list[Record]:
+        """Sample with another period, ns, from the next frame on; gives undecided peaks."""
+        records = self.control_unit.sample_every(dt, self.next.start)
+        self.next = self.control_unit.schedule.frame(0)
+        return records
+
+    def reset(self) -> list[Record]:
+        """Go back to the design; gives undecided peaks."""
+        records = self.control_unit.reset(self.next.start)
+        self._adjust()
+        self.next = self.control_unit.schedule.frame(0)
+        return records
+
+    def skip(self, ticks: int) -> tuple[list[Record], int]:
+        """Pass over all frames that begin before a moment.
+
+        Returns:
+            The peaks that stay undecided, and how many samples were lost, over all channels.
+        """
+        lost = 0
+        while self.next.start < ticks:
+            lost += self.next.n
+            self._go_on()
+        return self.control_unit.skip(lost), lost * len(self.channels)
+
+    def missed(self, ticks: int) -> int:
+        """Samples that were due before a moment and not told, over all channels."""
+        due = self.control_unit.schedule.before(ticks)
+        left_out = self.control_unit.left_out
+        return max(0, due - self.next.first) * len(self.channels) + left_out
+
+    def finish(self) -> list[Record]:
+        """The peaks that stay undecided at the end."""
+        return self.control_unit.skip(0)
+
+    def _go_on(self) -> None:
+        """The next frame; a short one while somebody looks on and the supply allows it."""
+        unit = self.control_unit
+        begin = self.next.end
+        most = 0 if unit.shed else self._attention.most(begin, unit.schedule.dt)
+        self.next = unit.schedule.following(self.next, most)
+
+    def _adjust(self) -> None:
+        """Set the hardware as the control unit has chosen, for the next frame."""
+        self.sensing.adjust(self.control_unit.adaptation)

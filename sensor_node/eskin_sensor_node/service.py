@@ -1,0 +1,119 @@
+"""A node as a process: samples in the main thread, publishes in another."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from eskin.identity import Identity
+from eskin.runtime.memory import freeze_gc
+from eskin_sensor_node.link.publisher import Publisher
+from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
+from eskin_sensor_node.machine.compilation import compiled_inversion
+from eskin_sensor_node.machine.compiled_writer import CompiledWriter
+from eskin_sensor_node.machine.radio import Radio
+from eskin_sensor_node.node.commands import Commander
+from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.factory import build_node, build_outbox, open_flash
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from eskin_sensor_node.node.offline import warm_up
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+    from eskin_sensor_node.firmware.outbox import Outbox
+    from eskin_sensor_node.settings import NodeSettings
+
+log = logging.getLogger(__name__)
+
+_OF_RADIO: Final = 0x7AD10
+"""Tells the radio's random numbers from all others of a seed."""
+_SHORTEST_TICK_S: Final = 0.005
+_SHORTEST_FAST_TICK_S: Final = 0.05
+"""A fast emulation takes several frames in one commit."""
+
+
+def run(settings: NodeSettings) -> None:
+    """Run until SIGTERM or SIGINT.
+
+    Raises:
+        FlashError: Flash or truth cannot be opened.
+        IdentityError: A key or certificate cannot be used.
+        PrivacyError: The key of the flash cannot be had.
+    """
+    stop = threading.Event()
+
+    def end(number: int, _frame: FrameType | None) -> None:
+        log.info("ending: signal=%s", signal.Signals(number).name)
+        stop.set()
+
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, end)
+    truth = GroundTruth(settings.truth.path, limit=settings.truth.limit_bytes)
+    flash = open_flash(settings)
+    try:
+        outbox = build_outbox(
+            flash,
+            capacity=settings.flash.capacity_bytes,
+            broker=settings.broker,
+            message_writer=CompiledWriter,
+        )
+        _serve(settings, outbox, truth, stop)
+    finally:
+        flash.close()
+        truth.close()
+
+
+def _serve(
+    settings: NodeSettings, outbox: Outbox, truth: GroundTruth, stop: threading.Event
+) -> None:
+    own = settings.node
+    warm_up(settings)
+    node, clock = build_node(settings, outbox=outbox, truth=truth, functions=compiled_inversion())
+    commander = Commander(
+        outbox,
+        own=Identity.load(settings.identity.directory),
+        cloud=settings.identity.cloud,
+        controls=NodeControls(node),
+        enclosure=lambda: clock.known.enclosure(clock.ticks()),
+    )
+    commander.start()
+    node.at_start = commander.start
+
+    def take_command(signed: bytes) -> None:
+        with node.still():
+            commander.take(signed)
+
+    publisher = Publisher(
+        outbox,
+        node=RadioCallbacks(
+            node.record_status, take_command, node.attend, is_running=lambda: node.machine.running
+        ),
+        radio=Radio(
+            settings.radio,
+            now=clock.now,
+            random=np.random.default_rng((truth.seed(own.seed), outbox.boot, _OF_RADIO)),
+            meter=node.machine.ledger,
+        ),
+        speed=own.speed,
+        broker=settings.broker,
+        identity=settings.identity,
+    )
+    publisher.start()
+    freeze_gc()
+    log.info("running: node=%s boot=%d speed=%g", own.name, outbox.boot, own.speed)
+    shortest = _SHORTEST_TICK_S if own.speed <= 1.0 else _SHORTEST_FAST_TICK_S
+    while not stop.is_set():
+        wait = max(clock.seconds_until(node.next_due), shortest)
+        if stop.wait(wait):
+            break
+        node.advance(clock.now())
+        publisher.notify()
+    node.finish()
+    publisher.notify()
+    publisher.stop()
+    log.info("ended: node=%s waiting=%d", own.name, outbox.messages)

@@ -1,0 +1,1 @@
+"""Tools on top of the emulator: labelled datasets and energy budgets."""

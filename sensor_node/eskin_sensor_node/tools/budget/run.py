@@ -1,0 +1,71 @@
+"""The firmware, run over its scenario as fast as it can, and what it did."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final, TypeAlias
+
+from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.node.offline import offline_node
+from eskin_sensor_node.tools.budget.traffic import received_for, sent_for
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eskin_sensor_node.machine.work_counters import WorkCounters
+    from eskin_sensor_node.node.offline import OfflineNode
+    from eskin_sensor_node.settings import NodeSettings
+
+_STEP: Final = 5
+"""Emulated seconds between two looks at flash."""
+Progress: TypeAlias = "Callable[[int], None]"
+
+
+def work_of(
+    settings: NodeSettings, mode: str, seconds: int, progress: Callable[[int], None]
+) -> WorkCounters:
+    """What one node does in some emulated seconds.
+
+    Args:
+        settings: The node's; no load is shed.
+        mode: Of all its taxels: ``samples``, ``adaptive`` or ``peaks``.
+        seconds: How long.
+        progress: Takes how many emulated seconds have passed since it was called.
+    """
+    with offline_node(settings) as offline:
+        return _run(offline, settings, mode, seconds, progress)
+
+
+def _run(
+    offline: OfflineNode,
+    settings: NodeSettings,
+    mode: str,
+    seconds: int,
+    progress: Progress,
+) -> WorkCounters:
+    node = offline.node
+    for taxel in node.taxels:
+        taxel.control_unit.mode = mode
+        taxel.control_unit.calibrate()
+    second = told = 0
+    while second < seconds:
+        passed = min(_STEP, seconds - second)
+        second += passed
+        offline.run_until(second * BILLION)
+        if second >= told:
+            node.record_status()
+            told += round(settings.broker.status_s)
+        _send(offline)
+        progress(passed)
+    return node.machine.ledger.take(node.machine.now)
+
+
+def _send(offline: OfflineNode) -> None:
+    """All that waits goes out once, and is acknowledged."""
+    ledger = offline.node.machine.ledger
+    waiting = offline.flash.after((-1, -1), 1_000_000)
+    for kept in waiting:
+        ledger.sent += sent_for(kept)
+        ledger.received += received_for(kept)
+    offline.outbox.acknowledge(
+        [(boot, number, number) for boot, number in (k.position for k in waiting)]
+    )

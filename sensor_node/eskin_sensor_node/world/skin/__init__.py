@@ -1,0 +1,20 @@
+"""A skin: taxels side by side, where they sit, what they do to each other, and which are broken."""
+
+from __future__ import annotations
+
+from eskin_sensor_node.world.skin.crosstalk import Crosstalk, unmix
+from eskin_sensor_node.world.skin.fault import FaultSection, break_off
+from eskin_sensor_node.world.skin.shapes import CylinderShape, FlatShape, HandShape, Shape
+from eskin_sensor_node.world.skin.skin import Skin
+
+__all__ = [
+    "Crosstalk",
+    "CylinderShape",
+    "FaultSection",
+    "FlatShape",
+    "HandShape",
+    "Shape",
+    "Skin",
+    "break_off",
+    "unmix",
+]

@@ -1,0 +1,53 @@
+"""Faults that a scenario injects: its ``[[fault]]`` tables."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from eskin.runtime.settings import Section
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from eskin.interval import Floats
+
+
+class FaultSection(Section):
+    """A taxel that breaks, for good.
+
+    A ``stuck`` one keeps the capacitance or inductance that it has at that moment; a ``dead`` one
+    has an open line, so that its converter saturates.
+    """
+
+    model_config = ConfigDict(strict=True)
+
+    taxel: str = Field(pattern=r"^t[0-9]{2,6}$", description="the one that breaks, such as t05")
+    kind: Literal["stuck", "dead"] = Field(description="stuck or dead")
+    at_s: float = Field(default=0.0, ge=0, description="when")
+
+
+def break_off(
+    values: Floats,
+    seconds: Floats,
+    faults: Sequence[tuple[int, FaultSection]],
+    *,
+    intact: Callable[[Floats], Floats],
+    dead: float,
+) -> None:
+    """Put faults into the signals of some taxels.
+
+    Args:
+        values: Taxels × times; changed in place.
+        seconds: The times.
+        faults: Each with its taxel's row.
+        intact: Gives the values without faults at other times.
+        dead: The value of a taxel whose line is open.
+    """
+    for row, fault in faults:
+        after = seconds >= fault.at_s
+        if np.any(after):
+            stays = dead if fault.kind == "dead" else intact(np.array([fault.at_s]))[row, 0]
+            values[row, after] = stays

@@ -1,7 +1,0 @@
-"""Many nodes in one process."""
-
-from __future__ import annotations
-
-from sensor_node.fleet.service import run as run_fleet
-
-__all__ = ["run_fleet"]

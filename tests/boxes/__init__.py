@@ -1,1 +1,0 @@
-"""Hostile boxes for every model, against high precision (``python -m tests.boxes``)."""

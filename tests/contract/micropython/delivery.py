@@ -1,0 +1,124 @@
+"""Works off a script of what happens to an outbox; runs under CPython and MicroPython alike."""
+
+from eskin_sensor_node.firmware.encoding import F64
+from eskin_sensor_node.firmware.message_writer import RESULT, Channel, Record
+from eskin_sensor_node.firmware.outbox import Outbox
+from eskin_sensor_node.firmware.peaks import CERTAIN, PeakEvent, Span
+
+from tests.contract.micropython.chip import MemoryChip
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
+
+CHANNEL = Channel("t01.capacitance", "F", 1000, 1.0)
+
+
+class Delivery:
+    """An outbox on a chip in memory, and a clock.
+
+    Args:
+        capacity: The outbox's, in bytes.
+        window: Messages under way at once.
+        resend_after: When it sends again.
+        status_every: Time between two status messages.
+    """
+
+    def __init__(self, capacity: int, window: int, resend_after: int, status_every: int) -> None:
+        self._limits = capacity, window, resend_after, status_every
+        self.chip = MemoryChip()
+        self.now = 0
+        self.outbox = self._made()
+
+    def _made(self) -> Outbox:
+        capacity, window, resend_after, status_every = self._limits
+        return Outbox(
+            self.chip,
+            capacity=capacity,
+            window=window,
+            resend_after=resend_after,
+            status_every=status_every,
+        )
+
+    def written(self, kind: str, n: int) -> Record:
+        """A message of a kind; n: samples of a block."""
+        message_writer = self.outbox.message_writer
+        time = self.now, self.now + 5
+        if kind == "block":
+            values = [0.5] * n
+            return message_writer.block(CHANNEL, self.now, time, F64, values, values, n)
+        if kind == "peak":
+            return message_writer.peak(CHANNEL, PeakEvent(CERTAIN, Span(0, 0.0, 1.0)), time, 1.0)
+        if kind == "status":
+            usage = self.outbox.usage()
+            return message_writer.status(time, "p", "", self.now, usage, [CHANNEL], 1)
+        return Record(RESULT, self.outbox.next_sequence(), b"done" * n, time, 0)
+
+    def say(self, *said: "Sequence[Any]") -> "list[int] | None":
+        """Say messages in one batch; gives their numbers, or None if they could not be kept."""
+        try:
+            with self.outbox.batch() as batch:
+                for kind, n in said:
+                    batch.take([self.written(kind, n)])
+        except OSError:
+            return None
+        return [record.sequence for record in batch.records]
+
+    def wear_out(self) -> None:
+        """From here on the chip fails."""
+        self.chip.failing = True
+
+    def repair(self) -> None:
+        """The chip works again."""
+        self.chip.failing = False
+
+    def wait(self, time: int) -> None:
+        """Let time pass."""
+        self.now += time
+
+    def restart(self) -> None:
+        """Lose power and get it back."""
+        self.chip.restart()
+        self.outbox = self._made()
+
+    def connect(self) -> None:
+        """The radio has a connection."""
+        self.outbox.connect(self.now)
+
+    def status_is_due(self) -> bool:
+        """Whether a status is to be recorded."""
+        return self.outbox.tell_status(self.now)
+
+    def send(self, most: int) -> "list[list[Any]]":
+        """What goes out now."""
+        due = self.outbox.due(self.now, most)
+        return [[list(kept.position), kept.kind, kept.body.hex()] for kept in due]
+
+    def leave(self, boot: int, first: int, last: int) -> None:
+        """The radio is rid of messages."""
+        for sequence in range(first, last + 1):
+            self.outbox.left((boot, sequence), self.now)
+
+    def acknowledge(self, *spans: "Sequence[int]") -> "list[bool]":
+        """A gateway has messages; gives whether they were awaited, and could be forgotten."""
+        named = [(span[0], span[1], span[2]) for span in spans]
+        awaited = self.outbox.awaits(named)
+        try:
+            self.outbox.acknowledge(named)
+        except OSError:
+            return [awaited, False]
+        return [awaited, True]
+
+
+def deliver(job: "Mapping[str, Any]") -> "list[Any]":
+    """Give what each step of a script answers, and what waits behind it."""
+    delivery = Delivery(*job["limits"])
+    told: list[Any] = []
+    for name, *given in job["script"]:
+        told.append(getattr(delivery, name)(*given))
+        outbox = delivery.outbox
+        told.append([list(outbox.usage()), list(outbox.held()), outbox.newest_status])
+    waiting = delivery.chip.after((-1, -1), 1000000)
+    told.append([kept.body.hex() for kept in waiting])
+    return told

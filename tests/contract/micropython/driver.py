@@ -1,0 +1,251 @@
+"""Lets the firmware work off a recorded job; runs under CPython and MicroPython alike.
+
+A job is JSON in which every float is the hexadecimal form of its eight bytes, so that no port has
+to parse a decimal, and every great integer is a text.
+"""
+
+import struct
+from array import array
+
+from eskin_sensor_node.firmware.autoranging import Readings
+from eskin_sensor_node.firmware.clock import Clock
+from eskin_sensor_node.firmware.commander import Commander, Refusal
+from eskin_sensor_node.firmware.control_unit import ControlUnit
+from eskin_sensor_node.firmware.energy import EnergyManager
+from eskin_sensor_node.firmware.message_writer import MessageWriter
+from eskin_sensor_node.firmware.schedule import Schedule
+from eskin_sensor_node.firmware.selftest import SelfTest
+from eskin_sensor_node.firmware.taxel import CHAINS
+
+from tests.contract.micropython.cutting import cut
+from tests.contract.micropython.delivery import deliver
+from tests.contract.micropython.examination import examine
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any, Self
+
+    from eskin_sensor_node.firmware.message_writer import Record
+
+    Table = Mapping[str, Any]
+
+
+class Counter:
+    """Counts messages."""
+
+    def __init__(self) -> None:
+        self.next = 0
+
+    def next_sequence(self) -> int:
+        """The next number."""
+        self.next += 1
+        return self.next - 1
+
+
+class Box:
+    """What a commander has around it: an outbox that keeps a batch, and settings that answer."""
+
+    def __init__(self, message_writer: MessageWriter) -> None:
+        self.message_writer = message_writer
+        self.kept: bytes | None = None
+        self.records: list[Record] = []
+        self.answers: list[Any] = []
+
+    def answer(self) -> "bytes | None":
+        return self.kept
+
+    def batch(self) -> "Box":
+        return self
+
+    def __enter__(self) -> "Self":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Nothing is kept on a chip here."""
+
+    def take(self, records: "Sequence[Record]") -> None:
+        self.records += records
+
+    def restore(self, state: "Table") -> "dict[str, Any]":
+        return self.apply("restore", state)
+
+    def apply(self, name: str, arguments: "Table") -> "dict[str, Any]":
+        """Answer as it was answered before; else this is another question."""
+        answer = self.answers.pop(0)
+        asked, given = answer["asked"]
+        wanted = state({"state": given})
+        assert name == asked
+        assert arguments == (wanted if name == "restore" else wanted.get("", {}))
+        if "refusal" in answer:
+            raise Refusal(answer["refusal"])
+        return state(answer)
+
+
+def decide(step: "Table", commander: Commander, box: Box) -> "list[Record]":
+    """Start, or take a command; gives what is said of it."""
+    box.records, box.answers = [], list(step["answers"])
+    if "start" in step:
+        box.kept = step["start"] and bytes.fromhex(step["start"])
+        commander.start(times(step))
+    else:
+        try:
+            commander.take(bytes.fromhex(step["take"]), times(step))
+        except ValueError:
+            assert not box.records
+    assert not box.answers
+    return box.records
+
+
+def real(text: str) -> float:
+    value: float
+    (value,) = struct.unpack("<d", bytes.fromhex(text))
+    return value
+
+
+def reals(table: "Table") -> "dict[str, float]":
+    return {name: real(text) for name, text in table.items()}
+
+
+def control_unit(taxel: "Table", clock: Clock, message_writer: MessageWriter) -> ControlUnit:
+    return ControlUnit(
+        taxel["id"],
+        CHAINS[taxel["kind"]](reals(taxel["sheet"])),
+        schedule=Schedule(*taxel["schedule"]),
+        coverage=real(taxel["coverage"]),
+        prominences=reals(taxel["prominences"]),
+        longest=int(taxel["longest"]),
+        encoding=taxel["encoding"],
+        repeats=taxel["repeats"],
+        clock=clock,
+        message_writer=message_writer,
+    )
+
+
+def run(job: "Table") -> "list[Any]":
+    """Do what a job asks."""
+    if "tubes" in job:
+        return examine(job)
+    if "cut" in job:
+        return cut(job)
+    return deliver(job) if "script" in job else say(job)
+
+
+def say(job: "Table") -> "list[Any]":
+    """Give the bytes of every message, in hexadecimal, and then what each self-test found."""
+    clock = Clock(int(job["reading"]), job["error"], job["drift"])
+    message_writer = MessageWriter(job["boot"], Counter())
+    units = [control_unit(taxel, clock, message_writer) for taxel in job["taxels"]]
+    manager = EnergyManager(reals(job["energy"])) if "energy" in job else None
+    box = Box(message_writer) if "node" in job else None
+    commander = Commander(job["node"], box, box) if box else None  # type: ignore[arg-type]  # all it needs
+    test = SelfTest(job["neighbours"])
+    said: list[Record] = []
+    found: list[Any] = []
+    for step in job["steps"]:
+        if "show" in step:
+            unit = units[step["show"]].units[0]
+            test.take(step["show"], unit.lows, unit.highs, unit.filled)
+        elif "examine" in step:
+            found.append([list(each) for each in test.examine()])
+        elif commander and box and ("take" in step or "start" in step):
+            said += decide(step, commander, box)
+        elif manager and "rest" in step:
+            time = int(step["rest"][0]), int(step["rest"][1])
+            found.append(manager.rest(time).hex())
+        elif manager and "recall" in step:
+            manager.recall(bytes.fromhex(step["recall"]), times(step))
+        elif manager and "supply" in step:
+            manager.watch(step["supply"], tuple([int(text) for text in step["work"]]))
+            for unit in units:
+                unit.shed = manager.stage
+        else:
+            said += work(step, units, message_writer, manager)
+    return [bytes(record.body).hex() for record in said] + found
+
+
+def work(
+    step: "Table",
+    units: "Sequence[ControlUnit]",
+    message_writer: MessageWriter,
+    manager: "EnergyManager | None",
+) -> "list[Record]":
+    if "taxel" not in step:
+        return [tell(step, units, message_writer, manager)]
+    return drive(step, units)
+
+
+def tell(
+    step: "Table",
+    units: "Sequence[ControlUnit]",
+    message_writer: MessageWriter,
+    manager: "EnergyManager | None",
+) -> "Record":
+    if "gap" in step:
+        return message_writer.gap(step["gap"], times(step), step["samples"], taxel=step["broken"])
+    if "status" in step:
+        channels = [channel for unit in units for channel in unit.channels]
+        uptime, storage = int(step["uptime"]), step["storage"]
+        told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
+        energy = manager.told if manager and step["lives"] else None
+        if step["heard"] is not None:
+            message_writer.hear(int(step["heard"]))
+        more = {"energy": energy, "faults": step["faults"], "places": places(step)}
+        more["held"], more["ended"] = step["held"], step["ended"]
+        return message_writer.status(times(step), *told, **more)
+    raise ValueError("an unknown step")
+
+
+def drive(step: "Table", units: "Sequence[ControlUnit]") -> "list[Record]":
+    unit = units[step["taxel"]]
+    if "call" in step:
+        given = zip(step["given"], step["reals"])  # noqa: B905 - MicroPython's zip
+        values = [real(text) if is_real else int(text) for text, is_real in given]
+        return getattr(unit, step["call"])(*values) or []
+    if "skip" in step:
+        return unit.skip(step["skip"])
+    if "tell" in step:
+        unit.broken = step["broken"]
+        return unit.tell()
+    if "codes" in step:
+        taken = [readings(unit, each) for each in step["codes"]]
+        unit.measure(unit.schedule.frame(step["frame"]).part(*step["part"]), *taken)
+    elif "separate" in step:
+        unit.separate()
+    else:
+        unit.surround([units[k] for k in step["around"]], step["of"])
+    return []
+
+
+def readings(unit: ControlUnit, given: "Table") -> Readings:
+    """The codes as they came, converted again as the firmware wants it."""
+    made = Readings(
+        [array("i", each) for each in given["first"]],
+        [array("b", bytes(len(given["first"][0]))) for _ in range(given["ranges"])],
+    )
+    for i, k, answers in given["again"]:
+        left = list(answers)
+
+        def hold(gain: float, trim: int, left: "list[Any]" = left) -> int:
+            asked, code = left.pop(0)
+            assert asked == [struct.pack("<d", gain).hex(), trim]
+            return int(code)
+
+        unit.repeat(made, i, k, hold)
+        assert not left
+    return made
+
+
+def state(step: "Table") -> "dict[str, dict[str, float | str]]":
+    found: dict[str, dict[str, float | str]] = {}
+    for place, name, is_real, text in step["state"]:
+        found.setdefault(place, {})[name] = real(text) if is_real else text
+    return found
+
+
+def places(step: "Table") -> "list[tuple[str, float, float]]":
+    return [(taxel, real(x), real(y)) for taxel, x, y in step["places"]]
+
+
+def times(step: "Table") -> "tuple[int, int]":
+    return int(step["time"][0]), int(step["time"][1])

@@ -1,0 +1,50 @@
+// Measures what a node's control units keep in MicroPython's heap, a 32-bit port as microcontrollers have:
+// node memory.mjs FOLDER_OF_SENSOR_NODE JOB_FILE ANSWER_FILE
+// This port collects garbage only between two calls from outside, hence one call a step.
+import { writeFileSync } from 'node:fs';
+import { loadPort } from './port.mjs';
+
+const [room, job, answer] = process.argv.slice(2);
+const port = await loadPort(room, job, { heapsize: 1 << 24 });
+
+function used() {
+  port.runPython('gc.collect()');
+  port.runPython('used = gc.mem_alloc()');
+  return port.globals.get('used');
+}
+
+port.runPython('import gc, json, sys; sys.path.append("/")');
+const empty = used();
+for (const name of port.FS.readdir('/sensor_node/eskin_sensor_node/firmware').filter((name) => !name.startsWith('.'))) {
+  if (name !== '__init__.py') port.runPython(`import eskin_sensor_node.firmware.${name.replace('.py', '')}`);
+}
+const loaded = used();
+port.runPython('from tests.micropython import driver');
+port.runPython(`
+with open('/job.json') as file:
+    job = json.load(file)
+clock = driver.Clock(int(job['reading']), job['error'], job['drift'])
+scribe = driver.Scribe(job['boot'], driver.Counter())
+units = []
+given = iter(job['taxels'])
+taxels = len(job['taxels'])
+steps = [step for step in job['steps'] if 'taxel' in step]
+frames = len(steps)
+`);
+const taxels = [];
+let last = used();
+for (let k = 0; k < port.globals.get('taxels'); k++) {
+  port.runPython('units.append(driver.control_unit(next(given), clock, scribe))');
+  const now = used();
+  taxels.push(now - last);
+  last = now;
+}
+let records = 0;
+for (let k = 0; k < port.globals.get('frames'); k++) {
+  port.runPython(`said = driver.work(steps[${k}], units, scribe, None)`);
+  const kept = used();
+  port.runPython('said = None');
+  records = Math.max(records, kept - used());
+}
+const growth = used() - last;
+writeFileSync(answer, JSON.stringify({ program: loaded - empty, taxels, growth, records }));

@@ -1,0 +1,78 @@
+"""A node's flash, with the key that seals it: what waits there, and what the node says next."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, Any, Final
+
+from eskin_sensor_node.firmware.message_writer import GAP
+from eskin_sensor_node.node.factory import build_outbox
+from eskin_sensor_node.settings import BrokerSection
+
+from eskin.privacy.open_keystore import open_key
+from eskin.runtime.settings import KeysSection
+from eskin.wire.messages import Gap, decode_message
+from tests.robustness.bitflips.part import Part
+from tests.unit.sensor_node.designs import waiting
+from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.stores import Store
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin_sensor_node.machine.flash.flash import Flash
+
+_FLASH: Final = "flash.sqlite"
+_KEYS: Final = "keys"
+_BOOTS: Final = (1_800_000_000, 1_800_000_600)
+_NOW: Final = 1_800_001_200
+"""Boots are numbered by the second in which they begin."""
+
+
+def make(folder: Path) -> None:
+    """Fill a flash in two boots, with a result and a charge."""
+    key = open_key(KeysSection(), folder / _KEYS, "flash.key")
+    for epoch in _BOOTS:
+        store = Store(folder / _FLASH, key=key, epoch=epoch)
+        store.fill(12, peak_every=3)
+        store.flash.keep_answer(b"the last result")
+        store.flash.keep_charge(b"the charge")
+        store.flash._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        store.flash.close()
+
+
+def read(folder: Path) -> dict[str, Any]:
+    """Open it, read all that waits, and add a message."""
+    key = open_key(KeysSection(), folder / _KEYS, "flash.key")
+    with ExitStack() as stack:
+        flash = open_flash(folder / _FLASH, key=key, epoch=_NOW)
+        stack.callback(flash.close)
+        found: dict[str, Any] = {"boot is new": flash.boot > max(_BOOTS)}
+        lost: set[tuple[int, int]] = set()
+        for kept in waiting(flash):
+            if kept.kind == GAP:
+                gap = decode_message(kept.body)
+                assert isinstance(gap, Gap)
+                lost |= {(b, n) for b, first, last in gap.lost for n in range(first, last + 1)}
+            else:
+                found[f"message {kept.position}"] = (kept.body, kept.time, kept.samples)
+        found["answer"] = flash.answer()
+        found |= {f"end of {boot}": last for boot, last in flash.ended()}
+        if charge := flash.charge():
+            found["charge"] = charge
+        _say(flash)
+        return found
+
+
+def _say(flash: Flash) -> None:
+    outbox = build_outbox(flash, capacity=1 << 20, broker=BrokerSection(window=1000))
+    outbox.connect(0)
+    for kept in outbox.due(0, 100):
+        outbox.left(kept.position, 1)
+    with outbox.batch() as batch:
+        batch.take([outbox.message_writer.gap(0, (0, 9), 5)])
+    outbox.acknowledge([(flash.boot, 0, 3)])
+    outbox.held()
+
+
+PART: Final = Part(make, read, (_FLASH, f"{_KEYS}/*"))

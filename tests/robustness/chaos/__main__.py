@@ -1,0 +1,111 @@
+"""``make chaos``: the real stack under a seeded plan of faults.
+
+Exit status 1 if a block vanished or came twice, a gap has no cause, or a process died by itself.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, NoReturn
+
+from rich.console import Console
+
+from tests.robustness.chaos.faults import FAULTS
+from tests.robustness.chaos.plan import Blow, Stroke, make_plan
+from tests.robustness.chaos.site import Site, part_names
+from tests.robustness.chaos.verdict import DRAIN_S, judge
+from tests.support.processes import unwound_by_signals, wait_until
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tests.robustness.chaos.verdict import Verdict
+
+_STORES: Final = ("sqlite", "postgresql")
+_START_S: Final = 180.0
+_OF_ITS_OWN: Final = "ESKIN_CHAOS_NAMESPACE"
+
+
+def main() -> int:
+    """Run the plan, then judge."""
+    parser = argparse.ArgumentParser(prog="make chaos", description=__doc__)
+    parser.add_argument("--duration", type=float, default=120.0, help="seconds of faults")
+    parser.add_argument("--seed", type=int, default=1, help="draws the plan")
+    parser.add_argument("--data", type=Path, default=None, help="folder to keep; else a fresh one")
+    parser.add_argument(
+        "--store", choices=_STORES, default=_STORES[0], help="what the cloud keeps in"
+    )
+    options = parser.parse_args()
+    if os.geteuid() != 0:
+        sys.stderr.write("make chaos: network namespaces need root; run it with sudo\n")
+        return 2
+    if _OF_ITS_OWN not in os.environ:
+        _go_into_namespaces_of_our_own()
+    console = Console(stderr=True)
+    server = options.store == "postgresql"
+    plan = make_plan(options.seed, seconds=options.duration, parts=part_names(server=server))
+    console.print(f"{len(plan)} faults in {options.duration:g} s, seed {options.seed}")
+    with unwound_by_signals(), tempfile.TemporaryDirectory(prefix="eskin-chaos-") as fresh:
+        root = (options.data or Path(fresh) / "site").resolve()
+        with Site(root, server=server) as site:
+            wait_until(site.has_begun, "the first block is stored", seconds=_START_S)
+            blows = _play(site, plan, console.print)
+            console.print("all faults are over; waiting until everything has arrived")
+            site.drain(seconds=DRAIN_S)
+            verdict = judge(site, blows)
+            site.require_alive(site.served)
+        _report(verdict, plan, console.print)
+        return 1 if verdict.faults else 0
+
+
+def _go_into_namespaces_of_our_own() -> NoReturn:
+    """Begin anew where bridges, cables and mounts are nobody else's, and end with us."""
+    again = [sys.executable, "-m", "tests.robustness.chaos", *sys.argv[1:]]
+    words = ["unshare", "--mount", "--net", "--propagation", "private", *again]
+    os.execvpe(words[0], words, os.environ | {_OF_ITS_OWN: "1"})  # noqa: S606 - our own words
+
+
+def _play(site: Site, plan: Sequence[Stroke], say: Callable[[str], None]) -> list[Blow]:
+    """Strike as planned; gives what fell when, as a stroke may take longer than planned."""
+    start = time.monotonic()
+    steps = [(stroke.begin, True, stroke) for stroke in plan]
+    steps += [(stroke.end, False, stroke) for stroke in plan]
+    down: Counter[str] = Counter()
+    begun: dict[Stroke, int] = {}
+    blows = []
+    for moment, begins, stroke in sorted(steps, key=lambda step: step[:2]):
+        time.sleep(max(0.0, start + moment - time.monotonic()))
+        part, fault = site.part(stroke.part), FAULTS[stroke.fault]
+        if begins:
+            site.require_alive([part.name for part in site.parts if not down[part.name]])
+            say(str(stroke))
+            down[stroke.part] += 1
+            begun[stroke] = time.time_ns()
+            fault.begin(part)
+        else:
+            fault.end(part)
+            down[stroke.part] -= 1
+            blows.append(Blow(stroke.fault, stroke.part, begun[stroke], time.time_ns()))
+    return blows
+
+
+def _report(verdict: Verdict, plan: Sequence[Stroke], say: Callable[[str], None]) -> None:
+    say(f"faults: {dict(Counter(stroke.fault for stroke in plan))}")
+    say(
+        f"blocks: {verdict.made} made, {verdict.stored} stored, {verdict.told} told as lost, "
+        f"{verdict.unborn} never in flash"
+    )
+    say(f"samples within their intervals: {verdict.samples}; gaps: {verdict.gaps}")
+    for fault in verdict.faults:
+        say(f"WRONG: {fault}")
+    say("FAILED" if verdict.faults else "passed: each block stored once, each gap explained")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,213 @@
+"""Faults: each is done to a part for a while, then taken back."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tests.robustness.chaos.part import Part
+
+
+class Fault(Protocol):
+    """Something that goes wrong."""
+
+    def begin(self, part: Part) -> None:
+        """Let it go wrong."""
+
+    def end(self, part: Part) -> None:
+        """Let it be right again."""
+
+
+class Kill:
+    """``kill -9``, and a new start; the broker also loses what it had on its disk."""
+
+    def begin(self, part: Part) -> None:
+        """End it as a power cut would."""
+        part.running.kill()
+        if part.name == "broker":
+            (part.disk.folder / "mosquitto.db").unlink(missing_ok=True)
+
+    def end(self, part: Part) -> None:
+        """Start it again."""
+        part.running.start()
+
+
+class Restart:
+    """An operator's restart."""
+
+    def begin(self, part: Part) -> None:
+        """End it in good order."""
+        part.running.terminate()
+
+    def end(self, part: Part) -> None:
+        """Wait for its end, and start it again."""
+        part.running.stop(seconds=90)
+        part.running.start()
+
+
+class Hang:
+    """SIGSTOP: its connections stay open, and nobody answers."""
+
+    def begin(self, part: Part) -> None:
+        """Stop it."""
+        part.running.signal(signal.SIGSTOP)
+
+    def end(self, part: Part) -> None:
+        """Let it go on."""
+        part.running.signal(signal.SIGCONT)
+
+
+class Cut:
+    """The cable is pulled: connections stay half open."""
+
+    def begin(self, part: Part) -> None:
+        """Pull it."""
+        part.host.pull()
+
+    def end(self, part: Part) -> None:
+        """Plug it in."""
+        part.host.plug()
+
+
+class HalfOpen:
+    """It hears nothing, and is heard: one side of each connection believes that all is well."""
+
+    def begin(self, part: Part) -> None:
+        """Make it deaf."""
+        part.host.deafen()
+
+    def end(self, part: Part) -> None:
+        """Let it hear."""
+        part.host.heal()
+
+
+class Renewal:
+    """Its certificates are renewed in mid-flow, each with a fresh key."""
+
+    def begin(self, part: Part) -> None:
+        """Renew them; a gateway's site, too."""
+        for directory in part.identities:
+            part.renew(directory)
+        if part.name in {"broker", DATABASE}:
+            part.running.signal(signal.SIGHUP)
+
+    def end(self, part: Part) -> None:
+        """Nothing is to be taken back."""
+
+
+class Flood:
+    """Killed, and flooded by somebody's rubbish as soon as it is back, beside all that waits."""
+
+    def begin(self, part: Part) -> None:
+        """End it as a power cut would."""
+        part.running.kill()
+
+    def end(self, part: Part) -> None:
+        """Start it, and let the flood begin."""
+        part.running.start()
+        part.flood()
+
+
+class Parrot:
+    """The broker repeats whatever nodes and gateways said, several times and out of order."""
+
+    def begin(self, part: Part) -> None:
+        """Let it begin."""
+        part.parrot.start()
+
+    def end(self, part: Part) -> None:
+        """Silence it."""
+        part.parrot.kill()
+
+
+@dataclass(frozen=True, slots=True)
+class Lossy:
+    """A share of the packets is lost, both ways."""
+
+    share: float
+
+    def begin(self, part: Part) -> None:
+        """Lose them."""
+        part.host.lose(self.share)
+
+    def end(self, part: Part) -> None:
+        """Lose none."""
+        part.host.heal()
+
+
+class Reset:
+    """Every connection is reset."""
+
+    def begin(self, part: Part) -> None:
+        """Reset them."""
+        part.host.reset()
+
+    def end(self, part: Part) -> None:
+        """Let them be."""
+        part.host.heal()
+
+
+class DiskFull:
+    """Somebody else takes all of its disk."""
+
+    def begin(self, part: Part) -> None:
+        """Fill it."""
+        part.disk.fill()
+
+    def end(self, part: Part) -> None:
+        """Free it."""
+        part.disk.free()
+        part.come_back()
+
+
+@dataclass(frozen=True, slots=True)
+class ClockJump:
+    """Its clock is off for a while, and then right again: two jumps."""
+
+    seconds: int
+
+    def begin(self, part: Part) -> None:
+        """Jump away."""
+        assert part.clock is not None
+        part.clock.set(self.seconds)
+
+    def end(self, part: Part) -> None:
+        """Jump back."""
+        assert part.clock is not None
+        part.clock.set(0)
+
+
+DATABASE: Final = "database"
+"""Name of the part that is PostgreSQL."""
+
+FAULTS: Final[Mapping[str, Fault]] = {
+    "kill": Kill(),
+    "restart": Restart(),
+    "hang": Hang(),
+    "cut": Cut(),
+    "half open": HalfOpen(),
+    "renewal": Renewal(),
+    "flood": Flood(),
+    "parrot": Parrot(),
+    "lossy": Lossy(0.2),
+    "reset": Reset(),
+    "disk full": DiskFull(),
+    "clock ahead": ClockJump(3600),
+    "clock behind": ClockJump(-3600),
+}
+"""By the name under which a plan has them."""
+
+EVERYWHERE: Final = (
+    "kill", "restart", "hang", "cut", "half open", "lossy", "reset", "disk full", "renewal"
+)  # fmt: skip
+"""What can happen to every part."""
+BROKER: Final = ("parrot",)
+"""What can happen to the broker alone."""
+GATEWAY: Final = ("flood",)
+"""What can happen to gateways alone."""
+TIMED: Final = ("clock ahead", "clock behind")
+"""What can happen to parts whose time something rests on; not to broker and database."""

@@ -1,0 +1,298 @@
+"""The real stack on hosts of its own: Mosquitto, two gateways that share a load, cloud, nodes.
+
+Where the store is on a server: PostgreSQL, too.
+"""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Final, Self
+
+from eskin.demo.layout import Layout
+from eskin.identity import IdentityKind
+from eskin.identity.identity import CHAIN_FILE
+from eskin.mosquitto import BrokerPorts
+from tests.robustness.chaos.clocks import Wallclock, build_library
+from tests.robustness.chaos.database import Database
+from tests.robustness.chaos.disks import Disk
+from tests.robustness.chaos.faults import DATABASE
+from tests.robustness.chaos.hosts import Host, make_switch
+from tests.robustness.chaos.part import INSIDER, Around, Part
+from tests.support.brokers import mosquitto, write_configuration
+from tests.support.files import ask, write_settings
+from tests.support.identities import Identities
+from tests.support.processes import ESKIN, Running, wait_until
+from tests.support.stores import ask_store
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+
+    from eskin_cloud.store.location import Place
+
+    from eskin.identity import Identity
+
+NODES: Final = ("fingertip", "palm", "forearm")
+GATEWAYS: Final = ("gateway-1", "gateway-2")
+_PORTS: Final = BrokerPorts(nodes=8883, gateways=8884, clients=8885)
+_INGEST: Final = 8443
+_MEBIBYTE: Final = 1 << 20
+_NO_STORE: Final = ": the store cannot be "
+"""In a cloud's last line where it found no database when it started."""
+
+
+class Site:
+    """All parts, in a data folder that `eskin audit` understands.
+
+    Args:
+        root: The folder.
+        server: Whether PostgreSQL keeps the store; an SQLite file else.
+
+    Attributes:
+        store: Where the cloud's store is.
+    """
+
+    def __init__(self, root: Path, *, server: bool = False) -> None:
+        self.layout = Layout(root)
+        self._logs = self.layout.logs
+        self._logs.mkdir(parents=True)
+        self._library = build_library(root)
+        self._exits = ExitStack()
+        make_switch()
+        hosts = self._hosts = {
+            name: Host(name, number)
+            for number, name in enumerate(part_names(server=server), start=1)
+        }
+        self._identities = Identities(root / "identities")
+        self.database = self._make_database(hosts[DATABASE]) if server else None
+        self.store: Place = self.layout.store if self.database is None else self.database.place
+        self.broker = self._make_broker(hosts["broker"])
+        self.cloud = self._make_cloud(hosts["cloud"])
+        self.gateways = [
+            self._make_gateway(hosts[name], number) for number, name in enumerate(GATEWAYS, start=1)
+        ]
+        self.nodes = [self._make_node(hosts[name]) for name in NODES]
+
+    @property
+    def parts(self) -> list[Part]:
+        """All of them, in the order of their start."""
+        first = [] if self.database is None else [self.database]
+        return [*first, self.broker, self.cloud, *self.gateways, *self.nodes]
+
+    @property
+    def served(self) -> list[str]:
+        """Names of those that run until the end; nodes end before."""
+        return [part.name for part in self.parts if part not in self.nodes]
+
+    def part(self, name: str) -> Part:
+        """One of them."""
+        return next(part for part in self.parts if part.name == name)
+
+    def __enter__(self) -> Self:
+        for part in self.parts:
+            self._exits.callback(part.close)
+        for part in self.parts:
+            self._exits.callback(_end, part.running)
+            self._exits.callback(part.calm)
+            part.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._exits.close()
+
+    def require_alive(self, names: Sequence[str]) -> None:
+        """Check that these have not ended by themselves.
+
+        A cloud that finds no database when it starts ends with a line that says so, and whoever
+        looks after it starts it again, as `docker-compose.yml` has it.
+
+        Raises:
+            AssertionError: One has; shows the end of its log.
+        """
+        for name in names:
+            running = self.part(name).running
+            assert running.process is not None
+            status = running.process.poll()
+            if status is None:
+                continue
+            last = running.output()[-3000:]
+            lacked = self.database is not None and name == "cloud" and _NO_STORE in last[-500:]
+            assert status == 2 and lacked, f"{name} ended with {status}:\n{last}"  # noqa: PT018 - one condition
+            running.start()
+
+    def has_begun(self) -> bool:
+        """Whether something is stored."""
+        return (
+            self.store_is_made() and ask_store(self.store, "SELECT count(*) FROM blocks")[0][0] > 0
+        )
+
+    def store_is_made(self) -> bool:
+        """Whether the cloud made its tables."""
+        tables = "sqlite_master" if isinstance(self.store, Path) else "pg_tables"
+        name = "name" if isinstance(self.store, Path) else "tablename"
+        query = f"SELECT count(*) FROM {tables} WHERE {name} = 'events'"  # noqa: S608 - our words
+        return any(row[0] for row in ask_store(self.store, query))
+
+    def waiting(self) -> dict[str, int]:
+        """Messages that wait in each flash and each spool."""
+        flashes = {node: self.layout.flash(node) for node in NODES}
+        counts = {node: self._count(path, "message") for node, path in flashes.items()}
+        for name in GATEWAYS:
+            counts[name] = self._count(self._spool(name), "messages")
+        return counts
+
+    def letters(self) -> list[str]:
+        """What a gateway or the cloud refused to take."""
+        query = "SELECT node || ': ' || reason FROM dead_letters"
+        letters = list(ask_store(self.store, query))
+        for name in GATEWAYS:
+            letters += ask(self._spool(name), query)
+        return [row[0] for row in letters]
+
+    def drain(self, *, seconds: float) -> None:
+        """End the nodes, which hand over what their flash holds, then wait until all has arrived.
+
+        A node that has no connection when it is told to end keeps what it has for its next start.
+
+        Raises:
+            AssertionError: Something waits, and for so long nothing of it has arrived.
+        """
+        for part in self.nodes:
+            part.running.stop(seconds=seconds)
+            while self._count(self.layout.flash(part.name), "message"):
+                last = self._last_boot(part.name)
+                part.running.start()
+                self._wait_until_told(part.name, last, seconds)
+                part.running.stop(seconds=seconds)
+        while before := self._still_waiting():
+            less = partial(self._is_less, before)
+            wait_until(less, f"less waits than {self.waiting()}", seconds=seconds)
+
+    def _still_waiting(self) -> int:
+        return sum(self.waiting().values())
+
+    def _is_less(self, before: int) -> bool:
+        self.require_alive(self.served)
+        return self._still_waiting() < before
+
+    def _last_boot(self, node: str) -> int:
+        query = "SELECT value FROM counter WHERE name = 'boot'"
+        return int(ask(self.layout.flash(node), query)[0][0])
+
+    def _wait_until_told(self, node: str, boot: int, seconds: float) -> None:
+        """Wait until what a node said up to a boot has left its flash, which another boot does."""
+        query = f"SELECT count(*) FROM message WHERE boot <= {boot}"  # noqa: S608 - a number
+
+        def told() -> bool:
+            self.require_alive(self.served)
+            return bool(ask(self.layout.flash(node), query)[0][0] == 0)
+
+        what = f"what {node} said before its last start arrives"
+        wait_until(told, what, seconds=seconds)
+
+    def _count(self, path: Path, table: str) -> int:
+        rows = ask(path, f"SELECT count(*) FROM {table}")  # noqa: S608 - our own words
+        return int(rows[0][0]) if rows else 0
+
+    def _spool(self, name: str) -> Path:
+        return self.layout.root / name / "spool.sqlite"
+
+    def _make_broker(self, host: Host) -> Part:
+        folder = self.layout.root / "broker"
+        disk = Disk(folder, 64 * _MEBIBYTE)
+        server = self._identities.make(IdentityKind.SERVER, "server.broker", hosts=(host.address,))
+        file = write_configuration(
+            folder, self._identities, server, host=host.address, ports=_PORTS
+        )
+        with file.open("a") as config:
+            config.write(f"\nlistener {INSIDER} 127.0.0.1\nallow_anonymous true\n")
+        return self._part("broker", [str(mosquitto()), "-c", str(file)], host, disk, server)
+
+    def _make_database(self, host: Host) -> Database:
+        hosts = (host.address,)
+        server = self._identities.make(IdentityKind.SERVER, "server.database", hosts=hosts)
+        return Database(server, host=host, folder=self._logs, **self._around(DATABASE))
+
+    def _make_cloud(self, host: Host) -> Part:
+        disk = Disk(self.layout.store.parent, 2048 * _MEBIBYTE)
+        server = self._identities.make(IdentityKind.SERVER, "server.cloud", hosts=(host.address,))
+        store: dict[str, object] = {"path": self.store}
+        config = write_settings(self.layout.root / "cloud.toml", {
+            "store": store if self.database is None else self.database.settings,
+            "gateways": {"host": host.address, "port": _INGEST, "identity": server.directory},
+        })  # fmt: skip
+        return self._part("cloud", [ESKIN, "cloud", "--config", str(config)], host, disk, server)
+
+    def _make_gateway(self, host: Host, number: int) -> Part:
+        spool = self._spool(host.name)
+        disk = Disk(spool.parent, 256 * _MEBIBYTE)
+        own = self._identities.make(IdentityKind.GATEWAY, f"gateway.g{number}")
+        config = write_settings(self.layout.root / f"{host.name}.toml", {
+            "broker": {"host": self.broker.host.address, "port": _PORTS.gateways, "group": "site",
+                       "keepalive_s": 5},
+            "identity": {"directory": own.directory, "site": self._identities.site.directory},
+            "cloud": {"url": f"https://{self.cloud.host.address}:{_INGEST}/api/v1/ingest",
+                      "timeout_s": 3.0, "retry_most_s": 2.0},
+            "spool": {"path": spool},
+        })  # fmt: skip
+        argv = [ESKIN, "gateway", "--config", str(config)]
+        return self._part(host.name, argv, host, disk, own, self._identities.site)
+
+    def _make_node(self, host: Host) -> Part:
+        name = host.name
+        flash = self.layout.node(name) / "chip" / "flash.sqlite"
+        disk = Disk(flash.parent, 96 * _MEBIBYTE)
+        self.layout.flash(name).symlink_to(flash)
+        own = self._identities.node
+        if name != own.name:
+            own = self._identities.make(IdentityKind.NODE, name)
+        config = write_settings(self.layout.node_settings(name), {
+            "node": {"name": name, "profile": name, "seed": 1},
+            "sampling": {"block_samples": 50, "overrun_s": 3.0},
+            "broker": {"host": self.broker.host.address, "port": _PORTS.nodes, "keepalive_s": 5,
+                       "resend_s": 2.0, "drain_s": 60.0},
+            "identity": {"directory": own.directory,
+                         "site": self._identities.site.directory / CHAIN_FILE},
+            "flash": {"path": flash, "capacity_bytes": 32 * _MEBIBYTE},
+            "truth": {"path": self.layout.truth(name), "limit_bytes": 4096 * _MEBIBYTE},
+        })  # fmt: skip
+        return self._part(name, [ESKIN, "node", "--config", str(config)], host, disk, own)
+
+    def _part(
+        self, name: str, argv: Sequence[str], host: Host, disk: Disk, *identities: Identity
+    ) -> Part:
+        clock = Wallclock(self.layout.root / f"{name}.clock", self._library)
+        log = self._logs / f"{name}.log"
+        return Part(
+            name,
+            Running([*host.prefix, *argv], log=log, env=clock.environment),
+            host=host,
+            disk=disk,
+            clock=clock,
+            identities=[own.directory for own in identities],
+            **self._around(name),
+        )
+
+    def _around(self, name: str) -> Around:
+        return {
+            "authority": self._identities.authority,
+            "attacker": self._hosts["broker"].prefix,
+            "beside": self._logs / f"{name}-attacker.log",
+        }
+
+
+def part_names(*, server: bool) -> tuple[str, ...]:
+    """Names of all parts of a site."""
+    return "broker", "cloud", *GATEWAYS, *NODES, *((DATABASE,) if server else ())
+
+
+def _end(running: Running) -> None:
+    if running.process is not None and running.process.poll() is None:
+        running.kill()

@@ -1,0 +1,50 @@
+"""A plan is drawn from its seed alone, and fits."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.robustness.chaos.faults import DATABASE, FAULTS, TIMED
+from tests.robustness.chaos.plan import make_plan
+
+PARTS = ("broker", "cloud", "gateway-1", "gateway-2", "fingertip", DATABASE)
+SEEDS = st.integers(0, 2**32)
+
+
+@settings(deadline=None)
+@given(seed=SEEDS, seconds=st.floats(1.0, 600.0))
+def test_plan_fits(seed: int, seconds: float) -> None:
+    plan = make_plan(seed, seconds=seconds, parts=PARTS)
+    assert plan == make_plan(seed, seconds=seconds, parts=PARTS)
+    assert all(stroke.fault in FAULTS for stroke in plan)
+    assert all(0.0 <= stroke.begin < stroke.end <= seconds for stroke in plan)
+    for part in PARTS:
+        own = sorted((s.begin, s.end) for s in plan if s.part == part)
+        assert all(before[1] < after[0] for before, after in pairwise(own)), own
+
+
+def test_every_fault_befalls_somebody_in_a_long_plan() -> None:
+    plan = make_plan(1, seconds=600.0, parts=PARTS)
+    assert {stroke.fault for stroke in plan} == set(FAULTS)
+    assert {stroke.part for stroke in plan} == set(PARTS)
+    assert any(a.end > b.begin for a, b in pairwise(plan)), "none overlap"
+
+
+def test_another_seed_is_another_plan() -> None:
+    assert make_plan(1, seconds=60.0, parts=PARTS) != make_plan(2, seconds=60.0, parts=PARTS)
+
+
+def test_database_befalls_all_that_can_and_its_clock_stays() -> None:
+    plan = make_plan(1, seconds=600.0, parts=PARTS)
+    befell = {stroke.fault for stroke in plan if stroke.part == DATABASE}
+    assert befell >= {"kill", "hang", "disk full", "cut", "reset", "renewal"}
+    assert befell.isdisjoint(TIMED)
+    assert any(stroke.part == DATABASE for stroke in make_plan(2, seconds=10.0, parts=PARTS))
+
+
+def test_plan_without_a_database_spares_it() -> None:
+    others = [part for part in PARTS if part != DATABASE]
+    assert all(stroke.part in others for stroke in make_plan(1, seconds=60.0, parts=others))

@@ -1,0 +1,151 @@
+"""The verdict sees what is wrong: gaps without a cause, sums that are none, numbers with holes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_cloud.store import Store
+from eskin_cloud.store.compaction import pack_some
+
+from eskin.wire.messages import Encoding
+from eskin.wire.timestamp import SECOND
+from tests.robustness.chaos.plan import Blow, Stroke
+from tests.robustness.chaos.verdict import Verdict, add_up, explain
+from tests.support.files import ask
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from eskin.wire.messages import Gap
+
+
+@pytest.fixture
+def burnt(tmp_path: Path) -> Iterator[Store]:
+    with Store(tmp_path / "store.sqlite") as store:
+        put(store, block(0), block(1), naming(2))
+        yield store
+
+
+def naming(sequence: int, *lost: tuple[int, int, int]) -> Gap:
+    """A gap that names messages."""
+    return replace(gap(sequence), lost=lost)
+
+
+def blow(fault: str, part: str, begin: float = 0.0, end: float = 5.0) -> Blow:
+    """A stroke, in seconds after the first sample."""
+    return Blow(fault, part, START + round(begin * SECOND), START + round(end * SECOND))
+
+
+CUT = blow("cut", "cloud")
+
+
+def wrong(store: Store, *blows: Blow) -> list[str]:
+    verdict = Verdict()
+    explain(store.place, verdict, blows)
+    add_up(store.place, verdict)
+    return verdict.faults
+
+
+def test_gap_needs_a_cause(burnt: Store) -> None:
+    assert wrong(burnt, CUT) == []
+    (fault,) = wrong(burnt, replace(CUT, fault="clock ahead"))
+    assert fault == f"{NODE}: gap without a cause, from 0.0 to 0.0 s: flash full"
+    (fault,) = wrong(burnt)
+    assert "gap without a cause" in fault
+
+
+@pytest.mark.parametrize("part", [NODE, "broker", "gateway-2", "cloud", "database"])
+def test_full_flash_is_explained_by_its_node_and_by_what_is_behind_it(
+    burnt: Store, part: str
+) -> None:
+    assert wrong(burnt, replace(CUT, part=part)) == []
+
+
+def test_fault_of_another_node_explains_nothing(burnt: Store) -> None:
+    (fault,) = wrong(burnt, replace(CUT, part="palm"))
+    assert "gap without a cause" in fault
+
+
+@pytest.mark.parametrize(
+    ("begin", "unexplained"), [(-200.0, 1), (-80.0, 0), (-1.0, 0), (1.0, 0), (4.0, 1)]
+)
+def test_fault_explains_what_is_lost_from_its_begin_until_all_has_drained(
+    burnt: Store, begin: float, unexplained: int
+) -> None:
+    found = wrong(burnt, blow("cut", "cloud", begin, begin + 5.0))
+    assert len(found) == unexplained, found
+
+
+@pytest.mark.parametrize(
+    ("reason", "cause", "others"),
+    [
+        ("sampling overrun", "hang", ("cut", "kill")),
+        ("flash write failed", "disk full", ("hang", "cut")),
+    ],
+)
+def test_what_a_node_does_by_itself_is_explained_by_its_own_faults_alone(
+    tmp_path: Path, reason: str, cause: str, others: tuple[str, ...]
+) -> None:
+    with Store(tmp_path / "store.sqlite") as store:
+        time = (START + 10 * SECOND, START + 12 * SECOND)
+        put(store, block(0), replace(gap(1), reason=reason, time=time, lost=(), messages=0))
+        own = blow(cause, NODE, 9.0, 12.0)
+        assert wrong(store, own) == []
+        early, late = blow(cause, NODE, 1.0, 7.0), blow(cause, NODE, 15.0, 16.0)
+        wrongly = [replace(own, part=part) for part in ("palm", "cloud", "broker", "database")]
+        wrongly += [replace(own, fault=other) for other in others]
+        (fault,) = wrong(store, early, late, *wrongly)
+        assert f"{NODE}: gap without a cause" in fault
+        assert reason in fault
+
+
+def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
+    later = START + 600 * SECOND
+    put(burnt, replace(gap(3), time=(later, later + SECOND), lost=()))
+    (fault,) = wrong(burnt, CUT)
+    assert "from 600.0 to 601.0 s" in fault
+    assert wrong(burnt, CUT, blow("hang", "database", 595.0, 601.0)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("DELETE FROM blocks WHERE sequence = 1", "1 and"),
+        ("UPDATE channels SET samples = samples + 1", "are stored"),
+        ("UPDATE sequences SET first = 1", "holes: 1 ranges from 1"),
+        ("INSERT INTO sequences SELECT node, boot, 9, 9 FROM sequences", "holes: 2 ranges"),
+    ],
+)
+def test_sums_must_be_those_of_the_blocks(burnt: Store, change: str, words: str) -> None:
+    burnt.write(lambda connection: connection.exec_driver_sql(change)).result(120)
+    (fault,) = wrong(burnt, CUT)
+    assert words in fault
+
+
+def test_hole_that_a_gap_names_is_none(burnt: Store) -> None:
+    put(burnt, block(5))
+    (fault,) = wrong(burnt, CUT)
+    assert "holes: 2 ranges from 0" in fault
+    put(burnt, naming(6, (1, 3, 4)))
+    assert wrong(burnt, CUT) == []
+
+
+def test_packed_blocks_are_counted_one_by_one(tmp_path: Path) -> None:
+    span, ones = 100 * DT, [1.0] * 100
+    path = tmp_path / "store.sqlite"
+    with Store(path) as store:
+        for number in range(30):
+            time = START + number * span
+            put(store, block(number, ones, ones, time=(time, time), encoding=Encoding.Q16))
+        pack_some(store, (NODE, CHANNEL), 0)
+        assert ask(path, "SELECT count(*), max(packed) FROM blocks") == [(10, 21)]
+        assert wrong(store) == []
+
+
+def test_stroke_reads_well() -> None:
+    assert str(Stroke("cut", "cloud", 1.0, 3.5)) == "    1.0 s  cut cloud for 2.5 s"

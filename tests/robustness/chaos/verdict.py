@@ -1,0 +1,196 @@
+"""What is left after the fire: each block stored once, each gap explained, each sum right."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
+
+from eskin.demo.audit import audit
+from eskin.wire.messages import Gap, decode_message
+from eskin.wire.sequence_set import SequenceRanges
+from eskin.wire.timestamp import SECOND
+from tests.robustness.chaos.site import NODES
+from tests.support.stores import ask_store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from eskin_cloud.store.location import Place
+
+    from tests.robustness.chaos.plan import Blow
+    from tests.robustness.chaos.site import Site
+
+DRAIN_S: Final = 90.0
+"""For so long nothing may arrive of what waits; so what is under way is no older after a fault."""
+_CLOCK_NS: Final = 2 * SECOND
+"""By so much a node's time may differ from ours: what it lives after a restart begins a second
+after the latest sample of before, however soon that was."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """What can be behind a gap.
+
+    Attributes:
+        faults: Which.
+        behind: Whether they may befall what is behind the node, too: all that is no node.
+        after_s: For how long they have an effect.
+    """
+
+    faults: tuple[str, ...]
+    behind: bool = False
+    after_s: float = 0.0
+
+    def explains(self, gap: Lost, blow: Blow) -> bool:
+        """Whether a blow fell on one of those, at the time of what was lost or soon before it."""
+        near = blow.part == gap.node or (self.behind and blow.part not in NODES)
+        until = blow.end + _CLOCK_NS + round(self.after_s * SECOND)
+        in_time = blow.begin - _CLOCK_NS <= gap.latest and gap.earliest <= until
+        return blow.fault in self.faults and near and in_time
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """A gap in the store.
+
+    Attributes:
+        node: Whose.
+        reason: Such as ``flash full``.
+        earliest: UTC ns of what is missing.
+        latest: Likewise.
+    """
+
+    node: str
+    reason: str
+    earliest: int
+    latest: int
+
+
+_WHY: Final[Mapping[str, Cause]] = {
+    "sampling overrun": Cause(("hang", "disk full")),
+    "flash write failed": Cause(("disk full",)),
+    "flash full": Cause(
+        ("cut", "half open", "hang", "kill", "flood", "lossy", "reset", "disk full"),
+        behind=True,
+        after_s=DRAIN_S,
+    ),
+}
+"""By the reason of a gap."""
+
+
+@dataclass(slots=True)
+class Verdict:
+    """What was found.
+
+    Attributes:
+        made: Blocks that the nodes made.
+        stored: Those in the store.
+        told: Those that a gap tells as lost.
+        unborn: Those that never came to be in flash: killed between truth and commit.
+        gaps: Reason to how many gaps.
+        samples: Samples that were compared with the truth.
+        faults: What is wrong; empty if all is well.
+    """
+
+    made: int = 0
+    stored: int = 0
+    told: int = 0
+    unborn: int = 0
+    gaps: dict[str, int] = field(default_factory=dict)
+    samples: int = 0
+    faults: list[str] = field(default_factory=list)
+
+
+def judge(site: Site, blows: Sequence[Blow]) -> Verdict:
+    """Compare flash, truth and store of a site that has come to rest."""
+    verdict = Verdict()
+    _compare(site, verdict)
+    explain(site.store, verdict, blows)
+    add_up(site.store, verdict)
+    verdict.faults += [f"refused: {letter}" for letter in site.letters()]
+    return verdict
+
+
+def _compare(site: Site, verdict: Verdict) -> None:
+    found = audit(site.layout, store=site.store)
+    for delivery in found.deliveries:
+        verdict.made += delivery.made
+        verdict.stored += delivery.stored
+        verdict.told += delivery.told
+        verdict.unborn += delivery.unborn
+        if delivery.missing:
+            verdict.faults.append(
+                f"{delivery.node}: {len(delivery.missing)} blocks vanished, the first at "
+                f"{delivery.missing[0]}"
+            )
+        if delivery.waiting:
+            verdict.faults.append(f"{delivery.node}: {delivery.waiting} blocks still wait")
+    for channel in found.channels:
+        verdict.samples += channel.samples
+        if not channel.passes:
+            verdict.faults.append(f"{channel.node}/{channel.channel}: broken promise")
+
+
+def explain(store: Place, verdict: Verdict, blows: Sequence[Blow]) -> None:
+    """Find the blow behind each gap: on its node or behind it, at its time or soon before."""
+    for gap in _gaps(store):
+        verdict.gaps[gap.reason] = verdict.gaps.get(gap.reason, 0) + 1
+        cause = _WHY.get(gap.reason)
+        if cause is None or not any(cause.explains(gap, blow) for blow in blows):
+            verdict.faults.append(_shown(gap, blows))
+
+
+def _gaps(store: Place) -> Iterable[Lost]:
+    query = "SELECT node, detail, t_lo, t_hi FROM events WHERE kind = 'gap' ORDER BY t_lo"
+    for node, detail, earliest, latest in ask_store(store, query):
+        reason = next((why for why in _WHY if str(detail).startswith(why)), str(detail))
+        yield Lost(node, reason, earliest, latest)
+
+
+def _shown(gap: Lost, blows: Sequence[Blow]) -> str:
+    """A gap that nothing explains, its time in seconds after the first blow."""
+    start = min((blow.begin for blow in blows), default=gap.earliest)
+    first, last = ((time - start) / SECOND for time in (gap.earliest, gap.latest))
+    return f"{gap.node}: gap without a cause, from {first:.1f} to {last:.1f} s: {gap.reason}"
+
+
+def add_up(store: Place, verdict: Verdict) -> None:
+    """Sums that are kept while blocks arrive must be those of the blocks: nothing counted twice.
+
+    A row may hold several blocks, packed.
+    """
+    query = """
+        SELECT c.node || '/' || c.channel, c.blocks, c.samples,
+            coalesce(sum(CASE WHEN b.n IS NULL THEN 0 ELSE coalesce(b.packed, 1) END), 0),
+            coalesce(sum(b.n), 0)
+        FROM channels AS c LEFT JOIN blocks AS b ON b.node = c.node AND b.channel = c.channel
+        GROUP BY c.node, c.channel
+    """
+    for place, blocks, samples, counted, summed in ask_store(store, query):
+        if (blocks, samples) != (counted, summed):
+            verdict.faults.append(
+                f"{place}: {blocks} blocks and {samples} samples are told, "
+                f"{counted} and {summed} are stored"
+            )
+    for (node, boot), ranges in _numbers(store).items():
+        spans = list(ranges)
+        if len(spans) != 1 or spans[0][0] != 0:
+            verdict.faults.append(
+                f"{node}: boot {boot} has holes: {len(spans)} ranges from {spans[0][0]}"
+            )
+
+
+def _numbers(store: Place) -> dict[tuple[str, int], SequenceRanges]:
+    """By node and boot, the numbers of messages that came, or that a gap names as lost."""
+    found: dict[tuple[str, int], SequenceRanges] = defaultdict(SequenceRanges)
+    for node, boot, first, last in ask_store(
+        store, "SELECT node, boot, first, last FROM sequences"
+    ):
+        found[node, boot].add(first, last)
+    for node, data in ask_store(store, "SELECT node, data FROM events WHERE kind = 'gap'"):
+        gap = decode_message(bytes(data))
+        assert isinstance(gap, Gap)
+        for boot, first, last in gap.lost:
+            found[node, boot].add(first, last)
+    return found

@@ -1,0 +1,187 @@
+"""Cases of what a channel does with its samples, and of messages and their sealing."""
+
+from __future__ import annotations
+
+import struct
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from cryptography.hazmat.primitives.ciphers.aead import AESGCM
+from eskin_sensor_node.firmware.baseline import Baseline
+from eskin_sensor_node.firmware.encoding import F32, F64, Q16, write
+from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter
+from eskin_sensor_node.firmware.peaks import PeakDetector
+from eskin_sensor_node.firmware.smoothing import Smoothing
+
+from tests.robustness.cortex_m33.case import Case, reals
+from tests.robustness.cortex_m33.inversions import Count
+
+if TYPE_CHECKING:
+    from array import array
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+SAMPLES: Final = 250
+"""Of a signal: a frame."""
+_EVENT: Final = 8
+"""Numbers that the program tells of an event."""
+_MOST_EVENTS: Final = 64
+_ENCODINGS: Final = {F64: ("f64", 8), F32: ("f32", 4), Q16: ("q16", 2)}
+_TEXTS: Final = (0, 1024, 16384)
+"""Bytes of a sealed message: whole blocks of 16; what is left counts with the message."""
+
+
+def channels() -> Iterator[Count]:
+    """What is done with each sample of a channel, with each message, and with each byte sent."""
+    for k, (lows, highs) in enumerate(_signals()):
+        yield Count("rest", [_rest(lows, highs)], SAMPLES)
+        yield Count("smoothing", [_smoothing(lows, highs)], SAMPLES)
+        yield Count("peaks", [_peaks(lows, highs)], SAMPLES)
+        for encoding, (name, width) in _ENCODINGS.items():
+            yield Count(f"encode_{name}", [_encoded(encoding, name, width, lows, highs)], SAMPLES)
+            yield Count(f"block_{name}", [_block(encoding, width, lows, highs, k)], 1)
+        yield from (Count("peak", [case], 1) for case in _peak_messages(lows, highs))
+    for lows, highs in _any_signals():
+        for encoding, (name, width) in _ENCODINGS.items():
+            case = _encoded(encoding, name, width, lows, highs)
+            yield Count(f"encode_{name}_any", [case], SAMPLES)
+    for one, other in pairwise(map(_sealed, _TEXTS)):
+        more = len(other.expected[3]) - len(one.expected[3])
+        yield Count("seal_byte", [other], more, [one])
+    yield Count("seal_message", [_sealed(1)], 1)
+
+
+def _signals() -> Iterator[tuple[array[float], array[float]]]:
+    """A rest with noise, touches, a triangle, codes that tie, and sides without a bound."""
+    random = np.random.default_rng(11)
+    time = np.arange(SAMPLES)
+    rest = 9.6e-12 + 2e-15 * random.normal(size=SAMPLES)
+    touch = rest + 1.5e-12 * np.exp(-(((time % 125) - 60.0) ** 2) / 200.0)
+    triangle = 9.6e-12 + 1e-12 * np.abs(time % 50 - 25.0) / 25.0
+    for middle in (rest, touch, triangle, np.round(touch, 13)):
+        yield _tube(middle, 3e-14)
+    lows, highs = _tube(touch, 3e-14)
+    for k in range(40, 60):
+        lows[k], highs[k + 5] = -np.inf, np.inf
+    yield lows, highs
+
+
+def _any_signals() -> Iterator[tuple[array[float], array[float]]]:
+    """Bounds of any size and sign, small ones of both signs, subnormal ones, and infinite ones."""
+    random = np.random.default_rng(12)
+    patterns = random.integers(0, 0x7FF0 << 48, (2, SAMPLES), dtype=np.uint64).view(np.float64)
+    yield _ordered(patterns * random.choice([-1.0, 1.0], patterns.shape))
+    yield _ordered(random.normal(0.0, 5.0, (2, SAMPLES)))
+    whole = random.integers(-9, 10, (2, SAMPLES)).astype(np.float64)
+    yield _ordered(whole)
+    yield _ordered(whole * 5e-324)
+    yield _ordered(whole * 1e-310)
+    yield _ordered(np.where(whole > 6.0, np.inf, np.where(whole < -6.0, -np.inf, whole * 0.1)))
+
+
+def _ordered(pairs: NDArray[np.float64]) -> tuple[array[float], array[float]]:
+    return reals(np.minimum(*pairs)), reals(np.maximum(*pairs))
+
+
+def _tube(middle: NDArray[np.float64], half: float) -> tuple[array[float], array[float]]:
+    return reals(middle - half), reals(middle + half)
+
+
+def _rest(lows: array[float], highs: array[float]) -> Case:
+    baseline = Baseline()
+    baseline.lo, baseline.hi, baseline.known = 9.55e-12, 9.65e-12, True
+    state = [baseline.lo, baseline.hi, 1.0]
+    threshold = 0.3e-12
+    stays = baseline.stays(lows, highs, SAMPLES, threshold)
+    after = [baseline.lo, baseline.hi, float(stays)]
+    return Case.of("rest", state, threshold, lows, highs, after=[after, lows, highs])
+
+
+def _smoothing(lows: array[float], highs: array[float]) -> Case:
+    past = Smoothing(0.9)
+    state = [0.0, 0.0, 0.9, 1.0]
+    smoothed = reals(lows), reals(highs)
+    past.smooth(*smoothed, SAMPLES)
+    after = [past.lo, past.hi, 0.9, float(past.fresh)]
+    return Case.of("smoothing", state, lows, highs, after=[after, *smoothed])
+
+
+def _peaks(lows: array[float], highs: array[float]) -> Case:
+    detector = PeakDetector(0.3e-12, 1000)
+    found = [*detector.feed(lows, highs, SAMPLES), *detector.gap(0)]
+    told = [float(len(found))]
+    for event in found:
+        told += [event.verdict, event.first, event.last, event.count[1]]
+        told += [*event.height, *event.prominence]
+    size = 1 + _EVENT * _MOST_EVENTS
+    told += [0.0] * (size - len(told))
+    events = reals(bytes(8 * size))
+    return Case.of("peaks", 0.3e-12, 1000, events, lows, highs, after=[reals(told), lows, highs])
+
+
+def _encoded(encoding: int, name: str, width: int, lows: array[float], highs: array[float]) -> Case:
+    written = write(encoding, lows, highs, SAMPLES)
+    told = [written.lowest, written.highest, written.widening, written.exponent, written.offset]
+    room = bytes(width * SAMPLES)
+    return Case.of(
+        f"encode_{name}", lows, highs, room, room, reals(bytes(40)),
+        after=[lows, highs, written.lo, written.hi, reals(told)],
+    )  # fmt: skip
+
+
+class _Numbers:
+    def __init__(self, sequence: int) -> None:
+        self._sequence = sequence
+
+    def next_sequence(self) -> int:
+        return self._sequence
+
+
+_CHANNEL: Final = Channel("t00.plate_distance", "m", 4_000_000, 0.9973)
+_TIME: Final = 1_790_000_000_000_000_000, 1_790_000_000_004_000_000
+_BOOT: Final = 1_790_000_000
+_SEQUENCE: Final = 123_456
+_TICKS: Final = 86_400_000_000_000
+
+
+def _head(encoding: int) -> tuple[Any, ...]:
+    numbers = struct.pack("<6q", _BOOT, _SEQUENCE, _TICKS, *_TIME, _CHANNEL.dt)
+    names = _CHANNEL.name.encode() + b"\0", _CHANNEL.unit.encode() + b"\0"
+    return *names, numbers, SAMPLES, encoding, _CHANNEL.coverage
+
+
+def _message_writer() -> MessageWriter:
+    return MessageWriter(_BOOT, _Numbers(_SEQUENCE))
+
+
+def _block(encoding: int, width: int, lows: array[float], highs: array[float], k: int) -> Case:
+    del k
+    made = _message_writer().block(_CHANNEL, _TICKS, _TIME, encoding, lows, highs, SAMPLES)
+    written = write(encoding, lows, highs, SAMPLES)
+    head, room = _head(encoding), bytes(width * SAMPLES)
+    return Case.of(
+        "block", *head, lows, highs, room, room, bytes(len(made.body)),
+        after=[*head[:3], lows, highs, written.lo, written.hi, made.body],
+    )  # fmt: skip
+
+
+def _peak_messages(lows: array[float], highs: array[float]) -> Iterator[Case]:
+    detector = PeakDetector(0.3e-12, 1000)
+    for event in [*detector.feed(lows, highs, SAMPLES), *detector.gap(0)]:
+        made = _message_writer().peak(_CHANNEL, event, _TIME, _CHANNEL.coverage)
+        head = _head(F64)
+        told = reals([event.verdict, event.count[1], *event.height, *event.prominence])
+        room = bytes(len(made.body))
+        yield Case.of("peak", *head, told, room, after=[*head[:3], told, made.body])
+
+
+def _sealed(length: int) -> Case:
+    """A message in AES-256-GCM, as the firmware's COSE envelope has it."""
+    secret, nonce, aad = bytes(range(32)), bytes(range(12)), bytes(range(64))
+    text = bytes(k * 7 % 256 for k in range(length))
+    sealed = AESGCM(secret).encrypt(nonce, text, aad)
+    given = secret, nonce, aad
+    after = [*given, sealed[:length], sealed[length:]]
+    return Case.of("sealing", *given, text, bytes(16), after=after)

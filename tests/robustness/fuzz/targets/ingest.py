@@ -1,0 +1,95 @@
+"""The body of an ingest: any CBOR, into a store."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+import cbor2
+import numpy as np
+from eskin_cloud.ingest.batch import read_batch
+from eskin_cloud.ingest.errors import MalformedBatchError
+from eskin_cloud.store import Store
+from eskin_cloud.store.schema.tables import blocks
+from eskin_cloud.store.write.ingest import ingest
+from sqlalchemy import select
+
+from eskin.wire.messages import Encoding
+from eskin.wire.messages.compression import decompress
+from tests.robustness.fuzz.mutations.trees import mutate_tree
+from tests.robustness.fuzz.target import Target
+from tests.unit.cloud import messages as said
+from tests.unit.gateway.messages import result
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+    from eskin.wire.messages import Message
+
+_LONGEST = 4096
+"""Bytes of a batch: some ten blocks, and five times as many inputs a second as with seventy."""
+_AT_ONCE = 500
+"""Batches in one transaction, which is undone then: the store does not grow."""
+
+
+def make(folder: Path) -> Target:
+    """Only `MalformedBatchError`; each item gets its answer; what is stored is what was said."""
+    stack = ExitStack()
+    store = stack.enter_context(Store(folder / "store.sqlite", clock=lambda: said.START))
+    opened = _Transaction(store)
+
+    def check(data: bytes) -> None:
+        try:
+            items = read_batch(data)
+        except MalformedBatchError:
+            return
+        connection = opened.take()
+        outcome = ingest(
+            connection,
+            store.cache,
+            items,
+            gateway="gateway.g1",
+            now=said.START,
+            dead_letters=100,
+        )
+        store.cache.save(connection)
+        assert len(outcome.results) == len(items)
+        for receipt in outcome.results:
+            assert receipt.result in {"stored", "duplicate", "rejected"}
+            assert (receipt.reason is not None) is (receipt.result == "rejected")
+        for entry in outcome.entries:
+            if entry.block is not None:
+                kept = select(blocks.c.data).where(blocks.c.cursor == entry.cursor)
+                assert decompress(connection.execute(kept).scalar_one()) == entry.block
+
+    one: list[Message] = [said.block(0), said.peak(1), said.gap(2), said.status(3), result(4, 1)]
+    batches = [[[said.NODE, message.encode()]] for message in one]
+    batches.append([item for batch in batches for item in batch])
+    wave = np.sin(np.arange(60) / 9.0)
+    long = said.block(5, wave, wave + 0.5, encoding=Encoding.F32)
+    batches.append([[said.NODE, long.encode()]])
+    seeds = tuple(cbor2.dumps(batch) for batch in batches)
+    return Target(seeds, mutate_tree, check, stack, longest=_LONGEST)
+
+
+class _Transaction:
+    """The writer's connection, begun anew after so many uses."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._used = 0
+        self._connection: Connection | None = None
+
+    def take(self) -> Connection:
+        if self._connection is None or self._used == _AT_ONCE:
+            if self._connection is not None:
+                self._connection.rollback()
+                self._store.cache.forget()
+            else:
+                self._connection = self._store._writing.connect()
+            self._used = 0
+            self._connection.begin()
+        self._used += 1
+        return self._connection

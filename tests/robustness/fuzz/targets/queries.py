@@ -1,0 +1,65 @@
+"""What a question is made of: times, windows, cursors, media types, topics."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from eskin_cloud.api.negotiation import choose
+from eskin_cloud.query.cursors import read_numbers, read_texts, write_cursor
+from eskin_cloud.store.read.window import read_moment, read_window
+
+from eskin.errors import MessageError, QueryError
+from eskin.wire.timestamp import format_timestamp, parse_timestamp
+from eskin.wire.topics import node_topic, parse_node_topic
+from tests.robustness.fuzz.mutations.texts import mutate_text
+from tests.robustness.fuzz.target import Target
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+OFFERED = ("application/json", "text/csv", "application/vnd.apache.parquet")
+
+_LONGEST = 4096
+
+
+def make(_: Path) -> Target:
+    """The input is one text, read as each; what is read says the same again."""
+    seeds = (
+        "2026-01-31T12:00:00Z",
+        "2026-01-31 12:00:00.123456789+05:30",
+        "1769860800000000000",
+        "-9223372036854775807",
+        write_cursor(5, -7),
+        write_cursor("fingertip", 3),
+        "text/csv;q=0.5, application/*;q=0.3, */*;q=0",
+        "eskin/v1/nodes/fingertip/blocks",
+    )
+    return Target(tuple(seed.encode() for seed in seeds), mutate_text, check)
+
+
+def check(data: bytes) -> None:
+    """Read it as each."""
+    text = data[:_LONGEST].decode("utf-8", "replace")
+    try:
+        moment = parse_timestamp(text)
+        assert parse_timestamp(format_timestamp(moment)) == moment
+    except ValueError:
+        pass
+    try:
+        found = read_moment("start", text)
+        assert found is not None
+        assert abs(found) < 2**63
+        window = read_window(text, None, last=0)
+        assert window.start <= window.end
+    except QueryError:
+        pass
+    try:
+        numbers = read_numbers(text, 2)
+        assert read_numbers(write_cursor(*numbers), 2) == numbers
+        read_texts(text, 2)
+    except QueryError:
+        pass
+    assert choose(text, OFFERED) in {*OFFERED, None}
+    with suppress(MessageError):
+        assert node_topic(*parse_node_topic(text)) == text

@@ -1,0 +1,108 @@
+"""Two clouds on one PostgreSQL server: gateways and people come to either, and see the same."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import ExitStack
+from itertools import count
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.support.processes import wait_until
+from tests.unit.cloud.clouds import batch
+from tests.unit.cloud.messages import CHANNEL, NODE, block, peak
+from tests.unit.cloud.service import Service
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tests.support.identities import Identities
+    from tests.support.postgresql import Cluster
+
+
+@pytest.fixture(scope="module")
+def replicas(
+    tmp_path_factory: pytest.TempPathFactory, identities: Identities, cluster: Cluster
+) -> Iterator[list[Service]]:
+    """Two running clouds, started at once on an empty database."""
+    folder = tmp_path_factory.mktemp("replicas")
+    place = cluster.fresh(empty=True)
+    made = [Service(folder / name, identities, place=place) for name in ("one", "two")]
+    with ExitStack() as stack:
+        for service in made:
+            service.begin()
+            stack.callback(service.stop)
+        for service in made:
+            service.wait_until_ready()
+        yield made
+
+
+class Listener(threading.Thread):
+    """Hears a cloud's live stream until it ends."""
+
+    def __init__(self, service: Service, token: str) -> None:
+        super().__init__()
+        self._service = service
+        self._token = token
+        self.lines: list[str] = []
+
+    def run(self) -> None:
+        with (
+            self._service.people(self._token) as client,
+            client.stream("GET", "/api/v1/live") as answer,
+        ):
+            self.lines += answer.iter_lines()
+
+    @property
+    def cursors(self) -> list[str]:
+        """Cursors of the blocks and peaks that were told, in their order."""
+        told = "\n".join(self.lines).split("\n\n")
+        wanted = [each for each in told if "event: block" in each or "event: peak" in each]
+        return [line[4:] for each in wanted for line in each.split("\n") if line[:4] == "id: "]
+
+
+def test_who_looks_on_at_one_replica_is_known_at_the_other(replicas: list[Service]) -> None:
+    one, two = replicas
+    two.ingest(batch(block(0, boot=8, channel="t09.capacitance")))
+    with (
+        one.people(one.token()) as client,
+        client.stream("GET", "/api/v1/live", params={"node": NODE}) as answer,
+    ):
+        assert answer.is_success
+        numbers = count(1)
+
+        def told() -> bool:
+            said = batch(block(next(numbers), boot=8, channel="t09.capacitance"))
+            return NODE in two.ingest(said).json()["watched"]
+
+        wait_until(told, "the other one knows")
+
+
+def test_replicas_store_once_and_both_tell_all(replicas: list[Service]) -> None:
+    one, two = replicas
+    token = one.token()
+    listeners = [Listener(service, token) for service in replicas]
+    for listener in listeners:
+        listener.start()
+    wait_until(lambda: all(": connected" in heard.lines for heard in listeners), "both listen")
+    for number in range(0, 20, 2):
+        first, second = (one, two) if number % 4 else (two, one)
+        said = batch(block(number), peak(number + 1))
+        answers = [service.ingest(said).json()["items"] for service in (first, second)]
+        results = [[item["result"] for item in items] for items in answers]
+        assert results == [["stored"] * 2, ["duplicate"] * 2]
+    wait_until(lambda: all(len(heard.cursors) >= 20 for heard in listeners), "both told all")
+    # Where the machine is slow, one that falls silent is an event between them.
+    everything = listeners[0].cursors
+    assert listeners[1].cursors == everything
+    assert len(everything) == len(set(everything)) == 20
+    for service in replicas:
+        with service.people(token) as client:
+            assert len(client.get(f"/api/v1/series/{NODE}/{CHANNEL}").json()["lo"]) == 10
+            assert len(client.get("/api/v1/events?kind=peak").json()["items"]) == 10
+    for service in replicas:
+        assert service.stop() == 0
+    for listener in listeners:
+        listener.join(120)
+        assert not listener.is_alive()

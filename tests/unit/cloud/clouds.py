@@ -1,0 +1,237 @@
+"""Clouds for tests: a store and both applications, over ASGI without sockets."""
+
+from __future__ import annotations
+
+import json
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import timedelta
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Protocol
+
+import cbor2
+import httpx
+from cryptography.hazmat.primitives.serialization import Encoding
+from eskin_cloud.access import Scope, create_token
+from eskin_cloud.app import gateway_application, people_application
+from eskin_cloud.ingest.gateway_status import HEADER
+from eskin_cloud.query.opaque_ids import OpaqueIds
+from eskin_cloud.service import make_cloud
+from eskin_cloud.settings import CloudSettings, GatewaysSection, StoreSection
+from eskin_cloud.store import Store
+from eskin_cloud.store.schema.tables import audit_log, blocks, feed, metadata, versions
+from eskin_cloud.store.write.ingest import IngestResult, ingest
+from eskin_cloud.store.write.node_sites import keep_sites
+from eskin_cloud.store.write.parsed_message import ParsedMessage
+from sqlalchemy import delete, func, select, update
+
+from eskin.errors import QueryError
+from eskin.identity import IdentityKind
+from eskin.wire.timestamp import SECOND
+from tests.support.identities import SITE
+from tests.unit.cloud.messages import NODE, START
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from eskin_cloud.app_state import AppState
+    from eskin_cloud.store.location import Place
+    from fastapi import FastAPI
+    from sqlalchemy import Connection
+    from starlette import types as asgi
+
+    from eskin.identity import Identity
+    from tests.support.identities import Identities
+
+
+class Said(Protocol):
+    """Anything that a node says."""
+
+    def encode(self) -> bytes:
+        """Its bytes."""
+        ...
+
+
+class Clock:
+    """A clock that stands until it is turned."""
+
+    def __init__(self, now: int) -> None:
+        self.now = now
+
+    def __call__(self) -> int:
+        """UTC ns."""
+        return self.now
+
+    def turn(self, seconds: float) -> None:
+        """Let time pass."""
+        self.now += int(seconds * SECOND)
+
+
+def put(store: Store, *messages: Said, node: str = NODE, dead_letters: int = 100) -> IngestResult:
+    """Store messages in one batch."""
+    items = [ParsedMessage.read(node, message.encode()) for message in messages]
+    return put_items(store, items, dead_letters=dead_letters)
+
+
+def admit(store: Store, *nodes: str, site: str = SITE) -> None:
+    """Have the store know nodes of a site, as if their certificates had been presented."""
+
+    def work(connection: Connection) -> None:
+        named = [(node, b"") for node in dict.fromkeys(nodes)]
+        keep_sites(connection, named, site=site, gateway="gateway.g1", now=store.clock())
+
+    store.write(work).result(120)
+
+
+def named_in(body: bytes) -> list[str]:
+    """The names of nodes in the body of an ingest, as far as it is one."""
+    try:
+        said = cbor2.loads(body)
+        return [pair[0] for pair in said if isinstance(pair[0], str) and pair[0]]
+    except (cbor2.CBORError, ValueError, TypeError, LookupError, OverflowError):
+        return []
+
+
+def put_items(
+    store: Store, items: Sequence[ParsedMessage], *, dead_letters: int = 100
+) -> IngestResult:
+    """Store items in one batch."""
+    return store.write(
+        lambda connection: ingest(
+            connection,
+            store.cache,
+            items,
+            gateway="gateway.g1",
+            now=store.clock(),
+            dead_letters=dead_letters,
+        ),
+        together=True,
+    ).result(120)
+
+
+def emptied(store: Store) -> Store:
+    """A store as it was when it was new, but for deeds: one serves all examples of a property."""
+
+    def clear(connection: Connection) -> None:
+        for table in metadata.sorted_tables:
+            if table not in {versions, feed, audit_log}:
+                connection.execute(delete(table))
+        connection.execute(update(feed).values(cursor=0, writer=None))
+
+    store.write(clear).result(120)
+    return store
+
+
+def shown_certificate(app: asgi.ASGIApp, identity: Identity | None) -> asgi.ASGIApp:
+    """An application whose clients show a certificate, as the listener passes it on."""
+    pem = [part.public_bytes(Encoding.PEM).decode() for part in identity.chain] if identity else []
+
+    async def shown(scope: asgi.Scope, receive: asgi.Receive, send: asgi.Send) -> None:
+        more = {"extensions": {"tls": {"client_cert_chain": tuple(pem)}}}
+        await app({**scope, **more}, receive, send)
+
+    return shown
+
+
+def batch(*messages: Said, node: str = NODE) -> bytes:
+    """The body of an ingest."""
+    return cbor2.dumps([[node, message.encode()] for message in messages])
+
+
+@dataclass
+class Stand:
+    """A cloud with clients for both of its faces."""
+
+    cloud: AppState
+    clock: Clock
+    gateway: Identity | None
+    token: str
+    admitted: set[str] = field(default_factory=lambda: {NODE})
+
+    @cached_property
+    def people(self) -> FastAPI:
+        return people_application(self.cloud)
+
+    def client(self, *, token: str | None = None, **options: Any) -> httpx.AsyncClient:
+        """A person's client, with a reading token unless another is given ('' for none)."""
+        chosen = self.token if token is None else token
+        headers = {"Authorization": f"Bearer {chosen}"} if chosen else {}
+        transport = httpx.ASGITransport(self.people, raise_app_exceptions=False, **options)
+        return httpx.AsyncClient(transport=transport, base_url="http://cloud", headers=headers)
+
+    def ingest_client(self) -> httpx.AsyncClient:
+        """A gateway's client."""
+        app = shown_certificate(gateway_application(self.cloud), self.gateway)
+        transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+        headers = {"Content-Type": "application/cbor"}
+        return httpx.AsyncClient(transport=transport, base_url="https://ingest", headers=headers)
+
+    async def ingest(self, body: bytes, *, status: Any = None) -> httpx.Response:
+        """Bring a batch as the gateway does, with its status where there is one."""
+        headers = {} if status is None else {HEADER: json.dumps(status)}
+        fresh = set(named_in(body)) - self.admitted
+        if fresh:
+            admit(self.cloud.store, *fresh)
+            self.admitted |= fresh
+        async with self.ingest_client() as client:
+            return await client.post("/api/v1/ingest", content=body, headers=headers)
+
+    async def get(self, path: str, **params: Any) -> httpx.Response:
+        """Ask as a reader."""
+        async with self.client() as client:
+            return await client.get(path, params=params)
+
+
+class PlainIds(OpaqueIds):
+    """Ids as the plain numbers that they name, so that tests can count; `OpaqueIds` has its own."""
+
+    def write(self, *numbers: int) -> str:
+        return ".".join(map(str, numbers))
+
+    def read(self, text: str, count: int) -> list[int]:
+        try:
+            numbers = [int(part) for part in text.split(".")]
+        except ValueError:
+            numbers = []
+        if len(numbers) != count:
+            raise QueryError("cursor", "is none of ours")
+        return numbers
+
+
+@contextmanager
+def standing(
+    folder: Path, identities: Identities, *, place: Place | None = None, **sections: Any
+) -> Iterator[Stand]:
+    """A cloud in a folder, with its store there or elsewhere."""
+    server = identities.make(IdentityKind.SERVER, "server.cloud")
+    settings = CloudSettings(
+        store=sections.pop("store", StoreSection(path=folder / "store.sqlite")),
+        gateways=sections.pop("gateways", GatewaysSection(identity=server.directory)),
+        **sections,
+    )
+    clock = Clock(START + 3600 * SECOND)
+    with Store(place or settings.store.place, clock=clock) as store:
+        cloud = make_cloud(settings, store, clock=clock, dashboard=folder / "dashboard")
+        cloud.feed.ids = cloud.feed.encoder.ids = PlainIds(bytes(32))
+        token = create_token(store, scopes=[Scope.READ], name="test", lifetime=timedelta(hours=1))
+        admit(store, NODE)
+        yield Stand(cloud, clock, identities.gateway, token)
+
+
+def problem(response: httpx.Response, status: int) -> str:
+    """Check that an answer is problem details; gives what they say."""
+    assert response.status_code == status, response.text
+    assert response.headers["content-type"] == "application/problem+json"
+    body = json.loads(response.content)
+    assert body["status"] == status
+    assert set(body) == {"type", "title", "status", "detail", "instance"}
+    assert body["detail"]
+    assert "Traceback" not in response.text
+    return str(body["detail"])
+
+
+def count_blocks(stand: Stand) -> int:
+    """How many blocks are stored."""
+    with stand.cloud.store.read() as connection:
+        return connection.execute(select(func.count()).select_from(blocks)).scalar_one()

@@ -1,0 +1,88 @@
+"""Fixtures of the cloud's tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+import pytest
+from eskin_cloud.store import Store
+from sqlalchemy import URL
+
+from tests.unit.cloud.clouds import Clock, Stand, standing
+from tests.unit.cloud.messages import START
+from tests.unit.cloud.sealing import Site
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from eskin_cloud.store.location import Place
+
+    from tests.support.identities import Identities
+    from tests.support.postgresql import Cluster
+
+
+@pytest.fixture
+def clock() -> Clock:
+    """A clock at the time of the test messages."""
+    return Clock(START)
+
+
+ALONE: Final = {f"tests.unit.cloud.test_{room}" for room in (
+    "access", "chore", "client", "compared", "damaged_rows", "description",
+    "gatekeeper", "http", "limits", "odd_requests", "onlookers", "pyramid_rates", "subject_export",
+    "withheld",
+)}  # fmt: skip
+"""Asked of a cloud on SQLite alone: how it is asked and answers, and what others ask of both."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Ask each kind of store."""
+    chosen = [mark.args[0] for mark in metafunc.definition.iter_markers("parametrize")]
+    if "place" in metafunc.fixturenames and "place" not in chosen:
+        kinds = ["sqlite"] if metafunc.module.__name__ in ALONE else ["sqlite", "postgresql"]
+        metafunc.parametrize("place", kinds, indirect=True)
+
+
+@pytest.fixture
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+    """Where an empty store is, for each kind of store."""
+    if request.param == "sqlite":
+        return tmp_path / "store.sqlite"
+    cluster: Cluster = request.getfixturevalue("cluster")
+    place: Place = request.getfixturevalue("shared_database")
+    assert isinstance(place, URL)
+    cluster.clear(place)
+    return place
+
+
+@pytest.fixture(scope="session")
+def shared_database(cluster: Cluster) -> URL:
+    """A database that is emptied for each test."""
+    return cluster.fresh()
+
+
+@pytest.fixture
+def store(place: Place, clock: Clock) -> Iterator[Store]:
+    """An empty store."""
+    with Store(place, clock=clock) as opened:
+        yield opened
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    """A gateway's key store, and what it brings."""
+    return Site(tmp_path)
+
+
+@pytest.fixture
+def stand(tmp_path: Path, identities: Identities, place: Place) -> Iterator[Stand]:
+    """A cloud with clients."""
+    with standing(tmp_path, identities, place=place) as made:
+        yield made
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    """Asynchronous tests run on asyncio, as the cloud does."""
+    return "asyncio"

@@ -1,0 +1,57 @@
+"""Live streams as tests read them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import TYPE_CHECKING, Any
+
+from eskin_cloud.live.stream import stream
+from eskin_cloud.live.subscription import Subscription
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator
+
+    from tests.unit.cloud.clouds import Stand
+
+EVERYTHING = Subscription(frozenset(), frozenset(), 50)
+
+
+def parse(piece: bytes) -> dict[str, Any]:
+    """One event of a stream; a comment becomes ``comment``."""
+    found: dict[str, Any] = {}
+    for line in piece.decode().strip().split("\n"):
+        name, _, value = line.partition(": ")
+        found[name or "comment"] = value
+    if "data" in found:
+        found["data"] = json.loads(found["data"])
+    return found
+
+
+def events_of(piece: bytes) -> list[dict[str, Any]]:
+    """The events of a piece of a stream, without comments."""
+    parsed = [parse(one) for one in piece.split(b"\n\n") if one]
+    return [event for event in parsed if "event" in event]
+
+
+def listen(
+    stand: Stand, cursor: int = 0, selection: Subscription = EVERYTHING, **options: Any
+) -> AsyncIterator[bytes]:
+    """A stream on a cloud's feed."""
+    chosen: dict[str, Any] = {"backlog": 1000, "heartbeat": 30.0}
+    chosen["reveal"] = lambda entry: entry
+    chosen["sealed"] = True
+    chosen["onlookers"] = stand.cloud.viewers
+    chosen |= options
+    return stream(stand.cloud.feed, selection, cursor=cursor, **chosen)
+
+
+async def take(stand: Stand, count: int, **options: Any) -> list[dict[str, Any]]:
+    """The first events of a stream, after its greeting."""
+    found: list[dict[str, Any]] = []
+    async with asyncio.timeout(20):
+        async for piece in listen(stand, **options):
+            found += events_of(piece)
+            if len(found) >= count:
+                return found[:count]
+    return found

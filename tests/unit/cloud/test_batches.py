@@ -1,0 +1,189 @@
+"""Bad batches, and a store that cannot take any."""
+
+from __future__ import annotations
+
+import gzip
+import sqlite3
+from typing import TYPE_CHECKING, Any
+
+import cbor2
+import pytest
+from eskin_cloud.ingest.batch import read_batch
+from eskin_cloud.ingest.errors import MalformedBatchError
+from eskin_cloud.settings import GatewaysSection
+from eskin_cloud.store.schema.tables import dead_letters
+from eskin_cloud.store.write.presence import MOST_LAG
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import select, text
+
+from eskin.errors import StoreError
+from eskin.identity import IdentityKind
+from eskin.wire.messages.fast_decode import scan_all
+from tests.unit.cloud.clouds import batch, count_blocks, problem, standing
+from tests.unit.cloud.messages import NODE, START, block, gap, peak, status
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+    from eskin.wire.messages import BlockSummary, Peak
+    from eskin.wire.messages.concatenated import Joined
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_batch_of_another_type_is_refused(stand: Stand) -> None:
+    body = batch(block(0))
+    for kind in ("application/json", "", "text/plain"):
+        async with stand.ingest_client() as client:
+            headers = {"Content-Type": kind}
+            answer = await client.post("/api/v1/ingest", content=body, headers=headers)
+        problem(answer, 415)
+
+
+async def test_batch_is_one_commit(stand: Stand) -> None:
+    before = stand.cloud.store.writer.commits
+    assert (await stand.ingest(batch(block(0)))).status_code == 200
+    assert stand.cloud.store.writer.commits == before + 1
+    assert count_blocks(stand) == 1
+
+
+async def test_batch_too_large_is_refused_while_it_streams(
+    tmp_path: Path, identities: Identities
+) -> None:
+    server = identities.make(IdentityKind.SERVER, "server.cloud").directory
+    own = GatewaysSection(identity=server, body_bytes=65_536)
+    with standing(tmp_path, identities, gateways=own) as stand:
+        problem(await stand.ingest(b"x" * 65_537), 413)
+        sent = 0
+
+        async def endless() -> Any:
+            nonlocal sent
+            while True:
+                sent += 1
+                yield b"x" * 4096
+
+        async with stand.ingest_client() as client:
+            answer = await client.post(
+                "/api/v1/ingest",
+                content=endless(),
+            )
+        problem(answer, 413)
+        assert sent <= 18
+
+
+@pytest.mark.parametrize(
+    "body", [b"", b"\xff", cbor2.dumps({}), cbor2.dumps([0] * 10_001), gzip.compress(b"x", mtime=0)]
+)
+async def test_body_that_is_no_batch_is_refused(stand: Stand, body: bytes) -> None:
+    problem(await stand.ingest(body), 422)
+
+
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(st.one_of(st.binary(max_size=200), st.binary(max_size=200).map(lambda b: b"\x82" + b)))
+def test_any_bytes_are_a_batch_or_refused(body: bytes) -> None:
+    try:
+        items = read_batch(body)
+    except MalformedBatchError:
+        return
+    assert all((item.message is None) == (item.reason is not None) for item in items)
+
+
+async def test_odd_items_are_rejected_one_by_one(stand: Stand) -> None:
+    good = [NODE, block(0).encode()]
+    odd = [[], [NODE], 5, [NODE, "text"], [b"x", b"y"], [NODE, b"x" * 70_000], None, good]
+    answer = await stand.ingest(cbor2.dumps(odd))
+    results = [item["result"] for item in answer.json()["items"]]
+    assert results == ["rejected"] * 7 + ["stored"]
+
+
+async def test_message_that_breaks_what_stores_it_harms_none_but_itself(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(node: str, message: Peak, _: bytes) -> None:
+        raise ZeroDivisionError(f"of {node}: {message.height}")
+
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.peak_row", breaks)
+    said = block(0), peak(1), block(2), gap(3)
+    for outcome in ("stored", "duplicate"):
+        items = (await stand.ingest(batch(*said))).json()["items"]
+        assert [item["result"] for item in items] == [outcome, "rejected", outcome, outcome]
+        assert items[1]["reason"] == "it cannot be stored: ZeroDivisionError"
+    monkeypatch.undo()
+    assert (await stand.ingest(batch(block(4)))).json()["items"][0]["result"] == "stored"
+    assert count_blocks(stand) == 3
+    with stand.cloud.store.read() as connection:
+        letters = connection.execute(select(dead_letters.c.data)).scalars().all()
+    assert letters == [peak(1).encode()]
+
+
+async def test_message_that_breaks_what_reads_it_harms_none_but_itself(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bad = block(1).encode()
+
+    def breaks(messages: Joined) -> list[BlockSummary | None]:
+        if bad in messages.data:
+            raise OverflowError("a number that nobody thought of")
+        return scan_all(messages)
+
+    monkeypatch.setattr("eskin_cloud.store.write.parsed_message.scan_all", breaks)
+    items = (await stand.ingest(batch(block(0), block(1), block(2)))).json()["items"]
+    assert [item["result"] for item in items] == ["stored", "rejected", "stored"]
+    assert items[1]["reason"].startswith("it broke what reads it: OverflowError")
+    assert count_blocks(stand) == 2
+
+
+async def test_message_is_not_at_fault_where_memory_runs_out(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(_: Joined) -> list[BlockSummary | None]:
+        raise MemoryError
+
+    monkeypatch.setattr("eskin_cloud.store.write.parsed_message.scan_all", breaks)
+    assert (await stand.ingest(batch(block(0)))).status_code == 500
+    monkeypatch.undo()
+    items = (await stand.ingest(batch(block(0)))).json()["items"]
+    assert [item["result"] for item in items] == ["stored"]
+
+
+def take_few_values(connection: Connection) -> None:
+    """Be as strict as any build of SQLite; PostgreSQL is so by itself."""
+    own = connection.connection.driver_connection
+    if isinstance(own, sqlite3.Connection):
+        own.setlimit(sqlite3.SQLITE_LIMIT_VARIABLE_NUMBER, 32_766)
+
+
+async def test_batch_that_names_more_than_a_statement_takes_is_stored(stand: Stand) -> None:
+    stand.cloud.store.write(take_few_values).result()
+    names = [tuple(f"t{n}.c{k}" for k in range(1000)) for n in range(34)]
+    said = [
+        [f"hand-{n % 4}", status(n, boot=n, channels=each).encode()] for n, each in enumerate(names)
+    ]
+    answer = await stand.ingest(cbor2.dumps(said))
+    assert [item["result"] for item in answer.json()["items"]] == ["stored"] * 34
+
+
+@pytest.mark.parametrize("first", [-(2**63) + 1, -(2**62), 0])
+async def test_block_of_any_time_before_now_is_stored(stand: Stand, first: int) -> None:
+    ancient = block(0, time=(first, START)), block(1, time=(first, first))
+    items = (await stand.ingest(batch(*ancient))).json()["items"]
+    assert [item["result"] for item in items] == ["stored"] * 2
+    node = (await stand.get(f"/api/v1/nodes/{NODE}")).json()
+    assert node["lag"]["hi_ns"] == min(stand.clock() - first, MOST_LAG)
+
+
+@pytest.mark.parametrize("place", ["sqlite"], indirect=True)
+async def test_readiness_shows_a_fault_that_lasts(stand: Stand) -> None:
+    stand.cloud.store.write(
+        lambda c: c.execute(text("ALTER TABLE feed RENAME TO renamed_feed")).rowcount
+    ).result(120)
+    problem(await stand.ingest(batch(block(0))), 503)
+    with pytest.raises(StoreError):
+        stand.cloud.store.write(lambda _: None).result(120)
+    problem(await stand.get("/readyz"), 503)
+    assert (await stand.get("/healthz")).json() == {"status": "ok"}

@@ -1,0 +1,135 @@
+"""Comparisons of two channels answered from tiles and from blocks' bounds."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+import pytest
+from eskin_cloud.query.comparison import find_stretches
+from eskin_cloud.query.comparison_segments import merge
+from eskin_cloud.query.comparison_totals import sum_up_stretches
+from eskin_cloud.query.neighbourhood import Neighbourhood, Source
+from eskin_cloud.query.predicate import Verdict
+from eskin_cloud.rollup.builder import build
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
+
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+from tests.unit.cloud.test_comparison import OTHER, ask
+from tests.unit.cloud.test_queries import spy_on_decoding
+
+if TYPE_CHECKING:
+    from eskin_cloud.query.comparison_segments import ComparisonSegment
+    from eskin_cloud.store import Store
+    from sqlalchemy import RowMapping
+
+    from eskin.wire.messages import Block
+
+
+def long_blocks(random: np.random.Generator, channel: str, *, level: float) -> list[Block]:
+    """Many blocks of a level that crosses the other's now and then, with gaps and overlaps."""
+    made, first = [], START + int(random.integers(0, 50))
+    for sequence in range(400):
+        n = int(random.integers(50, 200))
+        dt = int(random.choice([10, 10, 10, 25]))
+        base = level + (3.0 if random.random() < 0.02 else 0.0)
+        lo = base + random.random(n) * 0.5
+        error = int(random.choice([0, 3, 3, 200, 100_000], p=[0.4, 0.3, 0.25, 0.04, 0.01]))
+        time = first - error, first + error
+        number = 2 * sequence + (channel == OTHER)
+        made.append(block(number, lo, lo + 0.4, time=time, dt=dt, channel=channel))
+        first += n * dt + (int(random.choice([0, 0, 4, 15, 60_000, -40])) if n % 5 == 0 else 0)
+    return made
+
+
+def told(stretches: list[ComparisonSegment]) -> list[tuple[int, int, Verdict | None]]:
+    return [(s.start, s.end, s.answer) for s in stretches]
+
+
+def without_tiles(row: RowMapping) -> RowMapping:
+    return cast("RowMapping", {**row, "grain": None})
+
+
+def ask_blocks(store: Store, window: Window) -> list[ComparisonSegment]:
+    """As `ask`, of a few blocks each time."""
+    with store.read() as connection:
+        sides = [
+            Source(connection, without_tiles(find_channel(connection, NODE, channel)))
+            for channel in (CHANNEL, OTHER)
+        ]
+        return list(find_stretches(sides[0], sides[1], window))
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_pyramid_answers_as_blocks_do_whatever_comes_late(store: Store, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    said = [long_blocks(random, CHANNEL, level=1.0), long_blocks(random, OTHER, level=2.0)]
+    # Late ones spoil tiles at one end alone.
+    late = [blocks.pop(int(random.integers(330, 390))) for blocks in said for _ in range(3)]
+    put(store, *said[0], *said[1])
+    build(store)
+    put(store, *late)
+    for _ in range(5):
+        start = START + int(random.integers(-1000, 500_000))
+        window = Window(start, start + int(random.integers(1, 700_000)))
+        tiled = ask(store, window)
+        middle = (window.start + window.end) // 2
+        cuts = Window(window.start, middle), Window(middle, window.end)
+        parts = list(merge(part for cut in cuts for part in ask_blocks(store, cut)))
+        assert told(tiled) == told(parts)
+        whole, apart = sum_up_stretches(tiled), sum_up_stretches(parts)
+        assert (whole.time, whole.unknown) == (apart.time, apart.unknown)
+        assert whole.entries == apart.entries
+
+
+def flat(channel: str, level: float, count: int, *, first: int = START) -> list[Block]:
+    """Blocks of ten samples that follow each other."""
+    odd = channel == OTHER
+    return [
+        block(2 * k + odd, [level] * 10, [level + 1] * 10, time=(t, t), dt=10, channel=channel)
+        for k, t in enumerate(range(first, first + 100 * count, 100))
+    ]
+
+
+def test_only_blocks_that_straddle_are_decoded(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = flat(CHANNEL, 5.0, 9)
+    said[4] = block(8, [5.0] * 5 + [1.5] * 5, [6.0] * 10, time=(START + 400,) * 2, dt=10)
+    put(store, *said, *flat(OTHER, 1.0, 9, first=START + 5))
+    decoded = spy_on_decoding(monkeypatch)
+    found = ask(store, Window(START, START + 1000))
+    assert sorted(b.position.sequence for b in decoded) == [7, 8, 9]
+    assert [(s.start - START, s.end - START, s.answer) for s in found] == [
+        (0, 5, None),
+        (5, 450, Verdict.CERTAIN),
+        (450, 500, Verdict.POSSIBLE),
+        (500, 900, Verdict.CERTAIN),
+        (900, 1000, None),
+    ]
+
+
+def test_what_tiles_settle_is_asked_of_no_block(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(store, *flat(CHANNEL, 5.0, 5000), *flat(OTHER, 1.0, 5000))
+    build(store)
+    asked: list[Window] = []
+
+    def look(source: Source, window: Window) -> Neighbourhood:
+        asked.append(window)
+        return Neighbourhood(source, window)
+
+    monkeypatch.setattr("eskin_cloud.query.comparison.Around", look)
+    decoded = spy_on_decoding(monkeypatch)
+    found = ask(store, Window(START - 500_000, START + 800_000))
+    assert told(found) == [
+        (START - 500_000, START, None),
+        (START, START + 500_000, Verdict.CERTAIN),
+        (START + 500_000, START + 800_000, None),
+    ]
+    assert decoded == []
+    near = [w for w in asked if w.start < START + 190_000 and w.end > START + 40_000]
+    assert near == []

@@ -1,0 +1,77 @@
+"""PostgreSQL's COPY while a batch is taken: rows go at once, and nothing stays half done."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from psycopg.pq import TransactionStatus
+from sqlalchemy import text
+
+from eskin.errors import StoreError
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.commits import bring, kinds, one_commit
+from tests.unit.cloud.messages import block
+
+if TYPE_CHECKING:
+    from eskin_cloud.store import Store
+    from sqlalchemy import Connection
+
+pytestmark = pytest.mark.parametrize("place", ["postgresql"], indirect=True)
+
+
+def test_connection_that_is_lost_in_the_middle_of_rows_stores_nothing(store: Store) -> None:
+    put(store, block(0))
+
+    def cut(_: Connection) -> None:
+        with store._reading.begin() as other:
+            own = text(
+                "SELECT pg_terminate_backend(pid) FROM pg_stat_activity "
+                "WHERE datname = current_database() AND query LIKE 'COPY blocks%'"
+            )
+            assert other.execute(own).all() == [(True,)]
+
+    broken = bring(store, block(1), then=cut)
+    with pytest.raises(StoreError, match="then send again"):
+        broken.result(120)
+    assert kinds(put(store, block(0), block(1))) == ["duplicate", "stored"]
+
+
+@pytest.mark.parametrize("fault", [MemoryError(), OSError(5, "Input/output error")])
+def test_shortage_in_the_middle_of_rows_stores_nothing(store: Store, fault: Exception) -> None:
+    def short(_: Connection) -> None:
+        raise fault
+
+    with one_commit(store):
+        broken = [bring(store, block(0)), bring(store, block(1), then=short)]
+    for each in broken:
+        with pytest.raises(StoreError, match=r"memory left|Input/output"):
+            each.result(120)
+    assert kinds(put(store, block(0), block(1))) == ["stored"] * 2
+
+
+@pytest.mark.parametrize("fault", [KeyError("of a type"), MemoryError()])
+def test_rows_that_cannot_be_begun_leave_the_connection_free(
+    store: Store, monkeypatch: pytest.MonkeyPatch, fault: Exception
+) -> None:
+    def breaks(*_: object) -> None:
+        raise fault
+
+    with monkeypatch.context() as patch:
+        patch.setattr("psycopg.Copy.set_types", breaks)
+        told = bring(store, block(0))
+        if told.exception(120) is None:
+            assert kinds(told.result()) == ["rejected"]
+    assert kinds(put(store, block(0))) == ["stored"]
+
+
+def test_rows_go_to_the_server_while_the_next_ones_are_taken(store: Store) -> None:
+    under_way: list[bool] = []
+    put(store, block(0))
+
+    def look(connection: Connection) -> None:
+        driver: Any = connection.connection.driver_connection
+        under_way.append(driver.pgconn.transaction_status == TransactionStatus.ACTIVE)
+
+    bring(store, block(1), then=look).result(120)
+    assert under_way == [True]

@@ -1,0 +1,238 @@
+"""Rows whose columns are not as they were written: named, left out, and never believed.
+
+On SQLite alone: a PostgreSQL server has checksums of its own.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import sqlite3
+from contextlib import closing
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_cloud.access import Scope, create_token, revoke_token
+from eskin_cloud.access.tokens import digest, token_id
+from eskin_cloud.api.middleware.answer import DAMAGED
+from eskin_cloud.jobs.integrity import look_at
+from eskin_cloud.query.export import Export, Source
+from eskin_cloud.store import Store
+from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.damage import DamagedRowError
+from eskin_cloud.store.integrity import LARGE, find_fault
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.row_digests import CHECKED, ROW_DIGEST, find_damaged
+from eskin_cloud.store.schema.tables import blocks, channels, metadata, nodes, sequences
+from sqlalchemy import select
+
+from eskin.errors import StoreError
+from eskin.wire.messages import Encoding
+from tests.unit.cloud.clouds import problem, put
+from tests.unit.cloud.everything import fill
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.unit.cloud.orders import order
+from tests.unit.cloud.sealing import Site, sealing
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+
+
+def damage(path: Path, statement: str, *values: object) -> None:
+    """Change the file as a worn disk does: no trigger makes a digest anew."""
+    with closing(sqlite3.connect(path)) as db, db:
+        triggers = db.execute("SELECT name, sql FROM sqlite_master WHERE type = 'trigger'")
+        kept = triggers.fetchall()
+        for name, _ in kept:
+            db.execute(f"DROP TRIGGER {name}")
+        assert db.execute(statement, values).rowcount
+        for _, made in kept:
+            db.execute(made)
+
+
+def path_of(stand: Stand) -> Path:
+    place = stand.cloud.settings.store.path
+    assert place is not None
+    return place
+
+
+async def test_every_row_of_every_checked_table_has_its_digest(
+    tmp_path: Path, identities: Identities, place: Path
+) -> None:
+    with sealing(tmp_path, identities, place=place) as stand:
+        await fill(stand, Site(tmp_path))
+        put(stand.cloud.store, block(700), status(701, boot=9), peak(702), gap(703))
+        with stand.cloud.store.read() as connection:
+            for table in CHECKED:
+                assert find_damaged(connection, table) == [], table.name
+                written = connection.execute(select(table.c[ROW_DIGEST])).scalars().all()
+                assert None not in written, table.name
+            for table in metadata.sorted_tables:
+                assert find_fault(connection, table) is None
+
+
+@pytest.mark.parametrize(
+    "change", ["height_lo = 3", "t_lo = t_lo - 1", "kind = 'gap'", "channel = 'x'", "coverage = 1"]
+)
+async def test_damaged_event_is_left_out_and_named(stand: Stand, change: str) -> None:
+    put(stand.cloud.store, peak(1), gap(2))
+    damage(path_of(stand), f"UPDATE events SET {change} WHERE sequence = 1")  # noqa: S608 - ours
+    answer = await stand.get("/api/v1/events")
+    assert [item["kind"] for item in answer.json()["items"]] == ["gap"]
+    assert "events fingertip" in answer.headers[DAMAGED]
+
+
+@pytest.mark.parametrize(
+    "change",
+    ["t = t + 500", "t_end = t_end + 1", "dt = 2 * dt", "coverage = 1.5", "hi = 1.5", "n = 1",
+     "error = 9", "lo = lo + 1"],
+)  # fmt: skip
+async def test_block_with_a_damaged_column_is_a_gap(stand: Stand, change: str) -> None:
+    put(stand.cloud.store, *(block(k, [1.0, 2.0], [3.0, 4.0], time=(START + k * 2 * DT,) * 2)
+                             for k in range(3)))  # fmt: skip
+    damage(path_of(stand), f"UPDATE blocks SET {change} WHERE sequence = 1")  # noqa: S608 - ours
+    window = {"start": START - DT, "end": START + 9 * DT}
+    path = f"/api/v1/series/{NODE}/{CHANNEL}"
+    answer = await stand.get(path, points=100, **window)
+    assert [lo for lo in answer.json()["lo"] if lo is not None] == [1.0, 2.0, 1.0, 2.0]
+    assert "boot 1 sequence 1" in answer.headers[DAMAGED]
+    segments = await stand.get(f"{path}/threshold", above=0.5, **window)
+    assert "boot 1 sequence 1" in segments.headers[DAMAGED]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+async def test_export_tells_a_damaged_block_as_unknown(stand: Stand, *, packed: bool) -> None:
+    store = stand.cloud.store
+    put(store, *(block(k, [1.0] * 100, [2.0] * 100, time=(START + k * 100 * DT,) * 2,
+                       encoding=Encoding.Q16) for k in range(64)))  # fmt: skip
+    if packed:
+        pack_some(store, (NODE, CHANNEL), behind=0)
+    damage(path_of(stand), "UPDATE blocks SET data = zeroblob(200) WHERE sequence = "
+           "(SELECT max(sequence) FROM blocks)")  # fmt: skip
+    answer = await stand.get("/api/v1/export", channel=f"{NODE}/{CHANNEL}")
+    rows = list(csv.DictReader(io.StringIO(answer.text)))
+    with store.read() as connection:
+        unknown = (
+            connection.execute(select(blocks.c.n).order_by(blocks.c.t.desc())).scalars().first()
+        )
+    assert len(rows) == 6400 == int(answer.headers["Eskin-Samples"])
+    assert [row["lo"] for row in rows].count("") == unknown
+    assert all(row["lo"] == "" for row in rows[-unknown:])
+    assert len({row["earliest"] for row in rows}) == 6400
+
+
+async def test_export_breaks_off_where_it_cannot_say_when_a_block_was(stand: Stand) -> None:
+    put(stand.cloud.store, block(1), block(2, time=(START + DT,) * 2))
+    damage(path_of(stand), "UPDATE blocks SET dt = 5 WHERE sequence = 2")
+    store = stand.cloud.store
+    with store.read() as connection:
+        source = Source(find_channel(connection, NODE, CHANNEL), store.read)
+    with pytest.raises(DamagedRowError, match="sequence 2"):
+        list(Export([source], Window(START, START + 9 * DT), None).read(None))
+
+
+@pytest.mark.parametrize(
+    ("table", "change", "path"),
+    [
+        ("channels", "lo = 7", f"series/{NODE}/{CHANNEL}"),
+        ("channels", "longest = 5", "export"),
+        ("nodes", "faults = '{'", f"nodes/{NODE}"),
+        ("nodes", "places = '{'", f"nodes/{NODE}/taxels"),
+        ("states", "desired = '{'", f"nodes/{NODE}/state"),
+        ("tokens", "scopes = 'reae'", "nodes"),
+        ("tokens", "name = 'teso'", "nodes"),
+    ],
+)
+async def test_damaged_row_is_named_in_a_refusal(
+    stand: Stand, table: str, change: str, path: str
+) -> None:
+    put(stand.cloud.store, status(0), block(1))
+    await order(stand, {"name": "set", "arguments": {"rate": 500}})
+    damage(path_of(stand), f"UPDATE {table} SET {change}")  # noqa: S608 - ours
+    window: dict[str, object] = {"start": START, "end": START + DT} if "series" in path else {}
+    if path == "export":
+        window = {"channel": f"{NODE}/{CHANNEL}"}
+    said = problem(await stand.get(f"/api/v1/{path}", **window), 503)
+    assert said.startswith(table)
+
+
+async def test_damaged_rows_of_lists_are_left_out_and_named(stand: Stand) -> None:
+    put(stand.cloud.store, status(0), block(1))
+    damage(path_of(stand), "UPDATE nodes SET gaps = 9")
+    answer = await stand.get("/api/v1/nodes")
+    assert answer.json()["items"] == []
+    assert answer.headers[DAMAGED] == '"nodes fingertip"'
+
+
+@pytest.mark.parametrize("change", ["expires = NULL", "revoked = NULL"])
+async def test_token_that_ended_is_not_good_again_by_damage(stand: Stand, change: str) -> None:
+    store = stand.cloud.store
+    made = create_token(store, scopes=[Scope.READ], name="x", lifetime=timedelta(seconds=1))
+    assert revoke_token(store, token_id(digest(made)))
+    stand.clock.turn(9)
+    damage(path_of(stand), f"UPDATE tokens SET {change} WHERE name = 'x'")  # noqa: S608 - ours
+    async with stand.client(token=made) as client:
+        assert (await client.get("/api/v1/nodes")).status_code == 503
+
+
+def test_damaged_row_that_is_written_again_stays_damaged(store: Store, place: Path) -> None:
+    put(store, block(1))
+    damage(place, "UPDATE channels SET lo = 7")
+    store.cache.forget()
+    put(store, block(2, time=(START + DT,) * 2))
+    with store.read() as connection:
+        assert find_damaged(connection, channels) == [f"channels {NODE} {CHANNEL}"]
+        assert find_damaged(connection, nodes) == []
+        assert len(connection.execute(select(blocks)).all()) == 2
+
+
+def _shift_index(path: Path, name: str) -> None:
+    """Change the node's name in an index's page alone."""
+    with closing(sqlite3.connect(path)) as db:
+        db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        size = db.execute("PRAGMA page_size").fetchone()[0]
+        query = "SELECT pageno FROM dbstat WHERE name = ? AND ncell > 0"
+        (page,) = db.execute(query, (name,)).fetchone()
+    data = bytearray(path.read_bytes())
+    at = data.index(NODE.encode(), size * (page - 1))
+    assert at < size * page
+    data[at] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    "name", ["sqlite_autoindex_nodes_1", "blocks_by_time", "sqlite_autoindex_sequences_1"]
+)
+def test_index_that_hides_rows_is_made_anew(place: Path, name: str) -> None:
+    with Store(place) as store:
+        put(store, block(1))
+    _shift_index(place, name)
+    with Store(place) as store:
+        for table in LARGE:
+            look_at(store, table)
+        with store.read() as connection:
+            assert all(find_fault(connection, table) is None for table in metadata.sorted_tables)
+            here = select(blocks).where(blocks.c.node == NODE, blocks.c.channel == CHANNEL)
+            assert len(connection.execute(here).all()) == 1
+            known = select(sequences.c.last).where(sequences.c.node == NODE)
+            assert connection.execute(known).scalar_one() == 1
+            assert connection.execute(select(nodes).where(nodes.c.node == NODE)).all()
+
+
+def test_file_whose_schema_is_no_text_is_refused_with_a_remedy(place: Path) -> None:
+    with Store(place) as store:
+        put(store, block(1))
+    with closing(sqlite3.connect(place)) as db:
+        db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    data = bytearray(place.read_bytes())
+    data[data.index(b"CREATE TABLE versions") + 2] ^= 0x80
+    place.write_bytes(data)
+    with pytest.raises(StoreError, match="bring back a copy"):
+        Store(place)

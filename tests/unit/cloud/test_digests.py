@@ -1,0 +1,190 @@
+"""Digests: another message under a stored number, and rows that are not as they were written."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from eskin_cloud.api.middleware.answer import DAMAGED
+from eskin_cloud.live.feed import read_entries
+from eskin_cloud.rollup.builder import build
+from eskin_cloud.rollup.reading import TileRange, read_stretch
+from eskin_cloud.store.compaction import pack_some
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.schema.tables import blocks, dead_letters, events
+from eskin_cloud.store.schema.tile_tables import tiles
+from sqlalchemy import and_, func, select, update
+
+from eskin.wire.messages import Encoding
+from tests.unit.cloud.clouds import batch, put
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from eskin_cloud.store import Store
+    from sqlalchemy import Connection, Table
+
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
+SAMPLES = 100
+
+
+def said(number: int, *, encoding: Encoding = Encoding.Q16, level: float = 1.0) -> Any:
+    start = START + number * SAMPLES * DT
+    lo = [level + 0.01 * (k % 7) for k in range(SAMPLES)]
+    hi = [each + 0.5 for each in lo]
+    return block(number, lo, hi, time=(start, start), encoding=encoding)
+
+
+def flip(
+    store: Store, table: Table, *, bit: int | None = None, where: Any = True
+) -> dict[str, Any]:
+    """Flip a bit of one row's bytes, as a disk might; gives the row as it was."""
+
+    def work(connection: Connection) -> dict[str, Any]:
+        row = dict(connection.execute(select(table).where(where).limit(1)).mappings().one())
+        data = bytearray(row["data"])
+        at = 4 * len(data) if bit is None else bit
+        data[at // 8] ^= 1 << (at % 8)
+        keys = [column == row[column.name] for column in table.primary_key.columns]
+        connection.execute(update(table).where(*keys).values(data=bytes(data)))
+        return row
+
+    return store.write(work).result(120)
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (lambda: said(5), lambda: said(5, level=2.0)),
+        (lambda: status(5), lambda: status(5, channels=("t02.capacitance",))),
+        (lambda: status(5), lambda: said(5)),
+        (lambda: peak(5), lambda: gap(5)),
+        (lambda: gap(5), lambda: said(5, encoding=Encoding.F32)),
+    ],
+)
+async def test_other_message_under_a_stored_number_is_a_dead_letter_and_an_event(
+    stand: Stand, first: Callable[[], Any], second: Callable[[], Any]
+) -> None:
+    store = stand.cloud.store
+    one, other = first(), second()
+    assert (await stand.ingest(batch(one))).json()["items"][0]["result"] == "stored"
+    before = stand.cloud.metrics.conflicts._value.get()
+    assert (await stand.ingest(batch(one))).json()["items"][0]["result"] == "duplicate"
+    answer = (await stand.ingest(batch(one, other, one))).json()["items"]
+    assert [item["result"] for item in answer] == ["duplicate", "rejected", "duplicate"]
+    with store.read() as connection:
+        kept = connection.execute(select(dead_letters.c.data)).scalars().all()
+        told = connection.execute(select(events).where(events.c.kind == "conflict")).mappings()
+        (event,) = told.all()
+    assert kept == [other.encode()]
+    assert (event["node"], event["boot"], event["sequence"]) == (NODE, *one.position)
+    assert stand.cloud.metrics.conflicts._value.get() == before + 1
+    found = (await stand.get("/api/v1/events", kind="conflict")).json()["items"]
+    assert [item["node"] for item in found] == [NODE]
+
+
+def test_two_under_one_number_in_one_batch_are_told_apart(store: Store) -> None:
+    outcome = put(store, said(1), said(1, level=2.0), said(1))
+    assert [each.result for each in outcome.results] == ["stored", "rejected", "duplicate"]
+
+
+def test_numbers_are_compared_in_any_order_and_after_a_restart(store: Store) -> None:
+    numbers = np.random.default_rng(3).permutation(300).tolist()
+    for at in range(0, 300, 7):
+        put(store, *(said(number) for number in numbers[at : at + 7]))
+    for _ in range(2):
+        outcome = put(store, *(said(number) for number in range(300)))
+        assert {each.result for each in outcome.results} == {"duplicate"}
+        outcome = put(store, *(said(number, level=9.0) for number in range(300)), dead_letters=10)
+        assert {each.result for each in outcome.results} == {"rejected"}
+        store.cache.forget()
+
+
+def test_packed_and_removed_blocks_are_told_from_others(store: Store) -> None:
+    put(store, *(said(number) for number in range(64)))
+    pack_some(store, (NODE, CHANNEL), behind=0)
+    store.write(lambda c: c.execute(blocks.delete().where(blocks.c.sequence > 30))).result(120)
+    for number in (0, 13, 40, 63):
+        outcome = put(store, said(number), said(number, level=2.0))
+        assert [each.result for each in outcome.results] == ["duplicate", "rejected"]
+
+
+@pytest.mark.parametrize("encoding", [Encoding.Q16, Encoding.F32, Encoding.F64])
+@pytest.mark.parametrize("packed", [False, True])
+async def test_damaged_block_is_a_gap_and_the_rest_is_served(
+    stand: Stand, encoding: Encoding, *, packed: bool
+) -> None:
+    store = stand.cloud.store
+    put(store, *(said(number, encoding=encoding) for number in range(60)))
+    if packed:
+        pack_some(store, (NODE, CHANNEL), behind=0)
+    window = {"start": START, "end": START + 60 * SAMPLES * DT, "points": 10_000}
+    whole = (await stand.get(SERIES, **window)).json()
+    row = flip(store, blocks, where=blocks.c.sequence > 10)
+    answer = await stand.get(SERIES, **window)
+    assert answer.status_code == 200
+    found = answer.json()
+    first, end = ((each - START) // DT for each in (row["t"], row["t_end"] + DT))
+    assert end - first == row["n"]
+    assert found["lo"] == [*whole["lo"][:first], None, *whole["lo"][end:]]  # the gap between
+    assert found["hi"] == [*whole["hi"][:first], None, *whole["hi"][end:]]
+    named = answer.headers[DAMAGED]
+    assert f"{NODE} boot {row['boot']} sequence {row['sequence']}" in named
+    assert "eskin_cloud_damaged_rows 0.0" not in stand.cloud.metrics.write().decode()
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_no_flipped_bit_is_ever_served(store: Store, seed: int) -> None:
+    """Whatever bit flips of blocks and tiles, what is answered encloses what was stored."""
+
+    put(store, *(said(number, encoding=Encoding.F32) for number in range(200)))
+    if seed % 2:
+        pack_some(store, (NODE, CHANNEL), behind=0)
+    if seed % 3:
+        build(store)
+    chance = np.random.default_rng(seed)
+    table = tiles if seed % 3 and seed % 2 else blocks
+    with store.read() as connection:
+        rows = connection.execute(select(table)).mappings().all()
+        channel = find_channel(connection, NODE, CHANNEL)
+        grain = channel["grain"] or 30
+    row = rows[int(chance.integers(len(rows)))]
+    here = [column == row[column.name] for column in table.primary_key.columns]
+    bit = int(chance.integers(8 * len(row["data"])))
+
+    flip(store, table, bit=bit, where=and_(*here))
+    with store.read() as connection:
+        stretch = TileRange(grain, START >> grain, (START + 200 * SAMPLES * DT >> grain) + 1)
+        pieces = read_stretch(connection, find_channel(connection, NODE, CHANNEL), stretch)
+    lost = 0 if table is tiles else row["n"]
+    assert 200 * SAMPLES - lost <= int(pieces.n.sum()) <= 200 * SAMPLES
+    assert float(pieces.lo.min()) == pytest.approx(1.0, abs=1e-6)
+    assert float(pieces.hi.max()) == pytest.approx(1.56, abs=1e-6)
+
+
+def test_damaged_block_is_neither_packed_nor_lost(store: Store) -> None:
+    put(store, *(said(number) for number in range(64)))
+    row = flip(store, blocks, where=blocks.c.sequence == 20)
+    pack_some(store, (NODE, CHANNEL), behind=0)
+    with store.read() as connection:
+        here = (blocks.c.boot == row["boot"]) & (blocks.c.sequence == 20)
+        kept = connection.execute(select(blocks.c.packed).where(here)).scalar_one()
+        samples = connection.execute(select(func.sum(blocks.c.n))).scalar_one()
+    assert kept is None
+    assert samples == 64 * SAMPLES
+
+
+async def test_export_and_live_backlog_leave_a_damaged_block_out(stand: Stand) -> None:
+
+    store = stand.cloud.store
+    put(store, *(said(number) for number in range(8)))
+    flip(store, blocks, where=blocks.c.sequence == 3)
+    answer = await stand.get("/api/v1/export", channel=f"{NODE}/{CHANNEL}")
+    assert answer.status_code == 200, answer.text
+    with store.read() as connection:
+        assert len(read_entries(connection, 0, 10**9)) == 7

@@ -1,0 +1,246 @@
+"""A store that is slow, full, away or of another version: told over HTTP, and nothing is lost."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import pytest
+from eskin_cloud.access import Scope, create_token
+from eskin_cloud.store import postgres, sqlite, store
+from eskin_cloud.store.location import writing_engine
+from eskin_cloud.store.schema.tables import events, versions
+from eskin_cloud.store.version import VERSION
+from sqlalchemy import delete, func, insert, select, text
+
+from tests.unit.cloud.clouds import batch, count_blocks, problem, put
+from tests.unit.cloud.messages import CHANNEL, NODE, START, block, peak
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from contextlib import AbstractContextManager
+
+    import httpx
+    from eskin_cloud.store.location import Place
+    from sqlalchemy import URL, Connection
+
+    from tests.support.postgresql import Cluster
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+
+SERIES: Final = f"/api/v1/series/{NODE}/{CHANNEL}"
+LATER: Final = "start the program that made it"
+
+
+@dataclass(frozen=True, slots=True)
+class Bed:
+    """A cloud, and what can be done to its store from outside."""
+
+    stand: Stand
+    cluster: Callable[[], Cluster]
+
+    @property
+    def place(self) -> Place:
+        return self.stand.cloud.store.place
+
+    @property
+    def server(self) -> URL:
+        assert not isinstance(self.place, Path)
+        return self.place
+
+
+@contextmanager
+def elsewhere(place: Place) -> Iterator[Connection]:
+    """A transaction of another program, which has the store for itself while it lasts."""
+    engine = writing_engine(place)
+    try:
+        with engine.begin() as connection:
+            yield connection
+    finally:
+        engine.dispose()
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A store whose writer waits for others as it always does, but not for so long."""
+    monkeypatch.setattr(sqlite, "_BUSY_S", 0.3)
+    change_option(monkeypatch, "_WRITING", "lock_timeout=10s", "lock_timeout=300ms")
+
+
+@pytest.fixture
+def impatient_readers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A store whose readers do not wait for so long either; on a busy machine, one may fail so."""
+    change_option(monkeypatch, "_READING", "statement_timeout=60s", "statement_timeout=1s")
+
+
+def change_option(monkeypatch: pytest.MonkeyPatch, name: str, long: str, short: str) -> None:
+    """Have connections to a server that are opened from now on wait for less long."""
+    options = getattr(postgres, name)
+    assert long in options
+    monkeypatch.setattr(postgres, name, options.replace(long, short))
+
+
+@pytest.fixture
+def bed(request: pytest.FixtureRequest, impatient: None, stand: Stand) -> Bed:
+    """A cloud on either store."""
+    del impatient  # was in force when the store was opened
+    return Bed(stand, lambda: request.getfixturevalue("cluster"))
+
+
+def brought(first: int) -> bytes:
+    """A batch of 300 kB."""
+    blocks = (block(n, [0.0] * 900, [1.0] * 900) for n in range(first, first + 20))
+    return batch(*blocks, peak(first + 20))
+
+
+def results(answer: httpx.Response) -> list[str]:
+    """What became of each item of a batch."""
+    assert answer.status_code == 200, answer.text
+    return [item["result"] for item in answer.json()["items"]]
+
+
+def held(stand: Stand) -> tuple[int, int]:
+    """Blocks and events that are stored."""
+    with stand.cloud.store.read() as connection:
+        told = connection.execute(select(func.count()).select_from(events)).scalar_one()
+    return count_blocks(stand), told
+
+
+@contextmanager
+def slow(bed: Bed) -> Iterator[str]:
+    """Somebody else writes, and does not end."""
+    with elsewhere(bed.place):
+        yield "end that one" if isinstance(bed.place, Path) else "it is too slow; see what else"
+
+
+@contextmanager
+def full(bed: Bed) -> Iterator[str]:
+    """No room is left for what comes."""
+    if isinstance(bed.place, Path):
+        write = bed.stand.cloud.store.finish
+        pages = write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one())
+        write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all())
+        yield "is full: free space"
+        write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all())
+        return
+    refusal = "BEGIN RAISE EXCEPTION 'could not extend file' USING ERRCODE = '53100'; END"
+    with elsewhere(bed.place) as connection:
+        connection.execute(
+            text(f"CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ {refusal} $$")
+        )
+        connection.execute(
+            text("CREATE TRIGGER refuse BEFORE UPDATE ON feed EXECUTE FUNCTION refuse()")
+        )
+    try:
+        yield "its disk is full; free space there"
+    finally:
+        with elsewhere(bed.place) as connection:
+            connection.execute(text("DROP FUNCTION refuse CASCADE"))
+
+
+@contextmanager
+def later(bed: Bed) -> Iterator[str]:
+    """A program of another version has made the store."""
+    version = VERSION + 1
+    with elsewhere(bed.place) as connection:
+        connection.execute(insert(versions), {"version": version, "applied": START})
+    try:
+        yield f"the store has schema version {version}, this program knows"
+    finally:
+        with elsewhere(bed.place) as connection:
+            connection.execute(delete(versions).where(versions.c.version == version))
+
+
+@contextmanager
+def away(bed: Bed) -> Iterator[str]:
+    """Nobody is let in."""
+    bed.cluster().shut(bed.server)
+    try:
+        yield "start it, or set store.url right; then send again"
+    finally:
+        bed.cluster().admit(bed.server)
+
+
+@pytest.mark.parametrize("fault", [slow, full, later])
+async def test_ingest_acknowledges_what_is_stored_and_loses_nothing(
+    bed: Bed, fault: Callable[[Bed], AbstractContextManager[str]]
+) -> None:
+    await check_promises(bed, fault)
+
+
+@pytest.mark.parametrize("place", ["postgresql"], indirect=True)
+async def test_ingest_loses_nothing_while_the_server_is_away(bed: Bed) -> None:
+    await check_promises(bed, away)
+
+
+async def check_promises(bed: Bed, fault: Callable[[Bed], AbstractContextManager[str]]) -> None:
+    """While there is a fault nothing is acknowledged; after it, all is stored, once."""
+    stand = bed.stand
+    bodies = [brought(first) for first in (0, 30, 60)]
+    assert results(await stand.ingest(bodies[0])) == ["stored"] * 21
+    with fault(bed) as remedy:
+        for body in bodies[1:]:
+            answer = await stand.ingest(body)
+            assert remedy in problem(answer, 503)
+            assert int(answer.headers["retry-after"]) > 0
+    assert held(stand) == (20, 1)
+    assert (await stand.get("/readyz")).json() == {"status": "ok"}
+    assert results(await stand.ingest(bodies[0])) == ["duplicate"] * 21
+    assert results(await stand.ingest(bodies[1])) == ["stored"] * 21
+    assert results(await stand.ingest(bodies[2])) == ["stored"] * 21
+    assert held(stand) == (60, 3)
+
+
+async def test_what_is_stored_is_answered_while_nothing_can_be_written(bed: Bed) -> None:
+    put(bed.stand.cloud.store, block(0))
+    for fault in (slow, full):
+        with fault(bed):
+            problem(await bed.stand.ingest(brought(30)), 503)
+            assert (await bed.stand.get(SERIES)).json()["lo"] == [1.0]
+
+
+@pytest.mark.parametrize("path", ["/api/v1/nodes", SERIES, "/api/v1/events", "/readyz"])
+async def test_store_of_another_version_is_neither_read_nor_ready(bed: Bed, path: str) -> None:
+    put(bed.stand.cloud.store, block(0))
+    with later(bed) as remedy:
+        said = problem(await bed.stand.get(path), 503)
+        assert remedy in said
+        assert LATER in said
+    assert (await bed.stand.get(path)).status_code == 200
+
+
+@pytest.mark.usefixtures("impatient_readers")
+@pytest.mark.parametrize("place", ["postgresql"], indirect=True)
+async def test_reader_that_waits_for_too_long_is_told_what_to_do(bed: Bed) -> None:
+    put(bed.stand.cloud.store, block(0))
+    with elsewhere(bed.place) as connection:
+        connection.execute(text("LOCK TABLE channels IN ACCESS EXCLUSIVE MODE"))
+        answer = await bed.stand.get(SERIES)
+        assert "it is too slow; see what else it does" in problem(answer, 503)
+        assert int(answer.headers["retry-after"]) > 0
+    async with asyncio.timeout(60):
+        while (answer := await bed.stand.get(SERIES)).status_code == 503:
+            pass
+    assert answer.json()["lo"] == [1.0]
+
+
+async def test_write_that_never_ends_is_not_waited_for(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kept = stand.cloud.store
+    token = create_token(kept, scopes=[Scope.ADMIN], name="boss", lifetime=timedelta(hours=1))
+    monkeypatch.setattr(store, "_PATIENCE_S", 0.2)
+    with elsewhere(kept.place):
+        kept.writer.fault = "it was slow before"
+        assert "nothing was written for 0.2 s" in problem(await stand.get("/readyz"), 503)
+        async with stand.client(token=token) as boss:
+            desired_state = {"name": "lab", "scopes": ["read"]}
+            answer = await boss.post("/api/v1/tokens", json=desired_state)
+        assert "see what else the store does, then try again" in problem(answer, 503)
+    monkeypatch.undo()
+    kept.check()

@@ -1,0 +1,60 @@
+"""A process that hangs in the middle of its rows does not keep others from writing for ever."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_cloud.store import Store
+from eskin_cloud.store.schema.tables import blocks
+from eskin_cloud.store.stuck_writer import end_stuck_writer
+from eskin_cloud.store.write.block_row import BlockRow
+from eskin_cloud.store.write.bulk_insert import inserts
+from sqlalchemy import func, select
+
+from eskin.errors import StoreError
+from eskin.runtime.digest import digest
+from eskin.wire.messages import BlockSummary, decode_summary
+from tests.support.processes import wait_until
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import NODE, START, block
+
+if TYPE_CHECKING:
+    from sqlalchemy import URL, Connection
+
+    from tests.support.postgresql import Cluster
+
+
+def test_writer_that_hangs_between_rows_is_ended_and_tries_again(
+    cluster: Cluster, shared_database: URL
+) -> None:
+    cluster.clear(shared_database)
+    begun: Future[None] = Future()
+    held: Future[None] = Future()
+
+    def hang(connection: Connection) -> None:
+        into = inserts(connection, blocks)
+        data = block(0).encode()
+        said = decode_summary(data)
+        assert isinstance(said, BlockSummary)
+        into.add(BlockRow.of(NODE, said, data, digest(data), 1, START))
+        begun.set_result(None)
+        held.result(120)
+
+    with Store(shared_database) as hung, Store(shared_database) as other:
+        assert not end_stuck_writer(other, after_s=0.0)
+        broken = hung.write(hang, together=True)
+        begun.result(120)
+        assert not end_stuck_writer(other, after_s=3600.0)
+        wait_until(lambda: end_stuck_writer(other, after_s=0.05), "the one that hangs is ended")
+        assert put(other, block(1)).results[0].result == "stored"
+        held.set_result(None)
+        with pytest.raises(StoreError, match="then send again"):
+            broken.result(120)
+        assert [each.result for each in put(hung, block(1), block(2)).results] == [
+            "duplicate",
+            "stored",
+        ]
+        with other.read() as connection:
+            assert connection.execute(select(func.count()).select_from(blocks)).scalar_one() == 2

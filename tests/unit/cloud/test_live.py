@@ -1,0 +1,283 @@
+"""The live stream: everything in order, nothing silently left out."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import AsyncGenerator
+from contextlib import aclosing
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from eskin_cloud.live.sse_encoder import reduce_block
+from eskin_cloud.live.subscription import Subscription
+from eskin_cloud.settings import LiveSection
+from eskin_cloud.store.write.ingest import IngestResult
+
+from eskin.wire.timestamp import format_timestamp
+from tests.unit.cloud.clouds import batch, problem, put, standing
+from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block, gap, peak, status
+from tests.unit.cloud.streams import events_of, listen, parse, take
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin_cloud.query.series import Series
+    from eskin_cloud.store.location import Place
+
+    from eskin.wire.messages import Block
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+
+
+async def test_subscriber_hears_what_is_ingested_in_order(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "eskin_cloud.live.backpressure.PATIENCE_S", math.inf
+    )  # however slowly it reads
+    hearing = asyncio.create_task(take(stand, 5))
+    await stand.ingest(batch(status(0), block(1), peak(2)))
+    await stand.ingest(batch(block(1), gap(3), block(4)))
+    heard = await hearing
+    assert [event["event"] for event in heard] == ["status", "block", "peak", "gap", "block"]
+    assert [int(event["id"]) for event in heard] == [1, 2, 3, 4, 5]
+    listed = (await stand.get("/api/v1/events", order="asc")).json()["items"]
+    events = [event["data"] for event in heard if event["event"] != "block"]
+    assert sorted(events, key=lambda e: e["id"]) == sorted(listed, key=lambda e: e["id"])
+
+
+async def test_block_looks_like_a_series(stand: Stand) -> None:
+    await stand.ingest(batch(block(0, [1.0, float("-inf")], [2.0, float("inf")])))
+    (heard,) = await take(stand, 1)
+    series = (await stand.get(f"/api/v1/series/{NODE}/{CHANNEL}")).json()
+    assert heard["data"] == series | {"stored": format_timestamp(stand.clock())}
+
+
+async def test_block_tells_when_it_was_stored(stand: Stand) -> None:
+    stored = []
+    for number in range(3):
+        stand.clock.turn(1.0)
+        stored.append(format_timestamp(stand.clock()))
+        await stand.ingest(batch(block(number, time=(START + 10 * number * DT,) * 2)))
+    assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
+    stand.cloud.feed._recent.clear()
+    stand.cloud.feed._floor = stand.cloud.feed.last
+    assert [event["data"]["stored"] for event in await take(stand, 3)] == stored
+
+
+@pytest.mark.parametrize("recent", [1, 1000])
+async def test_every_cursor_resumes_without_a_hole(
+    tmp_path: Path, identities: Identities, place: Place, recent: int
+) -> None:
+    with standing(tmp_path, identities, place=place, live=LiveSection(recent=recent)) as stand:
+        said = [peak(n) if n % 3 else block(n) for n in range(300)]
+        for first in range(0, 300, 100):
+            await stand.ingest(batch(*said[first : first + 100]))
+        for cursor in (0, 1, 63, 64, 65, 200, 298, 299):
+            heard = await take(stand, 300 - cursor, cursor=cursor)
+            assert [int(event["id"]) for event in heard] == list(range(cursor + 1, 301))
+
+
+async def test_stream_from_before_the_start_reads_the_store(
+    tmp_path: Path, identities: Identities, place: Place
+) -> None:
+    with standing(tmp_path, identities, place=place) as stand:
+        put(stand.cloud.store, block(0), gap(1))
+    with standing(tmp_path, identities, place=place) as stand:
+        await stand.ingest(batch(block(2)))
+        heard = await take(stand, 3)
+    assert [event["event"] for event in heard] == ["block", "gap", "block"]
+
+
+async def test_subscriber_that_is_too_far_behind_is_told(stand: Stand) -> None:
+    await stand.ingest(batch(*(peak(n) for n in range(20))))
+    heard = await take(stand, 6, backlog=5, cursor=3)
+    assert heard[0]["event"] == "lagging"
+    assert heard[0]["data"] == {"after": "3", "resumed": "15"}
+    assert [int(event["id"]) for event in heard[1:]] == [16, 17, 18, 19, 20]
+
+
+async def test_slow_subscriber_misses_nothing_and_costs_no_memory(
+    tmp_path: Path, identities: Identities, place: Place
+) -> None:
+    with standing(tmp_path, identities, place=place, live=LiveSection(recent=10)) as stand:
+        async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
+            await anext(slow)
+            heard = []
+            for number in range(50):
+                await stand.ingest(batch(*(peak(10 * number + k) for k in range(10))))
+                if number % 10 == 0:
+                    heard += events_of(await anext(slow))
+            while len(heard) < 500:
+                heard += events_of(await anext(slow))
+        assert [int(event["data"]["id"]) for event in heard] == list(range(1, 501))
+        assert int(heard[-1]["id"]) == 500
+        assert len(stand.cloud.feed._recent) == 10
+
+
+async def test_slow_subscriber_is_told_fewer_and_wider_hulls(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
+    monkeypatch.setattr(
+        "eskin_cloud.live.backpressure.PATIENCE_S", -1.0
+    )  # however quickly it reads
+
+    def said(first: int, moment: int) -> Block:
+        lo = np.random.default_rng(first).normal(size=10)
+        return block(first, lo, lo + 1, time=(START + moment * DT,) * 2, coverage=0.999)
+
+    told = [said(n, 10 * n) for n in range(5)] + [said(6, 10 * 6)]  # the sixth is missing
+    other = block(7, [3.0], [4.0], channel="t02.capacitance")
+    async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
+        await anext(slow)
+        await stand.ingest(batch(said(8, -10)))
+        assert [event["id"] for event in events_of(await anext(slow))] == ["1"]
+        assert await anext(slow) == b""  # there is room, after a while
+        await stand.ingest(batch(*told[:3], peak(9), other))
+        stand.clock.turn(1.0)
+        await stand.ingest(batch(*told[3:]))
+        heard = events_of(await anext(slow))
+    hulls = [event["data"] for event in heard if event["event"] == "block"]
+    assert [hull["channel"] for hull in hulls] == [CHANNEL, "t02.capacitance", CHANNEL]
+    assert [event["event"] for event in heard] == ["block"] * 3 + ["peak"]
+    now, before = stand.clock(), stand.clock() - 10**9
+    latest = [format_timestamp(moment) for moment in (now, before, now)]
+    assert [hull["stored"] for hull in hulls] == latest
+    # Whoever breaks off before the last is told all of it again.
+    assert [event["id"] for event in heard] == ["1", "1", "1", "9"]
+    for hull, blocks in ((hulls[0], told[:5]), (hulls[2], told[5:])):
+        assert (hull["resolution"], hull["t"]) == ("hull", [0])
+        assert hull["t0"] == format_timestamp(blocks[0].tube.first_moment)
+        assert hull["dt"] == 10 * DT * len(blocks)
+        assert hull["lo"] == [min(one.bounds[0] for one in blocks)]
+        assert hull["hi"] == [max(one.bounds[1] for one in blocks)]
+        assert hull["coverage"] <= 1 - 10 * len(blocks) * 0.001
+        assert hull["coverage"] == pytest.approx(1 - 10 * len(blocks) * 0.001)
+
+
+async def test_slow_subscriber_is_told_hulls_until_there_is_room_at_once(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr("eskin_cloud.live.stream.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
+    told = []
+    async with aclosing(listen(stand)) as slow:  # type: ignore[type-var]  # a generator
+        await anext(slow)
+        for number, wait in enumerate((0.1, 0.3, 0.01, *[0.1] * 10, 0.01, 0.1)):
+            await stand.ingest(batch(block(number)))
+            (event,) = events_of(await anext(slow))
+            told.append(event["data"]["resolution"])
+            assert await anext(slow) == b""
+            now[0] += wait  # until there is room
+    assert told == ["sample", "sample", *["hull"] * 12, "sample"]
+
+
+async def test_what_was_missed_is_told_in_full_also_to_who_is_slow(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.live.backpressure.PAUSE_S", 1e-9)
+    monkeypatch.setattr("eskin_cloud.live.backpressure.PATIENCE_S", -1.0)
+    await stand.ingest(batch(*(block(n) for n in range(200))))
+    heard = await take(stand, 200)
+    assert [int(event["id"]) for event in heard] == list(range(1, 201))
+
+
+async def test_many_subscribers_cost_one_reduction_each_block(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reduced: list[tuple[str, int]] = []
+
+    def counting(node: str, said: Block, points: int, grain: int) -> Series:
+        reduced.append((said.channel, points))
+        return reduce_block(node, said, points, grain)
+
+    monkeypatch.setattr("eskin_cloud.live.sse_encoder.reduce_block", counting)
+    await stand.ingest(batch(*(block(n, [1.0] * 4, [2.0] * 4) for n in range(3))))
+    few = Subscription(frozenset(), frozenset(), 2)
+    first, *others = [await take(stand, 3) for _ in range(5)]
+    assert all(heard == first for heard in others)
+    assert [len(event["data"]["t"]) for event in await take(stand, 3, selection=few)] == [2, 2, 2]
+    assert sorted(reduced) == [(CHANNEL, 2)] * 3 + [(CHANNEL, 50)] * 3
+
+
+async def test_memory_of_the_feed_is_bounded_in_bytes_and_nothing_is_missed(stand: Stand) -> None:
+    feed, said = stand.cloud.feed, [block(n) if n % 5 else peak(n) for n in range(100)]
+    feed._most_bytes = 10 * len(said[1].encode())
+    await stand.ingest(batch(*said))
+    assert 5 < len(feed._recent) < 20
+    assert feed._used == sum(entry.size for entry in feed._recent) <= feed._most_bytes
+    heard = await take(stand, 100)
+    assert [int(event["id"]) for event in heard] == list(range(1, 101))
+
+
+async def test_filters_choose_nodes_and_channels(stand: Stand) -> None:
+    other = "t02.capacitance"
+    put(stand.cloud.store, block(0), block(1, channel=other), gap(2), peak(3, channel=other))
+    put(stand.cloud.store, block(0), node="palm")
+    stand.cloud.feed.append(IngestResult([], [], 0).entries)
+    chosen = {
+        "node": (Subscription(frozenset({"palm"}), frozenset(), 50), [5]),
+        "channel": (Subscription(frozenset(), frozenset({(NODE, other)}), 50), [2, 3, 4]),
+    }
+    with stand.cloud.store.read() as connection:
+        from eskin_cloud.live.feed import read_entries  # noqa: PLC0415 - only here
+
+        entries = read_entries(connection, 0, 100)
+    for selection, cursors in chosen.values():
+        assert [entry.cursor for entry in entries if selection.takes(entry)] == cursors
+
+
+async def test_heartbeat_comes_in_silence(stand: Stand) -> None:
+    told = listen(stand, heartbeat=0.01)
+    async with asyncio.timeout(20):
+        pieces = [await anext(told) for _ in range(3)]
+    assert pieces[1:] == [b"id: 0\n: heartbeat\n\n"] * 2
+    assert isinstance(told, AsyncGenerator)
+    await told.aclose()
+    assert stand.cloud.feed.subscribers == 0
+
+
+async def test_stream_that_breaks_off_before_its_first_event_tells_where_to_go_on(
+    stand: Stand,
+) -> None:
+    await stand.ingest(batch(block(0), block(1)))
+    palm = Subscription(frozenset({"palm"}), frozenset(), 50)
+    told = listen(stand, cursor=1, selection=palm, heartbeat=0.01)
+    async with asyncio.timeout(20):
+        assert parse(await anext(told))["id"] == "1"
+        assert parse(await anext(told)) == {"id": "2", "comment": "heartbeat"}
+
+
+async def test_closing_feed_ends_streams(stand: Stand) -> None:
+    hearing = asyncio.create_task(take(stand, 1))
+    await asyncio.sleep(0)
+    stand.cloud.feed.close()
+    assert await hearing == []
+
+
+async def test_stream_is_refused_with_what_to_do(stand: Stand) -> None:
+    async with stand.client() as client:
+        answer = await client.get("/api/v1/live", headers={"Last-Event-ID": "x"})
+        assert "leave it out" in problem(answer, 422)
+        answer = await client.get("/api/v1/live", params={"channel": "t01.capacitance"})
+        assert "NODE/CHANNEL" in problem(answer, 422)
+    stand.cloud.feed.subscribers = stand.cloud.settings.live.subscribers
+    answer = await stand.get("/api/v1/live")
+    problem(answer, 503)
+    assert answer.headers["retry-after"]
+
+
+async def test_who_asks_for_another_grain_is_told_other_entries(stand: Stand) -> None:
+    await stand.ingest(batch(block(0, [1.0, 3.0, 5.0, 7.0], [2.0, 4.0, 6.0, 8.0])))
+    coarse = Subscription(frozenset(), frozenset(), 50, 2 * DT)
+    (every,), (few,) = await take(stand, 1), await take(stand, 1, selection=coarse)
+    assert (every["data"]["lo"], every["data"]["resolution"]) == ([1.0, 3.0, 5.0, 7.0], "sample")
+    assert (few["data"]["lo"], few["data"]["hi"]) == ([1.0, 5.0], [4.0, 8.0])
+    assert (few["data"]["dt"], few["data"]["resolution"]) == (2 * DT, "hull")

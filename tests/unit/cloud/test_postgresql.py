@@ -1,0 +1,223 @@
+"""What is PostgreSQL's own: its start, its faults, several processes at once."""
+
+from __future__ import annotations
+
+import signal
+from concurrent.futures import ThreadPoolExecutor
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_cloud.settings import StoreSection
+from eskin_cloud.store import Store, version
+from eskin_cloud.store.schema.tables import (
+    audit_log,
+    blocks,
+    channels,
+    feed,
+    nodes,
+    sequences,
+    versions,
+)
+from eskin_cloud.store.write.audit_log import Action, AuditEntry, check_audit_entries, record
+from sqlalchemy import delete, func, select, text, update
+
+from eskin.errors import StoreError
+from eskin.identity.identity import ROOT_FILE
+from tests.unit.cloud.clouds import problem, put, standing
+from tests.unit.cloud.messages import NODE, START, block, status
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from sqlalchemy import URL, Connection
+
+    from tests.support.identities import Identities
+    from tests.support.postgresql import Cluster
+
+
+@pytest.fixture
+def store(cluster: Cluster, shared_database: URL) -> Iterator[Store]:
+    """An empty store."""
+    cluster.clear(shared_database)
+    with Store(shared_database) as opened:
+        yield opened
+
+
+def test_durability_is_asked_of_the_server(store: Store) -> None:
+    def asked(connection: Connection) -> list[object]:
+        names = ("fsync", "synchronous_commit", "full_page_writes")
+        return [connection.execute(text(f"SHOW {name}")).scalar_one() for name in names]
+
+    assert store.write(asked).result(120) == ["on"] * 3
+
+
+def test_of_programs_that_start_at_once_one_makes_the_tables(cluster: Cluster) -> None:
+    place = cluster.fresh(empty=True)
+    with ThreadPoolExecutor(4) as pool:
+        for store in pool.map(lambda _: Store(place), range(4)):
+            store.close()
+    with Store(place) as store, store.read() as connection:
+        applied = connection.execute(select(versions.c.version).order_by(versions.c.version))
+        assert list(applied.scalars()) == [version.VERSION]
+        assert connection.execute(select(feed.c.cursor)).scalar_one() == 0
+
+
+def test_program_of_before_writes_nothing_to_a_store_of_another_version(store: Store) -> None:
+    later = version.VERSION + 1
+    store.write(lambda c: c.execute(versions.insert().values(version=later, applied=0))).result(120)
+    try:
+        with pytest.raises(StoreError, match="schema version"):
+            put(store, block(0))
+        with pytest.raises(StoreError, match="schema version"):
+            store.check()
+    finally:
+        store._writing.dispose()
+        with store._writing.begin() as connection:
+            connection.execute(delete(versions).where(versions.c.version == later))
+
+
+def test_two_processes_store_each_message_once(store: Store) -> None:
+    with Store(store.place) as other:
+        for number in range(6):
+            first, second = (store, other) if number % 2 else (other, store)
+            assert [r.result for r in put(first, block(number)).results] == ["stored"]
+            assert [r.result for r in put(second, block(number)).results] == ["duplicate"]
+        with ThreadPoolExecutor(2) as pool:
+            many = [block(number) for number in range(6, 60)]
+            outcomes = list(pool.map(lambda to: put(to, *many), (store, other)))
+    stored = [receipt.result for outcome in outcomes for receipt in outcome.results]
+    assert stored.count("stored") == 54
+    with store.read() as connection:
+        cursors = list(connection.execute(select(blocks.c.cursor)).scalars())
+        assert sorted(cursors) == list(range(1, 61))
+        assert connection.execute(select(channels.c.blocks)).scalar_one() == 60
+        assert connection.execute(select(sequences.c.first, sequences.c.last)).all() == [(0, 59)]
+
+
+def test_what_another_process_stored_is_refused_by_its_unit(store: Store) -> None:
+    put(store, status(0))
+    with Store(store.place) as other:
+        assert put(other, block(1, unit="H")).results[0].result == "rejected"
+        put(other, block(2, channel="t09.inductance", unit="H"))
+    assert put(store, block(3, channel="t09.inductance")).results[0].result == "rejected"
+    assert put(store, block(4)).results[0].result == "stored"
+    with store.read() as connection:
+        assert connection.execute(select(nodes.c.sequence)).scalar_one() == 4
+
+
+def test_server_that_is_away_is_told_and_what_is_sent_again_is_stored_once(
+    cluster: Cluster, store: Store
+) -> None:
+    put(store, block(0))
+    cluster.stop()
+    try:
+        with pytest.raises(StoreError, match=r"cannot be written: .*then send again"):
+            put(store, block(1))
+        with pytest.raises(StoreError, match="does not answer; start it"):
+            put(store, block(1))
+        with pytest.raises(StoreError, match="cannot be read"):
+            store.check()
+    finally:
+        cluster.start()
+    assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
+    store.check()
+
+
+def test_killed_server_has_what_was_acknowledged_when_it_is_back(
+    cluster: Cluster, store: Store
+) -> None:
+    put(store, block(0))
+    cluster.running.kill()
+    try:
+        with pytest.raises(StoreError, match=r"cannot be written: .*then send again"):
+            put(store, block(1))
+    finally:
+        cluster.start()
+    assert [r.result for r in put(store, block(0), block(1)).results] == ["duplicate", "stored"]
+
+
+def test_server_that_hangs_is_waited_for(cluster: Cluster, store: Store) -> None:
+    put(store, block(0))
+    cluster.running.signal(signal.SIGSTOP)
+    with ThreadPoolExecutor(1) as pool:
+        try:
+            waiting = pool.submit(put, store, block(1))
+            with pytest.raises(TimeoutError):
+                waiting.result(1.0)
+        finally:
+            cluster.running.signal(signal.SIGCONT)
+        assert [receipt.result for receipt in waiting.result(120).results] == ["stored"]
+
+
+@pytest.mark.parametrize(
+    ("code", "remedy"),
+    [("53100", "free space"), ("57014", "too slow"), ("53300", "raise max_connections")],
+)
+def test_fault_says_what_to_do(store: Store, code: str, remedy: str) -> None:
+    refusal = f"BEGIN RAISE EXCEPTION 'no' USING ERRCODE = '{code}'; END"
+    make = f"CREATE FUNCTION refuse() RETURNS trigger LANGUAGE plpgsql AS $$ {refusal} $$"
+    when = "CREATE TRIGGER refuse BEFORE INSERT ON blocks EXECUTE FUNCTION refuse()"
+    store.write(lambda c: [c.execute(text(words)) for words in (make, when)]).result(120)
+    try:
+        with pytest.raises(StoreError, match=remedy):
+            put(store, block(0))
+    finally:
+        store.write(lambda c: c.execute(text("DROP FUNCTION refuse CASCADE"))).result(120)
+    assert put(store, block(0)).results[0].result == "stored"
+
+
+@pytest.mark.anyio
+async def test_fault_is_a_problem_that_says_what_to_do(
+    cluster: Cluster, tmp_path: Path, identities: Identities
+) -> None:
+    place = cluster.fresh()
+    with standing(tmp_path, identities, place=place) as stand:
+        cluster.shut(place)
+        said = problem(await stand.get("/api/v1/nodes"), 503)
+        assert "start it, or set store.url right" in said
+
+
+def test_audit_log_is_append_only(store: Store) -> None:
+    audit_entry = AuditEntry("somebody\0", "::1", Action.SIGN_IN)
+    store.write(lambda c: record(c, audit_entry, now=START)).result(120)
+    for change in (update(audit_log).values(actor="me"), delete(audit_log)):
+        with pytest.raises(Exception, match="append only"):
+            store.write(lambda c, change=change: c.execute(change)).result(120)  # type: ignore[misc]
+    with store.read() as connection:
+        assert check_audit_entries(connection) is None
+        assert connection.execute(select(func.count()).select_from(audit_log)).scalar_one() == 1
+
+
+def test_nul_in_a_name_is_no_name(store: Store) -> None:
+    with store.read() as connection:
+        query = select(nodes.c.node).where(nodes.c.node == f"{NODE}\0")
+        assert connection.execute(query).all() == []
+
+
+def test_server_is_come_to_by_tls_and_with_its_password(
+    cluster: Cluster, tmp_path: Path, identities: Identities
+) -> None:
+    place = cluster.fresh()
+    cluster.execute("CREATE ROLE remote LOGIN SUPERUSER PASSWORD 'word'", database="postgres")
+    root = identities.gateway.directory / ROOT_FILE
+    (tmp_path / "word").write_text("word\n")
+    (tmp_path / "other").write_text("guess")
+    url = f"postgresql://remote@localhost:{cluster.port}/{place.database}"
+    section = StoreSection(url=url, password_file=tmp_path / "word", root=root)
+    with Store(section.place) as store, store.read() as connection:
+        words = "SELECT ssl FROM pg_stat_ssl WHERE pid = pg_backend_pid()"
+        assert connection.execute(text(words)).scalar_one() is True
+        # It notices within 20 s that a cloud is gone which it does not hear of.
+        names = ("tcp_keepalives_idle", "tcp_keepalives_interval", "tcp_keepalives_count")
+        shown = [connection.execute(text(f"SHOW {name}")).scalar_one() for name in names]
+        assert shown == ["5", "5", "3"]
+    for changed, said in (
+        ({"root": tmp_path / "word"}, "root certificate|SSL"),
+        ({"password_file": tmp_path / "other"}, "the password is wrong; see store.password_file"),
+        ({"url": url.replace("localhost", "127.0.0.2")}, "does not answer"),
+        ({"url": url.replace("store_", "lost_")}, "make it with createdb"),
+    ):
+        wrong = section.model_copy(update=changed)
+        with pytest.raises(StoreError, match=said):
+            Store(wrong.place)

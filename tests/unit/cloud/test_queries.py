@@ -1,0 +1,299 @@
+"""Series and thresholds against brute force over raw samples."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_cloud.query.predicate import Predicate, Verdict
+from eskin_cloud.query.series import Series, read_series
+from eskin_cloud.query.threshold import find_segments
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from eskin.union_bound import union_coverage
+from eskin.wire.messages import Block, Encoding
+from eskin.wire.messages.stored_bounds import read_bounds
+from tests.unit.cloud.clouds import emptied, put
+from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy as np
+    from eskin_cloud.store import Store
+    from numpy.typing import NDArray
+
+ABOVE_10 = Predicate(10.0, None, strict=True)
+_BOUNDS = st.sampled_from([-math.inf, -2.0, -0.1, 0.0, 0.1, 0.3, 1.0, 1.5, 3.0, math.inf])
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One sample, as brute force sees it."""
+
+    t: int
+    dt: int
+    lo: float
+    hi: float
+
+
+@st.composite
+def blocks(draw: st.DrawFn) -> list[Block]:
+    """Blocks of several boots, with gaps, overlaps and every encoding."""
+    made = []
+    for sequence in range(draw(st.integers(1, 8))):
+        pairs = draw(st.lists(st.tuples(_BOUNDS, _BOUNDS), min_size=1, max_size=9))
+        lo = [min(pair) for pair in pairs]
+        hi = [max(pair) for pair in pairs]
+        lo = [-math.inf if bound == math.inf else bound for bound in lo]
+        hi = [math.inf if bound == -math.inf else bound for bound in hi]
+        first = START + draw(st.integers(0, 400))
+        error = draw(st.integers(0, 3))
+        made.append(
+            block(
+                sequence,
+                lo,
+                hi,
+                boot=draw(st.integers(1, 3)),
+                time=(first, first + error),
+                dt=draw(st.sampled_from([10, 10, 7, 1])),
+                coverage=draw(st.sampled_from([1.0, 0.99, 0.9])),
+                encoding=draw(st.sampled_from(Encoding)),
+            )
+        )
+    return draw(st.permutations(made))
+
+
+windows = st.builds(
+    lambda start, span: Window(START + start, START + start + span),
+    st.integers(-30, 450),
+    st.integers(0, 500),
+)
+
+
+def samples_of(said: list[Block]) -> list[Sample]:
+    """All samples in order of time."""
+    ordered = sorted(said, key=lambda b: (b.tube.first_moment, b.position))
+    found = [
+        Sample(int(t), b.tube.dt, float(lo), float(hi))
+        for b in ordered
+        for t, lo, hi in zip(b.tube.moments, b.tube.values.inf, b.tube.values.sup, strict=True)
+    ]
+    return sorted(found, key=lambda sample: sample.t)
+
+
+def within(said: list[Block], window: Window) -> list[Sample]:
+    """Samples in the window."""
+    return [s for s in samples_of(said) if window.start <= s.t < window.end]
+
+
+def is_gap(before: Sample, after: Sample) -> bool:
+    """Whether nothing is known between two samples."""
+    return after.t - before.t > before.dt + before.dt // 2
+
+
+def ask(store: Store, said: list[Block], window: Window, points: int) -> Series:
+    """Ask a store that holds this alone."""
+    put(emptied(store), *said)
+    put(store, *said[::-1])
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        return read_series(connection, row, window, points=points)
+
+
+def check_samples(series: Series, expected: list[Sample]) -> None:
+    entries: list[tuple[int, float, float]] = []
+    for sample, following in itertools.zip_longest(expected, expected[1:]):
+        entries.append((sample.t, sample.lo, sample.hi))
+        if following is not None and is_gap(sample, following):
+            entries.append((sample.t + sample.dt, -math.inf, math.inf))
+    times = (series.t + series.t0).tolist()
+    assert list(zip(times, series.lo.tolist(), series.hi.tolist(), strict=True)) == entries
+
+
+def check_hull(series: Series, said: list[Block], window: Window) -> None:
+    starts = (series.t + series.t0).tolist()
+    assert starts[0] == window.start
+    assert starts[-1] < window.end <= starts[-1] + series.dt
+    largest = 0
+    for start, lo, hi in zip(starts, series.lo, series.hi, strict=True):
+        inside = within(said, Window(start, start + series.dt))
+        largest = max(largest, len(inside))
+        assert lo == min((s.lo for s in inside), default=-math.inf)
+        assert hi == max((s.hi for s in inside), default=math.inf)
+    touched = Window(window.start, starts[-1] + series.dt)
+    least = min(b.tube.coverage for b in said if within([b], touched))
+    assert series.coverage == union_coverage(least, n=largest)
+
+
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(said=blocks(), window=windows, points=st.integers(1, 20))
+def test_series_equals_brute_force(
+    store: Store, said: list[Block], window: Window, points: int
+) -> None:
+    series = ask(store, said, window, points)
+    expected = within(said, window)
+    if len(expected) <= points:
+        assert series.resolution == "sample"
+        check_samples(series, expected)
+    else:
+        assert series.resolution == "hull"
+        assert len(series.t) <= points
+        check_hull(series, said, window)
+    used = [b for b in said if within([b], window)]
+    assert series.time_error >= max((b.tube.time_error for b in used), default=0)
+
+
+def brute_answer(sample: Sample, question: Predicate) -> Verdict:
+    """Whether all, some or none of a sample's signals are in the state."""
+    low = -math.inf if question.low is None else question.low
+    high = math.inf if question.high is None else question.high
+    if question.strict:
+        # In the limit of finite numbers: what is unbounded is above and below every one.
+        low, high = math.nextafter(low, math.inf), math.nextafter(high, -math.inf)
+    inside = (question.low is None or sample.lo >= low) and (
+        question.high is None or sample.hi <= high
+    )
+    touched = sample.hi >= low and sample.lo <= high
+    if question.outside:
+        inside, touched = not touched, not inside
+    return Verdict(int(inside) + int(touched))
+
+
+def brute_segments(
+    said: list[Block], window: Window, question: Predicate
+) -> Iterator[tuple[int, int, Verdict]]:
+    """Run by run over all samples."""
+
+    run: list[Sample] = []
+    for sample in within(said, window):
+        if run and (
+            brute_answer(sample, question) != brute_answer(run[-1], question)
+            or is_gap(run[-1], sample)
+        ):
+            yield run[0].t, run[-1].t, brute_answer(run[0], question)
+            run = []
+        run.append(sample)
+    if run:
+        yield run[0].t, run[-1].t, brute_answer(run[0], question)
+
+
+_VALUES = [-0.1, 0.0, 0.05, 0.1, 0.3, 1.0, 2.0]
+questions = st.one_of(
+    st.builds(lambda x: Predicate(x, None, strict=True), st.sampled_from(_VALUES)),
+    st.builds(lambda x: Predicate(None, x, strict=True), st.sampled_from(_VALUES)),
+    st.builds(
+        lambda a, b, outside: Predicate(min(a, b), max(a, b), outside=outside),
+        st.sampled_from(_VALUES),
+        st.sampled_from(_VALUES),
+        st.booleans(),
+    ),
+)
+
+
+@settings(
+    max_examples=60,
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+@given(said=blocks(), window=windows, question=questions)
+def test_states_equal_brute_force(
+    store: Store, said: list[Block], window: Window, question: Predicate
+) -> None:
+    put(emptied(store), *said)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        found = [
+            (segment.start, segment.end, segment.answer)
+            for segment in find_segments(connection, row, window, question)
+        ]
+    expected = [
+        segment
+        for segment in brute_segments(said, window, question)
+        if segment[2] is not Verdict.IMPOSSIBLE
+    ]
+    assert found == expected
+
+
+def spy_on_decoding(monkeypatch: pytest.MonkeyPatch) -> list[Block]:
+    """Blocks whose samples are decoded from now on."""
+    decoded: list[Block] = []
+
+    def read(data: bytes) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        decoded.append(Block.decode(data))
+        return read_bounds(data)
+
+    monkeypatch.setattr("eskin_cloud.rollup.blocks.read_bounds", read)
+    return decoded
+
+
+def test_threshold_decodes_only_straddling_blocks(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    put(
+        store,
+        *(
+            block(n, [low] * 4, [low + 1] * 4, time=(START + 40 * n, START + 40 * n), dt=10)
+            for n, low in enumerate([0.0, 5.0, 9.5, 12.0, 0.0])
+        ),
+    )
+    decoded = spy_on_decoding(monkeypatch)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        window = Window(START + 5, START + 10**6)
+        segments = list(find_segments(connection, row, window, ABOVE_10))
+    assert [b.position.sequence for b in decoded] == [2]
+    assert [(s.start - START, s.end - START, s.answer) for s in segments] == [
+        (80, 110, Verdict.POSSIBLE),
+        (120, 150, Verdict.CERTAIN),
+    ]
+
+
+def test_hull_of_many_blocks_decodes_only_straddling_ones(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.rollup.blocks._FEW", 9)
+    put(
+        store,
+        *(block(n, [n] * 5, [n + 1] * 5, time=(START + 50 * n,) * 2, dt=10) for n in range(10)),
+    )
+    decoded = spy_on_decoding(monkeypatch)
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        series = read_series(connection, row, Window(START, START + 500), points=5)
+        assert decoded == []
+        read_series(connection, row, Window(START + 20, START + 520), points=5)
+        assert {b.position.sequence for b in decoded} == {0, 2, 4, 6, 8}
+    assert series.lo.tolist() == [0.0, 2.0, 4.0, 6.0, 8.0]
+    assert series.hi.tolist() == [2.0, 4.0, 6.0, 8.0, 10.0]
+
+
+@pytest.mark.parametrize(("late", "gap"), [(15, False), (16, True)])
+def test_sample_more_than_half_a_period_late_begins_after_a_gap(
+    store: Store,
+    late: int,
+    gap: bool,  # noqa: FBT001 - a row of the table
+) -> None:
+    later = START + 10 + late
+    put(
+        store,
+        block(0, [1.0, 1.0], [2.0, 2.0], time=(START, START), dt=10),
+        block(1, [1.0], [2.0], time=(later, later), dt=10),
+    )
+    with store.read() as connection:
+        row = find_channel(connection, NODE, CHANNEL)
+        window = Window(START, START + 100)
+        series = read_series(connection, row, window, points=10)
+        segments = list(find_segments(connection, row, window, Predicate(0.0, None, strict=True)))
+    assert series.t.tolist() == [0, 10, *([20] if gap else []), 10 + late]
+    assert len(segments) == (2 if gap else 1)

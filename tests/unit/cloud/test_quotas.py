@@ -1,0 +1,111 @@
+"""A node that names what it likes costs the cloud no more than so much, and hinders no other."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_cloud.store.write.ingest import DUPLICATE, REJECTED, STORED
+
+from tests.unit.cloud.clouds import batch, put
+from tests.unit.cloud.messages import NODE, block, peak, status
+from tests.unit.cloud.sealing import NODE as HAND
+from tests.unit.cloud.sealing import Site, declared, pulse, sealing
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from eskin_cloud.store.location import Place
+    from eskin_cloud.store.write.ingest import IngestResult
+
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+CHANNELS = tuple(f"t{number:02}.capacitance" for number in range(1, 6))
+
+
+def results(outcome: IngestResult) -> list[str]:
+    return [receipt.result for receipt in outcome.results]
+
+
+def test_node_may_name_so_many_channels_and_no_more(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 3)
+    store = stand.cloud.store
+    said = [block(number, channel=name) for number, name in enumerate(CHANNELS)]
+    outcome = put(store, *said)
+    assert results(outcome) == [STORED] * 3 + [REJECTED] * 2
+    assert "more than 3 channels" in str(outcome.results[-1].reason)
+    store.cache.forget()
+    assert results(put(store, block(10, channel=CHANNELS[3]), status(11, channels=CHANNELS))) == [
+        REJECTED,
+        REJECTED,
+    ]
+    assert results(put(store, peak(12, channel=CHANNELS[4]))) == [REJECTED]
+    assert results(put(store, block(13), peak(14), status(15, channels=CHANNELS[:3]))) == (
+        [STORED] * 3
+    )
+    assert results(put(store, block(0, channel=CHANNELS[4]), node="palm")) == [STORED]
+
+
+def test_status_that_names_too_many_channels_is_refused_whole(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 3)
+    store = stand.cloud.store
+    assert results(put(store, status(0, channels=CHANNELS[:4]))) == [REJECTED]
+    assert results(put(store, status(1, channels=CHANNELS[:3]), block(2))) == [STORED] * 2
+    assert results(put(store, block(3, channel=CHANNELS[3]))) == [REJECTED]
+
+
+@pytest.mark.anyio
+async def test_sealed_channels_count(
+    tmp_path: Path, identities: Identities, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 2)
+    site = Site(tmp_path)
+    with sealing(tmp_path, identities, place=place) as stand:
+        told = [pulse(n, channel=f"t{n:02}.bioelectric") for n in range(6, 9)]
+        answer = await stand.ingest(site.batch(declared(), *told))
+        assert [item["result"] for item in answer.json()["items"]] == [
+            STORED,
+            STORED,
+            REJECTED,
+            REJECTED,
+        ]
+        listed = (await stand.get(f"/api/v1/nodes/{HAND}/channels")).json()["items"]
+        assert len(listed) == 2
+
+
+def test_boot_may_have_so_many_holes_and_no_more(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.stored_sequences.MOST_RANGES", 3)
+    store = stand.cloud.store
+    outcome = put(store, *(block(number) for number in (0, 2, 4, 6, 4)), peak(8))
+    assert results(outcome) == [STORED] * 3 + [REJECTED, DUPLICATE, REJECTED]
+    assert "holes" in str(outcome.results[3].reason)
+    store.cache.forget()
+    assert results(put(store, block(8))) == [REJECTED]
+    assert results(put(store, block(5), peak(6))) == [STORED] * 2, "these leave no other hole"
+    assert results(put(store, block(1), block(9))) == [STORED] * 2, "one hole was filled"
+    assert results(put(store, block(11), block(11, boot=2))) == [REJECTED, STORED]
+
+
+@pytest.mark.anyio
+async def test_messages_that_are_refused_are_forgotten(
+    stand: Stand, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.store.write.channels.MOST_CHANNELS", 1)
+    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MOST_ROWS", 5)
+    monkeypatch.setattr("eskin_cloud.store.write.write_cache._MOST_BOOTS", 5)
+    cache = stand.cloud.store.cache
+    assert (await stand.ingest(batch(block(0)))).status_code == 200
+    for number in range(30):
+        refused = block(0, boot=2 + number, channel=f"t{number:02}.pressure")
+        answer = await stand.ingest(batch(refused))
+        assert [item["result"] for item in answer.json()["items"]] == [REJECTED]
+        assert sum(map(len, cache._rows.values())) <= 7
+        assert len(cache._ranges) <= 6
+    assert results(put(stand.cloud.store, block(0), block(1), node=NODE)) == [DUPLICATE, STORED]

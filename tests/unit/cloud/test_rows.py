@@ -1,0 +1,119 @@
+"""A window is answered from a few thousand rows at most, however long it is."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import numpy as np
+from eskin_cloud.query.occupancy import measure_occupancy
+from eskin_cloud.query.predicate import Predicate
+from eskin_cloud.query.series import read_series
+from eskin_cloud.rollup.builder import build
+from eskin_cloud.store.read.lookup import find_channel
+from eskin_cloud.store.read.window import Window
+from eskin_cloud.store.schema.tables import blocks
+from sqlalchemy import Connection, select, text
+
+from eskin.wire.messages import Encoding
+from tests.unit.cloud.clouds import put
+from tests.unit.cloud.messages import CHANNEL, NODE, START, block
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from eskin_cloud.store import Store
+    from sqlalchemy import RowMapping
+
+BLOCKS: Final = 6000
+SAMPLES: Final = 100
+"""In each block, 1 ns apart: 35 chunks of tiles, and parts of two more that are not built yet."""
+SPAN: Final = BLOCKS * SAMPLES
+FEW: Final = 4000
+SETTLED: Final = Predicate(9.0, None, strict=True)
+"""Of a state that no block is in: bounds tell it."""
+_TOUCHED: Final = text(
+    "SELECT sum(pg_stat_get_xact_tuples_returned(oid)) FROM pg_class "
+    "WHERE relnamespace = 'public'::regnamespace"
+)
+
+
+class Rows:
+    """Counts the rows that a transaction gets from a file, or that it touches on a server.
+
+    The server counts what it reads from tables and indexes for sums, too; a file tells only what
+    it hands over.
+    """
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._fetched = 0
+        self.file: Any = connection.connection.driver_connection
+        self._is_file = connection.dialect.name == "sqlite"
+
+    def __enter__(self) -> Callable[[], int]:
+        if not self._is_file:
+            before = self._touched()
+            return lambda: self._touched() - before
+        self.file.row_factory = self._count
+        return lambda: self._fetched
+
+    def __exit__(self, *_: object) -> None:
+        if self._is_file:
+            self.file.row_factory = None
+
+    def _count(self, _: object, row: tuple[Any, ...]) -> tuple[Any, ...]:
+        self._fetched += 1
+        return row
+
+    def _touched(self) -> int:
+        return int(self._connection.execute(_TOUCHED).scalar_one())
+
+
+@contextmanager
+def asked(store: Store) -> Iterator[tuple[Connection, RowMapping, Callable[[], int]]]:
+    with store.read() as connection, Rows(connection) as count:
+        yield connection, find_channel(connection, NODE, CHANNEL), count
+
+
+def fill(store: Store) -> None:
+    random = np.random.default_rng(1)
+    for first in range(0, BLOCKS, 1000):
+        said = []
+        for number in range(first, first + 1000):
+            at = START + number * SAMPLES
+            lo = random.random(SAMPLES)
+            said.append(block(number, lo, lo + 1, time=(at, at), dt=1, encoding=Encoding.F32))
+        put(store, *said)
+    build(store)
+    if not isinstance(store.place, Path):
+        store.finish(lambda connection: connection.execute(text("ANALYZE")))
+
+
+def drawn(random: np.random.Generator) -> Window:
+    """A window of any length, anywhere over the data or beyond."""
+    span = int(10 ** random.uniform(0, np.log10(2 * SPAN)))
+    start = START + int(random.integers(-SPAN // 10, SPAN))
+    return Window(start, start + span)
+
+
+def test_random_windows_of_a_built_store_are_answered_from_few_rows(store: Store) -> None:
+    fill(store)
+    random = np.random.default_rng(2)
+    most = 0
+    for _ in range(40):
+        window, points = drawn(random), int(random.choice([1, 10, 300, 1000]))
+        with asked(store) as (connection, channel, count):
+            read_series(connection, channel, window, points=points)
+            most = max(most, count())
+        with asked(store) as (connection, channel, count):
+            measure_occupancy(connection, channel, window, SETTLED)
+            most = max(most, count())
+    assert most <= FEW
+    with asked(store) as (connection, channel, count):
+        read_series(connection, channel, Window(START, START + SPAN), points=1000)
+        assert 16 < count() <= FEW // 2, "the whole takes less than its parts"
+    with asked(store) as (connection, _, count):
+        connection.execute(select(blocks.c.t)).all()
+        assert count() >= BLOCKS, "a look at every block is noticed"

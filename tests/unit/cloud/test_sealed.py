@@ -1,0 +1,269 @@
+"""What tells of a person is stored sealed, and answers whoever may read it like all else."""
+
+from __future__ import annotations
+
+import json
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import cbor2
+import numpy as np
+import pytest
+from eskin_cloud.access import Scope
+from eskin_cloud.live.feed import read_entries
+from eskin_cloud.schemas.documents import ChannelDocument
+from eskin_cloud.store.schema.tables import dead_letters
+from eskin_cloud.store.write.dead_letters import count
+from sqlalchemy import select
+
+from eskin.peaks import Verdict
+from eskin.wire.timestamp import SECOND, format_timestamp
+from tests.unit.cloud.clouds import problem
+from tests.unit.cloud.messages import DT, START, block, peak
+from tests.unit.cloud.sealing import (
+    CHANNEL,
+    NODE,
+    Site,
+    ask,
+    beat,
+    declared,
+    kept,
+    keyed,
+    physician,
+    pulse,
+    remains,
+    sealing,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from eskin_cloud.store.location import Place
+
+    from eskin.wire.messages import Block, Peak
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
+EMPTY = {"start": START + 100 * DT, "end": START + 100 * DT}
+WIDE = {"start": START - SECOND, "end": START + 3600 * SECOND}
+
+
+@pytest.fixture
+def stand(tmp_path: Path, identities: Identities, site: Site, place: Place) -> Iterator[Stand]:
+    with keyed(tmp_path, identities, site, place=place) as made:
+        yield made
+
+
+def wave(sequence: int) -> Any:
+    rng = np.random.default_rng(sequence)
+    lo = rng.normal(size=40)
+    moment = START + sequence * 40 * DT
+    return pulse(sequence, lo, lo + rng.random(40), time=(moment, moment + 200))
+
+
+async def test_sealed_channel_answers_as_the_same_channel_in_the_clear(
+    stand: Stand, site: Site
+) -> None:
+    token = physician(stand)
+    waves = [wave(number) for number in range(1, 9)]
+    stored = await stand.ingest(site.batch(declared(), *waves))
+    assert {item["result"] for item in stored.json()["items"]} == {"stored"}
+    bare = [
+        block(w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V")
+        for w in waves
+    ]
+    await stand.ingest(cbor2.dumps([["twin", w.encode()] for w in bare]))
+    for path, params in (
+        ("", WIDE | {"points": 1000}),
+        ("", WIDE | {"points": 7}),
+        ("", {"start": START + 100 * DT, "end": START + 300 * DT, "points": 3}),
+        ("", EMPTY),
+        ("/time", EMPTY | {"above": 0.5}),
+        ("/threshold", WIDE | {"above": 0.5}),
+        ("/threshold", WIDE | {"below": 0.0, "limit": 3}),
+        ("/comparison", WIDE | {"other": "twin/t01.capacitance"}),
+        ("/anomalies", WIDE | {"model": "constant", "parameter": "value:0:1"}),
+    ):
+        sealed = await ask(stand, token, SERIES + path, **params)
+        plain = await ask(stand, token, f"/api/v1/series/twin/t01.capacitance{path}", **params)
+        differ = {"node": None, "channel": None}
+        assert sealed.status_code == 200, sealed.text
+        assert json.loads(sealed.content) | differ == json.loads(plain.content) | differ
+
+
+@pytest.mark.parametrize(
+    ("path", "question"),
+    [
+        ("/comparison", {"other": "level/t01.capacitance"}),
+        ("/comparison/time", {"other": "level/t01.capacitance"}),
+        ("/threshold", {"above": 3}),
+        ("/time", {"above": 3}),
+        ("/anomalies", {"model": "constant", "parameter": "value:0:1"}),
+    ],
+)
+async def test_sealed_blocks_that_claim_less_than_the_status_have_their_own_coverage(
+    stand: Stand, site: Site, path: str, question: dict[str, Any]
+) -> None:
+    bounds = np.full(40, 5.0), np.full(40, 6.0)
+    sealed = pulse(1, *bounds, time=(START, START), coverage=0.99)
+    bare = block(1, *bounds, time=(START, START), unit="V", coverage=0.99)
+    level = block(1, np.full(40, 1.0), np.full(40, 2.0), time=(START, START), unit="V")
+    await stand.ingest(site.batch(declared(), sealed))
+    await stand.ingest(cbor2.dumps([["twin", bare.encode()], ["level", level.encode()]]))
+    window = {"start": START, "end": START + 40 * DT} | question
+    token = physician(stand)
+    found = (await ask(stand, token, SERIES + path, **window)).json()
+    plain = (await ask(stand, token, f"/api/v1/series/twin/t01.capacitance{path}", **window)).json()
+    assert found == plain
+    (told,) = found.get("items", [found])
+    assert told["coverage"] <= 0.6
+
+
+async def test_every_answer_encloses_what_was_sealed(stand: Stand, site: Site) -> None:
+    token = physician(stand)
+    waves = [wave(number) for number in range(1, 6)]
+    await stand.ingest(site.batch(declared(), *waves))
+    answer = (await ask(stand, token, SERIES, **WIDE, points=4)).json()
+    for told in waves:
+        for moment, lo, hi in zip(
+            told.tube.moments, told.tube.values.inf, told.tube.values.sup, strict=True
+        ):
+            at = (int(moment) - START + SECOND) // answer["dt"]
+            assert answer["lo"][at] <= lo <= hi <= answer["hi"][at]
+
+
+async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, site: Site) -> None:
+    await stand.ingest(site.batch(declared(), pulse(1), beat(2)))
+    for path, params in (
+        (SERIES, {}),
+        (f"{SERIES}/threshold", {"above": 0.0}),
+        (f"{SERIES}/comparison", {"other": f"{NODE}/{CHANNEL}"}),
+        (f"{SERIES}/anomalies/time", {"model": "constant", "parameter": "value:0:1"}),
+        ("/api/v1/events", {"channel": CHANNEL}),
+        ("/api/v1/live", {"channel": f"{NODE}/{CHANNEL}"}),
+    ):
+        said = problem(await stand.get(path, **params), 403)
+        assert "scope biometric" in said
+    listed = (await stand.get("/api/v1/events")).json()["items"]
+    assert [item for item in listed if item["kind"] == "peak"] == []
+    (channel,) = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
+    assert (channel["blocks"], channel["samples"], channel["bounds"]) == (None, None, None)
+    assert ChannelDocument.model_validate(channel).bytes is None
+
+
+async def test_cloud_without_keys_says_so(
+    tmp_path: Path, identities: Identities, site: Site, place: Place
+) -> None:
+    with sealing(tmp_path, identities, place=place, keys=False) as stand:
+        await stand.ingest(site.batch(declared(), pulse(1)))
+        said = problem(await ask(stand, physician(stand), SERIES), 403)
+    assert "holds no keys" in said
+
+
+async def test_sealed_message_is_stored_once(stand: Stand, site: Site) -> None:
+    sealed = [site.batch(pulse(1), beat(2)) for _ in range(2)]
+    results = [(await stand.ingest(body)).json()["items"] for body in sealed]
+    assert [[item["result"] for item in items] for items in results] == [
+        ["stored", "stored"],
+        ["duplicate", "duplicate"],
+    ]
+
+
+@pytest.mark.parametrize("channel", [CHANNEL, "bio-sole.pressure"])
+async def test_biometric_block_in_the_clear_is_refused_and_none_of_it_is_kept(
+    stand: Stand, tmp_path: Path, channel: str
+) -> None:
+    told: list[Block | Peak] = [
+        pulse(1, [1.2345678], [2.3456789], channel=channel),
+        beat(2, channel=channel),
+    ]
+    stored = await stand.ingest(cbor2.dumps([[NODE, message.encode()] for message in told]))
+    assert {item["result"] for item in stored.json()["items"]} == {"rejected"}
+    with stand.cloud.store.read() as connection:
+        assert connection.execute(select(dead_letters.c.data)).scalars().all() == [b""]
+        assert count(connection) == 1
+    held = remains(tmp_path) + kept(stand.cloud.store)
+    assert all(message.encode()[-24:] not in held for message in told)
+
+
+async def test_channel_that_tells_of_nobody_cannot_be_sealed(stand: Stand, site: Site) -> None:
+    items = (await stand.ingest(site.batch(block(1), peak(2)))).json()["items"]
+    assert {item["result"] for item in items} == {"rejected"}
+
+
+async def test_sealed_peaks_stand_among_the_events_page_by_page(stand: Stand, site: Site) -> None:
+    token = physician(stand)
+    rng = np.random.default_rng(5)
+    moments = START + np.sort(rng.integers(0, 200, 60)) * SECOND
+    told: list[Any] = []
+    for number, moment in enumerate(moments.tolist(), start=1):
+        time = (moment, moment + DT)
+        judged = Verdict.CERTAIN if number % 3 else Verdict.POSSIBLE
+        told.append((beat if number % 2 else peak)(number, time=time, verdict=judged))
+    shuffled = [told[index] for index in rng.permutation(60)]
+    bodies = [m.encode() if m.channel != CHANNEL else site.seal(m) for m in shuffled]
+    await stand.ingest(cbor2.dumps([[NODE, body] for body in bodies]))
+    for order in ("asc", "desc"):
+        for verdict in (None, "certain"):
+            asked: dict[str, Any] = {"kind": "peak", "limit": 7, "order": order}
+            asked |= {} if verdict is None else {"verdict": verdict}
+            pages: list[Any] = []
+            seen: list[Any] = []
+            while not pages or pages[-1]["next"]:
+                cursor = {"cursor": pages[-1]["next"]} if pages else {}
+                pages.append((await ask(stand, token, "/api/v1/events", **asked, **cursor)).json())
+                seen += pages[-1]["items"]
+            wanted = [m for m in told if verdict is None or m.verdict is Verdict.CERTAIN]
+            assert len({item["id"] for item in seen}) == len(seen) == len(wanted)
+            assert sorted(item["time"]["lo"] for item in seen) == sorted(
+                format_timestamp(m.time[0]) for m in wanted
+            )
+            times = [item["time"]["lo"] for item in seen]
+            assert all(a <= b if order == "asc" else a >= b for a, b in pairwise(times))
+    inside = {"start": START + 50 * SECOND, "end": START + 90 * SECOND, "channel": CHANNEL}
+    found = (await ask(stand, token, "/api/v1/events", **inside, limit=100)).json()["items"]
+    lasting = [m for m in told if m.channel == CHANNEL and m.time[1] >= inside["start"]]
+    assert len(found) == sum(m.time[0] < inside["end"] for m in lasting)
+    for message in lasting[:2]:
+        moment = {"start": message.time[0] + 1, "end": message.time[0] + 1}
+        assert (await ask(stand, token, "/api/v1/events", **moment)).json()["items"] == []
+
+
+async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site: Site) -> None:
+    await stand.ingest(site.batch(declared(), pulse(1), beat(2)))
+    key_access = stand.cloud.key_access
+    with stand.cloud.store.read() as connection:
+        entries = read_entries(connection, 0, stand.cloud.feed.last)
+        key_access.heed(connection)
+    sealed = [entry for entry in entries if entry.veiled is not None]
+    assert [key_access.reveal([Scope.READ])(entry) for entry in sealed] == [None, None]
+    shown = [key_access.reveal([Scope.READ, Scope.BIOMETRIC])(entry) for entry in sealed]
+    assert shown[0] is not None
+    assert shown[0].block == pulse(1).encode()
+    assert shown[1] is not None
+    assert shown[1].event is not None
+    assert shown[1].event["height_lo"] == 2.0
+
+
+async def test_window_of_too_many_blocks_is_refused(
+    stand: Stand, site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("eskin_cloud.privacy.decrypted_window.MOST", 3)
+    await stand.ingest(site.batch(declared(), *(wave(number) for number in range(1, 5))))
+    said = problem(await ask(stand, physician(stand), SERIES, **WIDE), 422)
+    assert "ask for less" in said
+
+
+async def test_nothing_that_is_opened_touches_the_disk(
+    stand: Stand, site: Site, tmp_path: Path
+) -> None:
+    waves = [wave(number) for number in range(1, 9)]
+    await stand.ingest(site.batch(declared(), *waves))
+    await ask(stand, physician(stand), SERIES, **WIDE, points=5)
+    held = remains(tmp_path) + kept(stand.cloud.store)
+    for told in waves:
+        data = told.encode()
+        assert all(data[at : at + 16] not in held for at in range(100, len(data) - 16, 16))

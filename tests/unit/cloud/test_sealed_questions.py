@@ -1,0 +1,110 @@
+"""Questions about sealed channels: in the unit of their blocks, over all that an answer spans."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cbor2
+import numpy as np
+import pytest
+
+from eskin.wire.timestamp import SECOND
+from tests.unit.cloud.clouds import problem
+from tests.unit.cloud.messages import DT, START, block, status
+from tests.unit.cloud.sealing import CHANNEL, NODE, Site, ask, declared, keyed, physician, pulse
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tests.support.identities import Identities
+    from tests.unit.cloud.clouds import Stand
+
+pytestmark = pytest.mark.anyio
+SERIES = f"/api/v1/series/{NODE}/{CHANNEL}"
+TWIN = "/api/v1/series/twin/t01.capacitance"
+
+
+@pytest.fixture
+def stand(tmp_path: Path, identities: Identities, site: Site) -> Iterator[Stand]:
+    with keyed(tmp_path, identities, site) as made:
+        yield made
+
+
+CAPACITANCE: Any = {
+    "model": "alternating_capacitance",
+    "parameter": [
+        "minimum_capacitance:9e-12:1.1e-11",
+        "maximum_capacitance:9e-11:1.1e-10",
+        "frequency:2",
+    ],
+}
+
+
+@pytest.mark.parametrize("named", [None, "V"])
+async def test_sealed_channel_is_compared_with_models_of_the_unit_of_its_blocks(
+    stand: Stand, site: Site, named: str | None
+) -> None:
+    bounds = np.full(40, 5e-9), np.full(40, 6e-9)
+    sealed = pulse(1, *bounds, time=(START, START), unit="F")
+    bare = block(1, *bounds, time=(START, START), unit="F")
+    told = [] if named is None else [status(0, unit=named, channels=(CHANNEL,))]
+    await stand.ingest(site.batch(*told, sealed))
+    await stand.ingest(cbor2.dumps([["twin", bare.encode()]]))
+    token = physician(stand)
+    window = {"start": START, "end": START + 40 * DT}
+    for path in ("/anomalies", "/anomalies/time", "/prediction"):
+        found = await ask(stand, token, SERIES + path, **window, **CAPACITANCE)
+        plain = await ask(stand, token, TWIN + path, **window, **CAPACITANCE)
+        assert found.status_code == 200, found.text
+        differ = {"node": None, "channel": None}
+        assert found.json() | differ == plain.json() | differ
+
+
+async def test_model_of_another_unit_than_that_of_sealed_blocks_is_refused(
+    stand: Stand, site: Site
+) -> None:
+    named = status(0, unit="F", channels=(CHANNEL,))
+    await stand.ingest(site.batch(named, pulse(1, np.ones(40), np.ones(40), time=(START, START))))
+    window = {"start": START, "end": START + 40 * DT}
+    for path in ("/anomalies", "/anomalies/time", "/prediction"):
+        answer = await ask(stand, physician(stand), SERIES + path, **window, **CAPACITANCE)
+        assert f"{NODE}/{CHANNEL} in V" in problem(answer, 422)
+
+
+async def test_prediction_is_refused_where_nothing_tells_the_unit_of_a_sealed_channel(
+    stand: Stand, site: Site
+) -> None:
+    await stand.ingest(site.batch(pulse(1)))
+    before = {"start": START - 3600 * SECOND, "end": START - 1800 * SECOND}
+    for path in ("/anomalies", "/anomalies/time", "/prediction"):
+        answer = await ask(stand, physician(stand), SERIES + path, **before, **CAPACITANCE)
+        assert "its unit" in problem(answer, 422)
+
+
+async def test_buckets_that_reach_beyond_a_window_enclose_what_was_sealed_there(
+    stand: Stand, site: Site
+) -> None:
+    tile = 1 << 40  # of a window of 100 days, for blocks at 1 kHz
+    first = (START // tile + 1) * tile
+    begin = first + tile // 2
+    end = begin + 100 * 86_400 * SECOND
+    moments = [first + SECOND, begin + SECOND, end - SECOND, end + tile // 4]
+    said = [
+        pulse(k, np.full(40, 10.0 * k), np.full(40, 10.0 * k + 1), time=(t, t))
+        for k, t in enumerate(moments, 1)
+    ]
+    await stand.ingest(site.batch(declared(), *said))
+    twins = [
+        block(w.position.sequence, w.tube.values.inf, w.tube.values.sup, time=w.tube.time, unit="V")
+        for w in said
+    ]
+    await stand.ingest(cbor2.dumps([["twin", w.encode()] for w in twins]))
+    token = physician(stand)
+    for points in (1, 3, 100, 1000):
+        window = {"start": begin, "end": end, "points": points}
+        sealed = (await ask(stand, token, SERIES, **window)).json()
+        plain = (await ask(stand, token, TWIN, **window)).json()
+        differ = {"node": None, "channel": None}
+        assert sealed | differ == plain | differ
+        assert sealed["lo"][0] == 10.0

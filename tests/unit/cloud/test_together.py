@@ -1,0 +1,200 @@
+"""Batches that share a commit: what they learn is saved once, and what breaks harms none beside."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+import pytest
+from eskin_cloud.store import Store
+from eskin_cloud.store.schema.tables import (
+    blocks,
+    channels,
+    dead_letters,
+    events,
+    feed,
+    nodes,
+    sequences,
+)
+from eskin_cloud.store.write.bulk_insert import inserts
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import event, func, select
+from sqlalchemy.exc import IntegrityError
+
+from eskin.errors import QueryError
+from tests.unit.cloud.clouds import emptied, put
+from tests.unit.cloud.commits import bring, kinds, one_commit
+from tests.unit.cloud.messages import block, gap, peak, status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sqlalchemy import Connection, Table
+
+    from tests.unit.cloud.clouds import Clock, Said
+
+_COMPARED: Final = (blocks, channels, dead_letters, events, nodes, sequences)
+
+
+def contents(store: Store) -> dict[str, list[tuple[Any, ...]]]:
+    """All that batches leave in a store."""
+    with store.read() as connection:
+        found = {
+            table.name: [tuple(row) for row in connection.execute(_sorted(table)).all()]
+            for table in _COMPARED
+        }
+        found["feed"] = [tuple(connection.execute(select(feed.c.cursor)).one())]
+    return found
+
+
+def _sorted(table: Table) -> Any:
+    return select(table).order_by(*table.primary_key.columns)
+
+
+def refuse(_: Connection) -> None:
+    """Refuse a batch after it was taken, as a token that was used before does."""
+    raise QueryError("token", "used before")
+
+
+def stumble(_: Connection) -> None:
+    """Break as nobody foresaw."""
+    raise ZeroDivisionError
+
+
+def collide(connection: Connection) -> None:
+    """Add a row that is there already: PostgreSQL tells when the COPY ends, maybe in other work."""
+    row = connection.execute(select(blocks).limit(1)).one()
+    inserts_ = inserts(connection, blocks)
+    inserts_.add(tuple(row))
+    inserts_.finish()
+
+
+def test_batches_that_share_a_commit_are_saved_once(store: Store) -> None:
+    saved: list[str] = []
+
+    def note(_: Connection, __: Any, statement: str, *rest: object) -> None:
+        del rest
+        saved.append(" ".join(statement.split()[:2]))
+
+    put(store, block(0), status(1))
+    event.listen(store._writing, "before_cursor_execute", note)
+    with one_commit(store):
+        written = [bring(store, block(10 * k), block(10 * k + 1)) for k in range(1, 9)]
+    assert [kinds(each.result(120)) for each in written] == [["stored"] * 2] * 8
+    assert saved.count("UPDATE channels") == saved.count("UPDATE nodes") == 1
+    assert saved.count("UPDATE feed") == 1
+    store.cache.forget()
+    assert kinds(put(store, block(80), block(82))) == ["duplicate", "stored"]
+
+
+def test_work_of_another_kind_sees_what_batches_before_it_left(store: Store) -> None:
+    def count(connection: Connection) -> tuple[int, int]:
+        rows = select(func.count()).select_from(blocks)
+        counted = select(func.coalesce(func.sum(channels.c.blocks), 0))
+        return connection.execute(rows).scalar_one(), connection.execute(counted).scalar_one()
+
+    with one_commit(store):
+        bring(store, block(0), block(1))
+        first = store.write(count)
+        bring(store, block(2))
+        second = store.write(count)
+    assert first.result(120) == (2, 2)
+    assert second.result(120) == (3, 3)
+
+
+@pytest.mark.parametrize(("then", "told"), [
+    (refuse, QueryError), (stumble, ZeroDivisionError), (collide, IntegrityError),
+])  # fmt: skip
+def test_batch_that_breaks_harms_none_beside_it(
+    store: Store,
+    caplog: pytest.LogCaptureFixture,
+    then: Callable[[Connection], None],
+    told: type[Exception],
+) -> None:
+    put(store, block(0))
+    with one_commit(store):
+        before = bring(store, block(1), peak(2))
+        broken = bring(store, block(3), then=then)
+        after = bring(store, block(4))
+        other = store.write(lambda c: c.execute(select(func.count()).select_from(blocks)).scalar())
+    with pytest.raises(told):
+        broken.result(120)
+    assert kinds(before.result(120)) == ["stored", "stored"]
+    assert kinds(after.result(120)) == ["stored"]
+    assert other.result(120) == 3
+    assert kinds(put(store, block(1), block(3), block(4))) == ["duplicate", "stored", "duplicate"]
+    assert "commit failed" not in caplog.text
+    with store.read() as connection:
+        assert connection.execute(select(dead_letters)).all() == []
+
+
+def test_message_that_breaks_what_stores_it_is_buried_alone(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def breaks(*_: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("eskin_cloud.store.write.ingest.peak_row", breaks)
+    with one_commit(store):
+        written = [bring(store, block(0)), bring(store, block(1), peak(2)), bring(store, block(3))]
+    assert [kinds(each.result(120)) for each in written] == [
+        ["stored"], ["stored", "rejected"], ["stored"],
+    ]  # fmt: skip
+
+
+_WORK: Final = st.tuples(
+    st.lists(st.integers(0, 12), max_size=4),
+    st.sampled_from([None, None, None, refuse, stumble, collide]),
+    st.booleans(),
+)
+
+
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(_WORK, max_size=8))
+def test_what_is_left_is_what_each_for_itself_leaves(
+    twins: tuple[Store, Store], work: list[tuple[list[int], Any, bool]]
+) -> None:
+    shared, alone = map(emptied, twins)
+    for store in (shared, alone):
+        put(store, block(99))
+    with one_commit(shared):
+        written = []
+        for numbers, then, between in work:
+            written.append(bring(shared, *map(_said, numbers), then=then))
+            if between:
+                shared.write(lambda c: c.execute(select(func.count()).select_from(nodes)).scalar())
+    told = [_outcome(each) for each in written]
+    apart = [
+        _outcome(bring(alone, *map(_said, numbers), then=then, together=False))
+        for numbers, then, _ in work
+    ]
+    assert told == apart
+    assert contents(shared) == contents(alone)
+
+
+def _said(number: int) -> Said:
+    kinds = (peak, gap, status, partial(block, unit="H"))  # the last is refused: another unit
+    return (
+        kinds[number % 4](number) if number % 3 == 0 else block(number, channel=f"t{number % 4}.c")
+    )
+
+
+def _outcome(future: Any) -> object:
+    error = future.exception(120)
+    return kinds(future.result()) if error is None else type(error)
+
+
+@pytest.fixture
+def twins(
+    place: Any, clock: Clock, request: pytest.FixtureRequest
+) -> Iterator[tuple[Store, Store]]:
+    """Two empty stores of a kind."""
+    other = (
+        place.with_name("twin.sqlite")
+        if isinstance(place, Path)
+        else request.getfixturevalue("cluster").fresh()
+    )
+    with Store(place, clock=clock) as one, Store(other, clock=clock) as two:
+        yield one, two

@@ -1,0 +1,29 @@
+"""What a cloud does with its first blocks is loaded before they come."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def loaded(place: Path, *how: str) -> set[str]:
+    command = [sys.executable, "-m", "tests.unit.cloud.first_use", str(place), *how]
+    told = subprocess.run(command, capture_output=True, text=True, check=True)
+    return set(told.stdout.split())
+
+
+def test_first_blocks_load_nothing_after_the_warm_up(tmp_path: Path) -> None:
+    cold = loaded(tmp_path / "cold.sqlite")
+    assert {
+        "_compress_all",
+        "_decompress",
+        "fold_samples",
+        "fold_pieces",
+        "pack_run",
+        "unpack_run",
+    } <= cold
+    assert loaded(tmp_path / "warm.sqlite", "warm") == set()

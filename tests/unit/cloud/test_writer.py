@@ -1,0 +1,225 @@
+"""The store as a whole: one writer, shared commits, its version, faults."""
+
+from __future__ import annotations
+
+from concurrent.futures import Future
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from eskin_cloud.store import Store, version
+from eskin_cloud.store.schema.tables import blocks, channels, dead_letters, feed, nodes, versions
+from eskin_cloud.store.write.channels import add_blocks
+from eskin_cloud.store.write.ingest import ingest
+from eskin_cloud.store.write.ingest_individually import ingest_individually
+from eskin_cloud.store.write.parsed_message import ParsedMessage
+from eskin_cloud.store.write.writer import Writer
+from sqlalchemy import insert, select, text
+
+from eskin.errors import StoreError
+from tests.unit.cloud.clouds import put, put_items
+from tests.unit.cloud.commits import one_commit
+from tests.unit.cloud.messages import NODE, START, block, status
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from sqlalchemy import Connection, Table
+
+
+def rows(store: Store, table: Table) -> list[dict[str, Any]]:
+    """All rows of a table."""
+    with store.read() as connection:
+        return [dict(row) for row in connection.execute(select(table)).mappings()]
+
+
+def results(outcome: Any) -> list[str]:
+    """What became of each item."""
+    return [result.result for result in outcome.results]
+
+
+@pytest.fixture
+def file_store(tmp_path: Path) -> Iterator[Store]:
+    """One that is an SQLite file."""
+    with Store(tmp_path / "store.sqlite") as opened:
+        yield opened
+
+
+def test_failed_work_changes_nothing_and_harms_no_neighbour(store: Store) -> None:
+    def fails(connection: Connection) -> None:
+        items = [ParsedMessage.read(NODE, block(0).encode())]
+        ingest(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
+        raise ValueError("after its work")
+
+    failed, good = store.write(fails), store.write(lambda c: c.execute(select(feed.c.cursor)).all())
+    with pytest.raises(ValueError, match="after its work"):
+        failed.result(120)
+    assert good.result(120) == [(0,)]
+    assert rows(store, blocks) == []
+    assert results(put(store, block(0))) == ["stored"]
+    assert rows(store, channels)[0]["blocks"] == 1
+
+
+def test_full_disk_is_told_and_nothing_is_acknowledged(file_store: Store) -> None:
+    store = file_store
+    put(store, block(0))
+    pages = store.write(lambda c: c.execute(text("PRAGMA page_count")).scalar_one()).result(120)
+    store.write(lambda c: c.execute(text(f"PRAGMA max_page_count={pages}")).all()).result(120)
+    with pytest.raises(StoreError, match="full"):
+        put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+    assert "full" in str(store.writer.fault)
+    store.write(lambda c: c.execute(text("PRAGMA max_page_count=1000000")).all()).result(120)
+    store.check()
+    assert not store.writer.fault
+    again = put(store, *(block(n, [0.0] * 900, [1.0] * 900) for n in range(1, 40)))
+    assert results(again) == ["stored"] * 39
+    assert len(rows(store, blocks)) == 40
+
+
+@pytest.mark.parametrize("shortage", [MemoryError(), OSError(5, "Input/output error")])
+def test_shortage_is_the_stores_fault_and_no_messages(
+    store: Store, monkeypatch: pytest.MonkeyPatch, shortage: Exception
+) -> None:
+    fails = iter([True])
+
+    def short(*args: Any) -> None:
+        if next(fails, False):
+            raise shortage
+        add_blocks(*args)
+
+    def work(take: Callable[..., Any], connection: Connection) -> Any:
+        items = [ParsedMessage.read(NODE, block(n).encode()) for n in range(3)]
+        return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
+
+    monkeypatch.setattr("eskin_cloud.store.write.block_run.add_blocks", short)
+    ways = partial(work, ingest), partial(work, ingest_individually)
+    with pytest.raises(StoreError, match=r"memory left|Input/output"):
+        store.write(ways[0], instead=ways[1]).result(120)
+    assert rows(store, blocks) == []
+    assert results(store.write(ways[0], instead=ways[1]).result(120)) == ["stored"] * 3
+    assert store.writer.fault is None
+
+
+def test_shortage_while_in_parts_buries_nothing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    faults = iter([ValueError("nobody foresaw it"), MemoryError()])
+
+    def short(*_: Any) -> None:
+        raise next(faults)
+
+    def work(take: Callable[..., Any], connection: Connection) -> Any:
+        items = [ParsedMessage.read(NODE, block(0).encode())]
+        return take(connection, store.cache, items, gateway="g", now=START, dead_letters=9)
+
+    monkeypatch.setattr("eskin_cloud.store.write.block_run.add_blocks", short)
+    with pytest.raises(StoreError, match="memory left"):
+        store.write(partial(work, ingest), instead=partial(work, ingest_individually)).result(120)
+    assert rows(store, dead_letters) == []
+
+
+def test_commit_that_breaks_by_what_nobody_foresaw_ends_no_writing(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken = iter([MemoryError(), RuntimeError("unforeseen")])
+    begin = store.writer._on_begin
+
+    def breaks(connection: Connection) -> None:
+        fault = next(broken, None)
+        if fault is not None:
+            raise fault
+        begin(connection)
+
+    monkeypatch.setattr(store.writer, "_on_begin", breaks)
+    for told in ("memory left", "unforeseen"):
+        with pytest.raises(StoreError, match=told):
+            put(store, block(0))
+    assert results(put(store, block(0))) == ["stored"]
+
+
+def test_waiting_jobs_share_a_commit(store: Store) -> None:
+    with one_commit(store):
+        before = store.writer.commits
+        cursor = select(feed.c.cursor)
+        more = [store.write(lambda c: c.execute(cursor).scalar_one()) for _ in range(9)]
+    assert [future.result(120) for future in more] == [0] * 9
+    store.close()
+    assert store.writer.commits == before + 2
+
+
+def test_full_queue_refuses(tmp_path: Path) -> None:
+    held: Future[None] = Future()
+    started: Future[None] = Future()
+
+    def wait(_: Connection) -> None:
+        started.set_result(None)
+        held.result(120)
+
+    with Store(tmp_path / "s.sqlite", queue=2) as store:
+        store.write(wait)
+        started.result(120)
+        store.write(lambda _: None)
+        store.write(lambda _: None)
+        with pytest.raises(StoreError, match="2 writes wait"):
+            store.write(lambda _: None)
+        held.set_result(None)
+    with pytest.raises(StoreError, match="closed"):
+        store.write(lambda _: None)
+
+
+def test_cancelled_work_is_left_out(store: Store) -> None:
+    held: Future[None] = Future()
+    started: Future[None] = Future()
+
+    def wait(_: Connection) -> None:
+        started.set_result(None)
+        held.result(120)
+
+    store.write(wait)
+    started.result(120)
+    given_up = store.write(lambda c: c.execute(insert(versions).values(version=9, applied=0)))
+    assert given_up.cancel()
+    held.set_result(None)
+    put(store, block(0))
+    applied = [row["version"] for row in rows(store, versions)]
+    assert applied == [version.VERSION]
+
+
+def test_batch_of_nodes_with_and_without_a_status_is_stored(store: Store) -> None:
+    told, silent = status(0).encode(), block(0).encode()
+    put_items(store, [ParsedMessage.read("told", told), ParsedMessage.read("silent", silent)])
+    assert {row["node"]: row["profile"] for row in rows(store, nodes)} == {
+        "told": "fingertip",
+        "silent": None,
+    }
+
+
+def test_schema_of_another_version_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    with Store(path) as store:
+        store.write(
+            lambda c: c.execute(insert(versions).values(version=version.VERSION + 1, applied=0))
+        ).result(120)
+        with pytest.raises(StoreError, match="schema version"):
+            store.check()
+    with pytest.raises(StoreError, match="schema version"):
+        Store(path)
+
+
+def test_file_that_is_no_store_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "s.sqlite"
+    path.write_bytes(b"no database, " * 700)
+    with pytest.raises(StoreError, match="cannot be opened"):
+        Store(path)
+
+
+def test_durability_is_asked_of_sqlite(file_store: Store) -> None:
+    def pragmas(connection: Connection) -> tuple[object, object]:
+        return (
+            connection.execute(text("PRAGMA journal_mode")).scalar_one(),
+            connection.execute(text("PRAGMA synchronous")).scalar_one(),
+        )
+
+    assert file_store.write(pragmas).result(120) == ("wal", 2)
+    assert isinstance(file_store.writer, Writer)

@@ -1,0 +1,206 @@
+"""What a chart's pixels say: live samples, answers and gaps, as the API tells them."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from eskin.wire.timestamp import format_timestamp, parse_timestamp
+from tests.support.processes import wait_until
+from tests.unit.dashboard.browsing import history, without_events
+from tests.unit.dashboard.pixels import (
+    BAND,
+    CERTAIN,
+    COVERED,
+    FINE,
+    MISSING,
+    POSSIBLE,
+    read_plots,
+    samples_of,
+)
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Route
+
+    from tests.support.demos import RunningDemo
+    from tests.unit.dashboard.browsing import Visit
+    from tests.unit.dashboard.pixels import Plot
+
+MS = 1_000_000
+SECOND = 1000 * MS
+GENTLE = "fingertip/t01.capacitance"
+EDGE = 8
+"""A sample's mark reaches fewer pixels to either side, also on a fine screen."""
+UNTOLD = 100 * MS
+"""The last bucket of a block reaches beyond its last sample by less."""
+CERTAIN_LANE, POSSIBLE_LANE = -9, -1
+"""Rows of a plot from below, at one pixel a CSS pixel."""
+
+
+@pytest.mark.parametrize(
+    ("options", "channel", "span"),
+    [({}, GENTLE, "10s"), ({}, "palm/t01.energy", "5s"), (FINE, "forearm/t01.distance", "5s")],
+)
+def test_live_pixels_enclose_the_samples(
+    demo: RunningDemo, visit: Visit, channel: str, span: str
+) -> None:
+    visit.page.route("**/api/v1/events*", without_events)
+    visit.open(f"{channel}?live={span}")
+    begin = int(visit.wait_for_chart(mode="live")["xMax"])
+    wait_until(
+        lambda: int(visit.chart()["xMax"]) > begin + 2 * SECOND, "the stream has followed the store"
+    )
+
+    def encloses() -> bool:
+        plot, band = read_plots(visit, COVERED, BAND)
+        assert plot.newest is not None
+        series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
+        told = range(plot.start, min(plot.newest - UNTOLD, plot.end))
+        samples = [one for one in samples_of(series) if one[0] in told]
+        assert len(samples) >= 100
+        # A gap may be hatched there: a node that is late tells of one before it goes on.
+        assert not any(band.painted[plot.column(plot.newest) + EDGE :])
+        area = "".join(plot.columns)
+        assert area.count("1") < 0.95 * len(area), "a plot that is painted all over tells nothing"
+        return all(plot.encloses(*sample) for sample in samples)
+
+    for _ in range(3):
+        # What a slow page has not been told yet is blank until the store has told it.
+        wait_until(encloses, "each sample is painted over")
+        visit.page.wait_for_timeout(700)
+
+
+def test_certain_and_possible_answers_are_painted_in_lanes_of_their_own(
+    demo: RunningDemo, visit: Visit, recorded: int
+) -> None:
+    visit.page.route("**/api/v1/events*", without_events)
+    window = history("palm/t01.energy", recorded - 3 * SECOND, recorded)
+    visit.open(f"{window}&above=5e-12")
+    visit.wait_for_chart(mode="history")
+    visit.page.get_by_test_id("total-certain").wait_for()
+
+    def lanes() -> tuple[Plot, Plot]:
+        certain, possible = read_plots(visit, CERTAIN, POSSIBLE)
+        return certain, possible
+
+    wait_until(lambda: any(lane(lanes()[0], CERTAIN_LANE)), "the answer is painted")
+    certain, possible = lanes()
+    question = {"above": "5e-12", "start": certain.start, "end": certain.end}
+    answer = demo.get("/series/palm/t01.energy/threshold", **question)
+    assert answer["next"] is None
+    certainly = stretches_of(answer, "certain", -1)
+    around = stretches_of(answer, "certain", 1) + stretches_of(answer, "possible", 1)
+    for plot, row, least, most in (
+        (certain, CERTAIN_LANE, certainly, certainly),
+        (possible, POSSIBLE_LANE, stretches_of(answer, "possible", 0), around),
+    ):
+        assert least
+        painted = {column for column, is_painted in enumerate(lane(plot, row)) if is_painted}
+        assert columns_of(plot, least, 0) <= painted <= columns_of(plot, most, 1)
+    assert not any(lane(certain, POSSIBLE_LANE)), "no certain colour where possible is told"
+    assert not any(lane(possible, CERTAIN_LANE)), "no possible colour where certain is told"
+
+
+def stretches_of(answer: Any, verdict: str, errors: int) -> list[tuple[int, int]]:
+    """What an answer tells, and so many times their errors of time more at both ends."""
+    return [
+        (
+            parse_timestamp(item["start"]) - errors * item["time_error"],
+            parse_timestamp(item["end"]) + errors * item["time_error"],
+        )
+        for item in answer["items"]
+        if item["verdict"] == verdict
+    ]
+
+
+def lane(plot: Plot, row: int) -> list[bool]:
+    """Which columns are painted in a row."""
+    return [column[row] == "1" for column in plot.columns]
+
+
+def columns_of(plot: Plot, stretches: list[tuple[int, int]], slack: int) -> set[int]:
+    """All columns of a plot that stretches of time touch, and so many more to either side."""
+    found: set[int] = set()
+    for start, end in stretches:
+        found |= set(range(plot.column(start) - slack, plot.column(end) + 1 + slack))
+    return found & set(range(len(plot.columns)))
+
+
+@pytest.mark.parametrize(
+    ("mode", "told_by"), [("history", "samples"), ("history", "event"), ("live", "samples")]
+)
+def test_gap_is_painted_as_a_gap_and_never_as_band(
+    demo: RunningDemo, visit: Visit, mode: str, told_by: str
+) -> None:
+    channels = {one["id"]: one for one in demo.get("/nodes/fingertip/channels")["items"]}
+    last = parse_timestamp(channels["t01.capacitance"]["last"])
+    gap = range(last - 3500 * MS, last - 1500 * MS)
+    held: list[Route] = []
+    visit.page.route("**/api/v1/events*", lambda route: tell(route, gap, told_by))
+    visit.page.route("**/api/v1/series/**", lambda route: cut(route, gap, told_by))
+    # Nothing follows what the store knows.
+    visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
+    place = f"{GENTLE}?live=30s" if mode == "live" else history(GENTLE, last - 5 * SECOND, last)
+    visit.open(place)
+    visit.wait_for_chart(mode=mode)
+
+    def hatched() -> bool:
+        (missing,) = read_plots(visit, MISSING)
+        return missing.painted[missing.column((gap.start + gap.stop) // 2)]
+
+    wait_until(hatched, "the gap is painted")
+    band, missing = read_plots(visit, BAND, MISSING)
+    first, after = band.column(gap.start), band.column(gap.stop)
+    inside = range(first + EDGE, after - EDGE)
+    assert len(inside) > 30
+    assert [column for column in inside if band.painted[column]] == []
+    assert [column for column in inside if not missing.painted[column]] == []
+    around = {"start": max(band.start, gap.start - SECOND), "end": gap.stop + SECOND}
+    series = demo.get(f"/series/{GENTLE}", points=20_000, **around)
+    known = [sample for sample in samples_of(series) if not near(sample[0], gap)]
+    assert len(known) > 100
+    assert [sample for sample in known if not band.encloses(*sample)] == []
+    clear = {band.column(moment) for moment, _, _ in known} - set(range(first - EDGE, after + EDGE))
+    assert [column for column in clear if missing.painted[column]] == []
+
+
+def near(moment: int, gap: range) -> bool:
+    """Whether a moment lies in a gap, or in a bucket that has to do with it."""
+    return gap.start - UNTOLD <= moment < gap.stop + UNTOLD
+
+
+def cut(route: Route, gap: range, told_by: str) -> None:
+    """Let the store know nothing of a stretch; a gap that an event tells of has no entries."""
+    answer = route.fetch()
+    series: dict[str, Any] = answer.json()
+    start = parse_timestamp(series["t0"])
+    rows = list(zip(series["t"], series["lo"], series["hi"], strict=True))
+    lost = [start + t in gap for t, _, _ in rows]
+    if told_by == "event":
+        rows = [row for row, is_lost in zip(rows, lost, strict=True) if not is_lost]
+    else:
+        rows = [
+            (row[0], None, None) if is_lost else row
+            for row, is_lost in zip(rows, lost, strict=True)
+        ]
+    t, lo, hi = zip(*rows, strict=True)
+    route.fulfill(response=answer, json={**series, "t": t, "lo": lo, "hi": hi})
+
+
+def tell(route: Route, gap: range, told_by: str) -> None:
+    """Answer with the gap as an event, and with no other events."""
+    event = {
+        "id": "gap",
+        "node": "fingertip",
+        "channel": "t01.capacitance",
+        "kind": "gap",
+        "time": {"lo": format_timestamp(gap.start), "hi": format_timestamp(gap.stop)},
+        "boot": 1,
+        "sequence": 1,
+        **dict.fromkeys(("verdict", "height", "prominence", "count", "unit", "coverage", "detail")),
+    }
+    asked = told_by == "event" and "kind=gap" in route.request.url
+    body = {"items": [event] if asked else [], "next": None}
+    route.fulfill(body=json.dumps(body), content_type="application/json")

@@ -1,0 +1,28 @@
+"""Ports that stay free for who is to listen on them."""
+
+from __future__ import annotations
+
+import socket
+
+from eskin.demo.ports import LOOPBACK, free_ports
+
+
+def test_ports_are_different_and_free() -> None:
+    ports = free_ports(20)
+    assert len(set(ports)) == 20
+    for port in ports:
+        socket.create_server((LOOPBACK, port)).close()
+
+
+def test_port_that_somebody_holds_is_not_given() -> None:
+    (port,) = free_ports(1)
+    with socket.create_server((LOOPBACK, port)):
+        assert port not in free_ports(11_000)
+
+
+def test_no_outgoing_connection_is_given_one() -> None:
+    ports = set(free_ports(11_000))
+    with socket.create_server((LOOPBACK, 0)) as server:
+        for _ in range(100):
+            with socket.create_connection(server.getsockname()) as outgoing:
+                assert outgoing.getsockname()[1] not in ports

@@ -1,0 +1,82 @@
+"""A forwarder between a spool with messages and a cloud, for tests."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Literal
+
+from eskin_gateway.forward.forwarder import Forwarder
+from eskin_gateway.metrics import Metrics
+from eskin_gateway.settings import CloudSection
+from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.spool import Spool
+from eskin_gateway.upstream.ingest_client import Answer
+
+from eskin.errors import CloudError
+from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.twins import quick
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from eskin_gateway.upstream.ingest_client import Cloud
+
+    from tests.unit.gateway.stub_cloud import StubCloud
+
+MESSAGES = [("n", bytes([number])) for number in range(10)]
+
+
+class MemoryCloud:
+    """The in-memory twin: stores, or fails as told; ``failing`` are bodies that break it.
+
+    Attributes:
+        failure: How it answers to those; ``None``: not at all.
+        asked: The bodies of each request.
+    """
+
+    def __init__(self) -> None:
+        self.mode = "ok"
+        self.failing: set[bytes] = set()
+        self.failure: int | None = 500
+        self.stored: list[tuple[str, bytes]] = []
+        self.asked: list[list[bytes]] = []
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        self.asked.append([body for _, body in messages])
+        if self.mode in {"error", "busy", "nonsense", "short"}:
+            status = {"error": 500, "busy": 503}.get(self.mode)
+            raise CloudError("told to fail", status=status)
+        if any(body in self.failing for _, body in messages):
+            raise CloudError("broken by a message", status=self.failure)
+        if self.mode == "large" and len(messages) > 2:
+            raise CloudError("too large", status=413)
+        return [self._store(message) for message in messages]
+
+    def _store(self, message: tuple[str, bytes]) -> Answer:
+        result: Literal["stored", "duplicate"] = "duplicate" if message in self.stored else "stored"
+        if self.mode == "reject":
+            return Answer("rejected", "not wanted")
+        if result == "stored":
+            self.stored.append(message)
+        return Answer(result, None)
+
+
+class Setup:
+    """A forwarder between a spool with ten messages and a cloud."""
+
+    def __init__(
+        self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud, *, most: int = 4
+    ) -> None:
+        self.told = told
+        self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
+        self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
+        self.metrics = Metrics()
+        self.certificates = KnownNodes()
+        self.forwarder = Forwarder(
+            CloudSection(batch_messages=most),
+            spool=self.spool,
+            cloud=cloud,
+            certificates=self.certificates,
+            backoff=quick(),
+            metrics=self.metrics,
+        )

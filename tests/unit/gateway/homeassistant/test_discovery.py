@@ -1,0 +1,261 @@
+"""Channels appear in Home Assistant by themselves, and go with their node."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from eskin_gateway.publish import public_payloads
+from eskin_gateway.publish.homeassistant import config, config_topic
+from eskin_gateway.service import Gateway
+from eskin_gateway.settings import PublicSection
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eskin.identity import IdentityKind
+from eskin.wire.messages import Block, ChannelInfo, Encoding, Status
+from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
+from eskin.wire.topics import Stream, live_topic
+from tests.support.identities import Identities
+from tests.support.processes import wait_until
+from tests.unit.gateway.messages import CHANNEL, EPOCH, block, status
+from tests.unit.gateway.test_public import summary
+from tests.unit.gateway.twins import DAY_NS, Inside
+from tests.unit.gateway.wire_node import Listener, Seal, WireNode
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from eskin_gateway.settings import GatewaySettings
+
+    from tests.support.brokers import Mosquitto
+
+PYTHON = Path(__file__).parents[4] / ".venv" / "homeassistant" / "bin" / "python"
+JUDGE = Path(__file__).with_name("judge.py")
+TOPIC = "homeassistant/sensor/fingertip/t01-capacitance/config"
+OTHER = "homeassistant/sensor/fingertip/t02-current/config"
+
+UNITS = ["F", "A", "V", "m2", "J", "m", "Pa", "Hz", "H", "1", "rad", "Cel", "%"]
+
+
+def asked(topic: str, payload: bytes, *, states: list[bytes], statuses: list[bytes]) -> Any:
+    """A question to Home Assistant."""
+    return {
+        "prefix": "homeassistant",
+        "topic": topic,
+        "config": payload.decode(),
+        "now": time.time(),
+        "states": [state.decode() for state in states],
+        "statuses": [each.decode() for each in statuses],
+    }
+
+
+def judged(*questions: Any) -> list[Any]:
+    """What Home Assistant itself makes of them."""
+    assert PYTHON.exists(), "Home Assistant is missing: run make test"
+    done = subprocess.run(
+        [PYTHON, JUDGE], input=json.dumps(questions), capture_output=True, text=True, timeout=250,
+        check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr[-2000:]
+    return list(json.loads(done.stdout))
+
+
+def now_status(sequence: int, *channels: ChannelInfo, boot: int = 1) -> Status:
+    """A status of this moment."""
+    told = replace(status(sequence, boot=boot), time=(time.time_ns() - 10**9, time.time_ns()))
+    return replace(told, channels=channels) if channels else told
+
+
+def now_block(sequence: int) -> Block:
+    """A block that ends at this moment."""
+    old = block(sequence)
+    now = time.time_ns() - len(old.tube) * old.tube.dt
+    tube = replace(old.tube, time=(now, now))
+    return Block.pack(old.position, old.channel, old.ticks, tube, Encoding.F32)
+
+
+@pytest.fixture
+def gateway(settings: GatewaySettings) -> Iterator[Gateway]:
+    running = Gateway(settings.model_copy(update={"public": PublicSection(homeassistant=True)}))
+    running.start()
+    wait_until(lambda: running.broker.connected, "the gateway is connected")
+    yield running
+    running.stop()
+
+
+@pytest.mark.usefixtures("gateway")
+def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_availability(
+    identities: Identities, broker: Mosquitto, node: WireNode
+) -> None:
+    client = identities.make(IdentityKind.CLIENT, "client.home")
+    both = ChannelInfo(CHANNEL, "F", 10**6, 1.0), ChannelInfo("t02.current", "A", 10**9, 1.0)
+    personal = ChannelInfo("t03.bioelectric", "V", 10**6, 1.0)
+    with Listener(client, broker.client_port) as hearing:
+        node.say(Stream.STATUS, now_status(0, *both, personal))
+        node.say(Stream.BLOCKS, now_block(1))
+        node.say(Stream.BLOCKS, block(3))
+        state = live_topic("fingertip", CHANNEL)
+        wait_until(lambda: len(hearing.on(state)) > 1, "both hulls are public")
+        statuses = live_topic("fingertip", "status")
+        silent = "silent, so offline"
+        wait_until(lambda: not json.loads(hearing.on(statuses)[-1])["online"], silent)
+        told = hearing.on(statuses)
+        heard = hearing.on(state), [told[0], told[-1]]
+    # Home Assistant may come later: the broker keeps what it needs.
+    with Listener(client, broker.client_port, "homeassistant/#") as late:
+        wait_until(lambda: len(late.heard) >= 2, "both channels are announced")
+        assert {(topic, kept) for topic, _, kept in late.heard} == {(TOPIC, True), (OTHER, True)}
+        (one,) = judged(asked(TOPIC, late.on(TOPIC)[0], states=heard[0], statuses=heard[1]))
+        lo, hi = block(1).bounds
+        assert lo <= float(one["states"][0]) <= hi
+        assert {"lo", "hi", "t0", "t1", "coverage", "unit"} <= set(one["attributes"][0])
+        # What waited for long tells nothing of now.
+        assert (one["states"][1:], one["attributes"][1:]) == (["None"], [[]])
+        assert one["available"] == [True, False]
+        assert (one["component"], one["node_id"], one["unit"]) == ("sensor", "fingertip", "F")
+        assert one["expire_after"] == 61
+        node.say(Stream.STATUS, now_status(2, both[0]))
+        wait_until(lambda: late.on(OTHER) == [late.on(OTHER)[0], b""], "the channel went")
+    with Listener(client, broker.client_port, "homeassistant/#") as last:
+        node.say(Stream.STATUS, replace(now_status(4, both[0]), description="another finger"))
+        anew = "the other channel is announced anew, after all that was kept"
+        wait_until(lambda: any(not kept for _, _, kept in list(last.heard)), anew)
+        assert [topic for topic, _, _ in last.heard] == [TOPIC, TOPIC]
+
+
+def test_home_assistant_knows_every_unit_and_tells_unknown_sides() -> None:
+    body = json.loads(public_payloads.live("n", summary(now_block(0)))[1])
+    open_above = json.dumps(body | {"hi": None}).encode()
+    channels = [ChannelInfo("t01.humidity", unit, 10**6, 1.0) for unit in UNITS]
+    topic = config_topic("homeassistant", "n", "t01.humidity")
+    announced = [config("n", status(0), channel) for channel in channels]
+    answers = judged(*(asked(topic, each, states=[open_above], statuses=[]) for each in announced))
+    told = {"m2": "m²", "Cel": "°C", "1": None}
+    assert [one["unit"] for one in answers] == [told.get(unit, unit) for unit in UNITS]
+    # Its word for a state that is not known; the attributes still hold the other bound.
+    assert [one["states"] for one in answers] == [["None"]] * len(UNITS)
+    assert all("lo" in one["attributes"][0] for one in answers)
+
+
+names = st.builds(
+    lambda taxel, quantity: f"a{taxel}.b{quantity}",
+    st.text("b-_", max_size=3),
+    st.text("b_", max_size=3),
+).filter(lambda name: CHANNEL_NAME.fullmatch(name) is not None)
+
+
+@given(one=names, two=names)
+def test_no_two_channels_share_a_topic(one: str, two: str) -> None:
+    topics = {config_topic("homeassistant", "n", name) for name in (one, two)}
+    assert len(topics) == len({one, two})
+    assert all("." not in topic for topic in topics)
+
+
+def test_what_a_node_says_of_itself_never_becomes_a_template() -> None:
+    evil = "{{ states.light | list }}"
+    said = json.loads(config("n", status(0, description=evil), ChannelInfo(CHANNEL, "F", 1, 1.0)))
+    assert said["device"]["model"] == evil
+    assert [name for name, value in said.items() if evil in str(value)] == ["device"]
+
+
+def announced(inside: Inside) -> list[bool]:
+    """Whether each publication for the channel announces it, or takes it away."""
+    return [payload != b"" for payload in inside.broker.on(TOPIC)]
+
+
+def introduce(inside: Inside, seal: Seal, number: int, **changes: Any) -> None:
+    told = replace(status(number), **changes)
+    envelope = seal("fingertip", Stream.STATUS, told.encode(), introduce=True)
+    inside.arrive(Stream.STATUS, envelope)
+
+
+@pytest.fixture
+def own(tmp_path: Path) -> Identities:
+    return Identities(tmp_path / "own")
+
+
+@pytest.fixture
+def home(tmp_path: Path, own: Identities) -> Iterator[Inside]:
+    crl = own.authority.write_revocations(IdentityKind.NODE)
+    made = Inside(tmp_path, own, revocations=crl, homeassistant=True)
+    yield made
+    made.spool.close()
+
+
+def test_channel_is_announced_once_and_again_when_it_changes(home: Inside, own: Identities) -> None:
+    seal = Seal(own.node, own.site)
+    introduce(home, seal, 0)
+    introduce(home, seal, 1, uptime=7)
+    assert announced(home) == [True]
+    introduce(home, seal, 2, description="another finger")
+    assert announced(home) == [True, True]
+
+
+def test_channels_go_with_a_revoked_node(home: Inside, own: Identities) -> None:
+    introduce(home, Seal(own.node, own.site), 0)
+    home.answers.idle()
+    home.clock.seconds += 1.5
+    home.answers.idle()
+    assert False not in announced(home)
+    own.authority.revoke("fingertip")
+    home.clock.seconds += 1.5
+    home.answers.idle()
+    assert announced(home)[-1] is False
+    home.answers.idle()
+    assert announced(home).count(False) == 1
+
+
+def test_channels_go_after_long_silence_and_come_back(home: Inside, own: Identities) -> None:
+    seal = Seal(own.node, own.site)
+    introduce(home, seal, 0)
+    home.clock.seconds += 86_399
+    home.answers.idle()
+    assert announced(home)[-1] is True
+    home.clock.seconds += 2
+    home.answers.idle()
+    assert announced(home)[-1] is False
+    introduce(home, seal, 1, time=(EPOCH + 5, EPOCH + 5))  # it had been held in its flash
+    assert announced(home)[-1] is False
+    introduce(home, seal, 2, time=(EPOCH + 5, EPOCH + 2 * DAY_NS))
+    assert announced(home)[-1] is True
+
+
+def test_everything_is_announced_again_when_the_broker_is_back(
+    home: Inside, own: Identities
+) -> None:
+    introduce(home, Seal(own.node, own.site), 0)
+    home.answers.idle()
+    before = len(announced(home))
+    home.broker.connected = False
+    home.answers.idle()
+    assert len(announced(home)) == before
+    home.broker.connected = True
+    home.answers.idle()
+    assert announced(home)[before:] == [True]
+
+
+def test_restarted_gateway_takes_away_what_is_gone_meanwhile(
+    tmp_path: Path, home: Inside, own: Identities
+) -> None:
+    introduce(home, Seal(own.node, own.site), 0)
+    home.spool.close()
+    crl = own.authority.write_revocations(IdentityKind.NODE)
+    later = Inside(tmp_path, own, revocations=crl, homeassistant=True)
+    later.answers.idle()
+    assert announced(later) == [True]
+    later.clock.seconds += 86_402
+    later.answers.idle()
+    assert announced(later) == [True, False]
+    later.spool.close()
+
+
+def test_nothing_is_announced_unless_it_is_wanted(inside: Inside, identities: Identities) -> None:
+    introduce(inside, Seal(identities.node, identities.site), 0)
+    inside.answers.idle()
+    assert [topic for topic, _, _ in inside.broker.published if "homeassistant" in topic] == []

@@ -1,0 +1,65 @@
+"""A forwarder rests after a request of some messages, and only then."""
+
+from __future__ import annotations
+
+from threading import Event
+from types import SimpleNamespace
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tests.support.processes import wait_until
+from tests.unit.gateway.forwarding import MESSAGES, MemoryCloud, Setup
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from eskin_gateway.upstream.ingest_client import Answer
+
+
+class _Rests(Event):
+    """Notes how long it is waited for, and lets nobody wait."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.seconds: list[float] = []
+
+    def wait(self, timeout: float | None = None) -> bool:
+        self.seconds.append(timeout or 0.0)
+        return self.is_set()
+
+
+@pytest.mark.parametrize(
+    ("most", "took", "rests"),
+    [
+        (20, 0.02, [0.02]),  # all ten messages at once
+        (20, 0.3, [0.05]),
+        (10, 0.02, []),  # ten are all that a request may have
+        (7, 0.02, []),  # seven and three: too few
+        (6, 0.02, [0.02]),  # six and four
+    ],
+)
+def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_single_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, took: float, rests: list[float]
+) -> None:
+    now = [0.0]
+    monkeypatch.setattr(
+        "eskin_gateway.forward.forwarder.time", SimpleNamespace(monotonic=lambda: now[0])
+    )
+    cloud = MemoryCloud()
+    setup = Setup(tmp_path, cloud, cloud, most=most)
+    send = cloud.send
+
+    def slowly(messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        now[0] += took
+        return send(messages)
+
+    monkeypatch.setattr(cloud, "send", slowly)
+    noted = setup.forwarder._stopping = _Rests()
+    setup.forwarder.start()
+    wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
+    setup.forwarder.stop()
+    setup.spool.close()
+    assert cloud.stored == MESSAGES
+    assert noted.seconds == pytest.approx(rests)

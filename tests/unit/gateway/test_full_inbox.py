@@ -1,0 +1,91 @@
+"""A gateway whose inbox is full holds the broker back, and loses nothing."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from eskin_gateway.service import Gateway
+
+from eskin.errors import SpoolError
+from eskin.wire.topics import Stream
+from tests.support.processes import wait_until
+from tests.unit.gateway.messages import block, status
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pytest
+    from eskin_gateway.settings import GatewaySettings
+    from eskin_gateway.spool.batch import Batch
+
+    from tests.unit.gateway.stub_cloud import StubCloud
+    from tests.unit.gateway.wire_node import WireNode
+
+
+def test_full_inbox_holds_the_broker_back_and_loses_nothing(
+    settings: GatewaySettings, cloud: StubCloud, node: WireNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Pings far longer than the test: nothing is dropped to keep the broker's connection alive.
+    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 600})
+    running = Gateway(settings.model_copy(update={"broker": section}))
+    running.start()
+    wait_until(lambda: running.broker.connected, "the gateway is connected")
+    node.say(Stream.STATUS, status(0))
+    node.wait_for((1, 0))
+    commit = running.spool.commit
+    monkeypatch.setattr(running.spool, "commit", full_disk)
+    for number in range(1, 200):
+        node.say(Stream.BLOCKS, block(number))
+    wait_until(
+        lambda: running.receive_queue.full and running.worker.fault is not None, "no more room"
+    )
+    assert node.acknowledged == {(1, 0)}
+    monkeypatch.setattr(running.spool, "commit", commit)
+    node.wait_for(*((1, number) for number in range(200)))
+    wait_until(lambda: len(cloud.stored) == 200, "the cloud stored all")
+    assert running.receive_queue.statistics.most == 16
+    assert running.receive_queue.statistics.refused == 0
+    running.stop()
+
+
+@contextmanager
+def stopping(gateway: Gateway) -> Iterator[None]:
+    """A gateway that is stopped whatever fails: the stub cloud waits for its connections."""
+    try:
+        yield
+    finally:
+        gateway.stop()
+
+
+def full_disk(batch: Batch) -> None:
+    raise SpoolError(f"database or disk is full ({len(batch.entries)} messages)")
+
+
+def test_refused_messages_are_released_at_the_broker(
+    settings: GatewaySettings, node: WireNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 6})
+    running = Gateway(settings.model_copy(update={"broker": section}))
+    with stopping(running):
+        running.start()
+        wait_until(lambda: running.broker.connected, "the gateway is connected")
+        node.say(Stream.STATUS, status(0))
+        node.wait_for((1, 0))
+        commit = running.spool.commit
+        monkeypatch.setattr(running.spool, "commit", full_disk)
+        for number in range(1, 1500):  # more than the broker's window of 1000
+            node.say(Stream.BLOCKS, block(number))
+        wait_until(lambda: running.receive_queue.statistics.refused > 1000, "patience ends")
+        wait_until(lambda: running.broker.connected, "the gateway is still connected")
+        monkeypatch.setattr(running.spool, "commit", commit)
+        wait_until(lambda: running.receive_queue.statistics.depth == 0, "the inbox is empty")
+        # As a node does: what is refused meanwhile, behind what the broker still held, comes again.
+        resent = iter(range(10**6))
+
+        def heard() -> bool:
+            if next(resent) % 50 == 0:
+                node.say(Stream.STATUS, status(2000))
+            return (1, 2000) in node.acknowledged
+
+        wait_until(heard, "the gateway takes messages again")

@@ -1,0 +1,25 @@
+"""A gateway is as well as its parts."""
+
+from __future__ import annotations
+
+from unittest.mock import Mock
+
+import pytest
+from eskin_gateway.ops.health import Health
+
+_PARTS = ("broker", "worker", "forwarder", "courier", "revocations", "steward")
+_SHOWN = {"worker": "spool", "forwarder": "cloud", "courier": "commands", "steward": "subjects"}
+
+
+def health(worn: str | None) -> Health:
+    parts = {part: Mock(fault="it is worn" if part == worn else None) for part in _PARTS}
+    return Health(receive_queue=Mock(), spool=Mock(), presence=Mock(), **parts)
+
+
+@pytest.mark.parametrize("part", _PARTS)
+def test_fault_of_each_part_is_a_reason(part: str) -> None:
+    assert health(part).reasons() == [f"{_SHOWN.get(part, part)}: it is worn"]
+
+
+def test_gateway_without_faults_has_no_reason() -> None:
+    assert health(None).reasons() == []

@@ -1,0 +1,185 @@
+"""A cloud that refuses is understood in the same way on each way to it."""
+
+from __future__ import annotations
+
+import asyncio
+from contextlib import contextmanager
+from random import SystemRandom
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from eskin_gateway.backoff import Backoff
+from eskin_gateway.commands.pending import PendingCommands
+from eskin_gateway.commands.poller import CommandPoller
+from eskin_gateway.ingest.biometric import BiometricEncryptor
+from eskin_gateway.metrics import Metrics
+from eskin_gateway.ops.subject_sync import SubjectSync
+from eskin_gateway.spool.subject_assignments import SubjectAssignments
+from eskin_gateway.upstream.cloud_client import CloudClient
+from eskin_gateway.upstream.commands_client import HttpsDeliveries
+from eskin_gateway.upstream.ingest_client import HttpsCloud
+from eskin_gateway.upstream.subjects_client import HttpsNotices
+from eskin_gateway.upstream.viewers import Viewers
+
+from eskin.errors import CloudError
+from eskin.identity import IdentityKind, client_context
+from eskin.identity.identity import ROOT_FILE
+from eskin.privacy import FileMasterKey, KeyStore
+from tests.support.processes import free_port, wait_until
+from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.https_server import HttpsServer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from tests.support.identities import Identities
+
+
+class Refuser:
+    """A cloud that refuses all, and says for how long.
+
+    Attributes:
+        asked: How often it was asked.
+    """
+
+    def __init__(self) -> None:
+        self.retry_after = "7"
+        self.asked = 0
+
+    def __call__(
+        self, _path: str, _headers: Mapping[str, str], _body: bytes, /
+    ) -> tuple[int, dict[str, str], bytes]:
+        self.asked += 1
+        return 503, {"retry-after": self.retry_after}, b"later"
+
+
+@pytest.fixture
+def refuser() -> Refuser:
+    return Refuser()
+
+
+@pytest.fixture
+def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Where that cloud is, and what it takes to ask it."""
+    port = free_port()
+    server = HttpsServer(identities.make(IdentityKind.SERVER, "server.cloud"), port, refuser)
+    context = client_context(identities.gateway.directory / ROOT_FILE)
+    common = {"headers": dict, "context": context, "timeout_s": 60.0}
+    yield f"https://127.0.0.1:{port}/api/v1/ingest", common
+    server.close()
+
+
+def refused_batch(url: str, common: dict[str, Any]) -> None:
+    client = CloudClient(url, **common)
+    try:
+        HttpsCloud(client, Viewers()).send([("fingertip", b"")])
+    finally:
+        client.close()
+
+
+def refused_question(url: str, common: dict[str, Any]) -> None:
+    async def ask() -> None:
+        commands_client = HttpsDeliveries(url, **common)
+        try:
+            await commands_client.fetch([], 0.0)
+        finally:
+            await commands_client.close()
+
+    asyncio.run(ask())
+
+
+def refused_notice(url: str, common: dict[str, Any]) -> None:
+    client = CloudClient(url, **common)
+    try:
+        HttpsNotices(client).send([], ["0" * 32])
+    finally:
+        client.close()
+
+
+@pytest.mark.parametrize(
+    ("value", "least", "most"),
+    [
+        ("7", 7, 7),
+        ("Wed, 21 Oct 2065 07:28:00 GMT", 10**6, 10**12),
+        ("Wed, 21 Oct 2015 07:28:00 GMT", 0, 0),
+        ("soon", None, None),
+    ],
+)
+@pytest.mark.parametrize("ask", [refused_batch, refused_question, refused_notice])
+def test_patience_that_is_asked_for_is_read_as_number_or_date(
+    reach: tuple[str, dict[str, Any]],
+    refuser: Refuser,
+    ask: Any,
+    value: str,
+    least: float | None,
+    most: float | None,
+) -> None:
+    url, common = reach
+    refuser.retry_after = value
+    with pytest.raises(CloudError, match="answered 503 Service Unavailable") as caught:
+        ask(url, common)
+    assert caught.value.status == 503
+    if least is None or most is None:
+        assert caught.value.retry_after is None
+    else:
+        assert caught.value.retry_after is not None
+        assert least <= caught.value.retry_after <= most
+
+
+class Patience(Backoff):
+    """Notes for how long it was asked to wait."""
+
+    def __init__(self) -> None:
+        super().__init__(0.001, 0.001, random=SystemRandom())
+        self.told: list[float | None] = []
+
+    def failed(self, *, at_least: float | None = None) -> float:
+        self.told.append(at_least)
+        return super().failed(at_least=at_least)
+
+
+@contextmanager
+def command_poller(
+    url: str, common: dict[str, Any], _folder: Path, patience: Backoff
+) -> Iterator[CommandPoller]:
+    yield CommandPoller(
+        PendingCommands(5.0),
+        commands_client=HttpsDeliveries(url, **common),
+        wait_s=1.0,
+        backoff=patience,
+        metrics=Metrics(),
+    )
+
+
+@contextmanager
+def subject_sync(
+    url: str, common: dict[str, Any], folder: Path, patience: Backoff
+) -> Iterator[SubjectSync]:
+    keystore = KeyStore(folder / "keys", FileMasterKey(folder / "master.key"))
+    keystore.bury(keystore.create("Ada").pseudonym)
+    assignments, client = SubjectAssignments(keystore), CloudClient(url, **common)
+    yield SubjectSync(
+        keystore,
+        assignments,
+        encryptor=BiometricEncryptor(assignments),
+        subjects_client=HttpsNotices(client),
+        certificates=KnownNodes(),
+        share=True,
+        backoff=patience,
+    )
+    client.close()
+
+
+@pytest.mark.parametrize("make", [command_poller, subject_sync])
+def test_who_is_asked_for_patience_has_it(
+    reach: tuple[str, dict[str, Any]], refuser: Refuser, tmp_path: Path, make: Any
+) -> None:
+    url, common = reach
+    refuser.retry_after = "1000"
+    patience = Patience()
+    with make(url, common, tmp_path, patience) as asker:
+        asker.start()
+        wait_until(lambda: bool(patience.told), "it was refused")
+        asker.stop()
+    assert (patience.told, refuser.asked) == ([1000.0], 1)

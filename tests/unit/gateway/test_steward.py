@@ -1,0 +1,234 @@
+"""What the steward has to tell the cloud is never forgotten, whatever happened meanwhile."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from eskin_gateway.ingest.biometric import BiometricEncryptor
+from eskin_gateway.ops import subject_sync as room
+from eskin_gateway.ops.subject_sync import SubjectSync
+from eskin_gateway.spool.subject_assignments import SubjectAssignments
+
+from eskin.errors import CloudError, NoKeyError, PrivacyError
+from eskin.privacy import FileMasterKey, KeyStore
+from eskin.runtime.digest import with_check
+from tests.support.processes import wait_until
+from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.twins import quick
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+NODE = "hand"
+
+
+class Site:
+    """A gateway's key store, and a cloud that may be away."""
+
+    def __init__(self, folder: Path) -> None:
+        self.keystore = KeyStore(folder / "site", FileMasterKey(folder / "site.key"))
+        self.cloud = KeyStore(folder / "cloud", FileMasterKey(folder / "cloud.key"))
+        self.assignments = SubjectAssignments(self.keystore)
+        self.away = False
+        self.told: list[tuple[str, str, bytes | None]] = []
+        self.sizes: list[int] = []
+
+    def send(
+        self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
+    ) -> dict[str, str]:
+        if self.away:
+            raise CloudError("away")
+        self.told += worn
+        self.sizes.append(max(len(worn), len(erased)))
+        for pseudonym in erased:
+            self.cloud.bury(pseudonym)
+        results = dict.fromkeys(erased, "erased")
+        for pseudonym, _, key in worn:
+            if self.cloud.tombstone(pseudonym) is not None:
+                results[pseudonym] = "erased"
+            elif key is not None:
+                self.cloud.keep(pseudonym, key)
+        return results
+
+    def start(self, *, share: bool = True) -> SubjectSync:
+        """A gateway starts, perhaps again."""
+        assignments = SubjectAssignments(self.keystore)
+        return SubjectSync(
+            self.keystore,
+            assignments,
+            encryptor=BiometricEncryptor(assignments),
+            subjects_client=self,
+            certificates=KnownNodes(),
+            share=share,
+            backoff=quick(),
+        )
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    return Site(tmp_path)
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_keys_of_whoever_wore_a_node_while_the_cloud_was_away_reach_it(
+    site: Site, *, restarted: bool
+) -> None:
+    site.away = True
+    subject_sync = site.start()
+    before = site.assignments.subject(NODE, 0)
+    ada, after = site.keystore.create("Ada"), site.keystore.create()
+    site.assignments.assign(NODE, ada, since=10)
+    with pytest.raises(CloudError):
+        subject_sync.tend()
+    site.assignments.assign(NODE, after, since=20)
+    site.away = False
+    if restarted:
+        subject_sync = site.start()
+    subject_sync.tend()
+    for subject in (before, ada, after):
+        assert site.cloud.find(subject.pseudonym).key == subject.key
+    assert [(told, node) for told, node, _ in site.told] == [
+        (subject.pseudonym, NODE) for subject in (before, ada, after)
+    ]
+    subject_sync.tend()
+    assert len(site.told) == 3
+
+
+def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
+    ada = site.keystore.create("Ada")
+    site.assignments.subject(NODE, 0)
+    site.assignments.assign(NODE, ada, since=10)
+    site.assignments.release(ada.pseudonym, since=20)
+    site.keystore.erase(ada.pseudonym)
+    site.start().tend()
+    assert ada.pseudonym not in {pseudonym for pseudonym, _, _ in site.told}
+    with pytest.raises(NoKeyError, match="destroyed"):
+        site.cloud.find(ada.pseudonym)
+    assert site.start().pending == 0
+
+
+@pytest.mark.parametrize("share", [False, True])
+def test_key_store_from_a_backup_does_not_bring_an_erased_subject_back(
+    site: Site, tmp_path: Path, *, share: bool
+) -> None:
+    ada = site.keystore.create("Ada")
+    site.assignments.assign(NODE, ada, since=10)
+    site.start(share=share).tend()
+    shutil.copytree(tmp_path / "site", tmp_path / "backup")
+    site.keystore.erase(ada.pseudonym)
+    site.start(share=share).tend()
+    shutil.rmtree(tmp_path / "site")
+    shutil.copytree(tmp_path / "backup", tmp_path / "site")
+    site.keystore = KeyStore(tmp_path / "site", FileMasterKey(tmp_path / "site.key"))
+    assert site.keystore.find(ada.pseudonym).key == ada.key
+    site.start(share=share).tend()
+    with pytest.raises(NoKeyError, match="destroyed"):
+        site.keystore.find(ada.pseudonym)
+
+
+def test_cloud_that_may_not_have_keys_is_told_who_wore_what_alone(site: Site) -> None:
+    ada = site.keystore.create("Ada")
+    site.assignments.assign(NODE, ada, since=10)
+    site.assignments.assign(NODE, site.keystore.create(), since=20)
+    site.start(share=False).tend()
+    assert ada.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
+    assert {key for _, _, key in site.told} == {None}
+    assert site.cloud.subjects() == []
+
+
+def test_long_history_is_told_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "_MOST_AT_ONCE", 2)
+    for number in range(4):
+        site.assignments.assign(NODE, site.keystore.create(), since=number + 1)
+    for _ in range(3):
+        site.keystore.erase(site.keystore.create().pseudonym)
+    subject_sync = site.start()
+    subject_sync.tend()
+    assert site.sizes == [2, 1, 2, 2, 1]
+    assert len(set(site.told)) == 5
+    assert subject_sync.pending == 0
+
+
+@pytest.mark.parametrize("share", [False, True])
+def test_key_that_cannot_be_read_hinders_nothing_but_itself(
+    site: Site, caplog: pytest.LogCaptureFixture, *, share: bool
+) -> None:
+    former, erased, now = (site.keystore.create(name) for name in ("Former", "Erased", "Now"))
+    for since, subject in enumerate((former, erased, now), start=1):
+        site.assignments.assign(NODE, subject, since=since)
+    key = site.keystore.directory / "subjects" / former.pseudonym
+    key.chmod(0o640)
+    site.keystore.erase(erased.pseudonym)
+    site.keystore = KeyStore(
+        site.keystore.directory, FileMasterKey(site.keystore.directory.parent / "site.key")
+    )
+    subject_sync = site.start(share=share)
+    for _ in range(2):
+        subject_sync.tend()
+    assert subject_sync.pending == 0
+    told = {pseudonym for pseudonym, _, _ in site.told}
+    assert now.pseudonym in told
+    assert (former.pseudonym in told) is not share, "no key is read where none is shared"
+    assert caplog.text.count("chmod 600") == int(share)
+    key.chmod(0o600)
+    subject_sync.tend()
+    assert former.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
+
+
+def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None:
+    ada = site.keystore.create("Ada")
+    site.assignments.assign(NODE, ada, since=1)
+    site.keystore.erase(ada.pseudonym)
+    (site.keystore.directory / "nodes" / NODE).write_text("worn out")
+    subject_sync = site.start()
+    with pytest.raises(PrivacyError, match="no list"):
+        subject_sync.tend()
+    assert subject_sync.pending == 0
+
+
+@pytest.mark.parametrize("history", [[], [[5, "somebody"]]])
+def test_history_without_a_beginning_is_told_as_such(site: Site, history: list[Any]) -> None:
+    site.assignments.assign(NODE, site.keystore.create("Ada"), since=1)
+    (site.keystore.directory / "nodes" / NODE).write_text(json.dumps(with_check({"worn": history})))
+    assignments = SubjectAssignments(site.keystore)
+    for ask in (assignments.worn, assignments.wearers, lambda: assignments.subject(NODE, 3)):
+        with pytest.raises(PrivacyError, match="from the beginning"):
+            ask()
+
+
+def test_steward_outlives_what_nobody_foresaw_and_says_so(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    broken: list[Exception] = [ZeroDivisionError()]
+    subject_sync = site.start()
+    tend = subject_sync.tend
+
+    def once() -> None:
+        if broken:
+            raise broken[0]
+        tend()
+
+    monkeypatch.setattr(room, "_TICK_S", 0.01)
+    monkeypatch.setattr(subject_sync, "tend", once)
+    subject_sync.start()
+    try:
+        wait_until(lambda: subject_sync.fault == "it broke: ZeroDivisionError", "the fault is told")
+        broken.clear()
+        wait_until(lambda: subject_sync.fault is None, "it went on")
+    finally:
+        subject_sync.stop()
+
+
+def test_count_of_erasures_that_cannot_be_read_is_no_number(
+    site: Site, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def unreadable() -> None:
+        raise PrivacyError("graves cannot be read")
+
+    monkeypatch.setattr(site.keystore, "graves", unreadable)
+    assert math.isnan(site.start().pending)

@@ -1,0 +1,123 @@
+"""Nodes that the cloud does not know: presented, tried again, and in nobody's way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_gateway.forward.unknown_nodes import UnknownNodes
+from eskin_gateway.spool.batch import Batch, Entry, Sender
+from eskin_gateway.spool.node_state import NodeState
+from eskin_gateway.spool.spool import Spool
+from eskin_gateway.upstream.certificates_client import HttpsCertificates
+from eskin_gateway.upstream.cloud_client import CloudClient
+from eskin_gateway.upstream.ingest_client import Answer
+
+from eskin.identity import IdentityKind, client_context, der, thumbprint
+from tests.unit.gateway.certificates import KnownNodes
+from tests.unit.gateway.forwarding import MemoryCloud, Setup
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    from tests.support.identities import Identities
+
+
+class Forgetful(MemoryCloud):
+    """A cloud that takes nothing of nodes whose certificate was not presented."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.certificates = KnownNodes()
+
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+        known = set(self.certificates.presented) - self.certificates.refused.keys()
+        strange = Answer("unknown_node", "present it")
+        good = iter(super().send([each for each in messages if each[0] in known]))
+        return [next(good) if node in known else strange for node, _ in messages]
+
+
+@pytest.fixture
+def cloud() -> Forgetful:
+    return Forgetful()
+
+
+@pytest.fixture
+def setup(tmp_path: Path, cloud: Forgetful) -> Setup:
+    made = Setup(tmp_path, cloud, cloud)
+    made.certificates.presented = cloud.certificates.presented
+    made.certificates.refused = cloud.certificates.refused
+    return made
+
+
+def drain(setup: Setup) -> None:
+    for _ in range(50):
+        if not setup.forwarder.forward():
+            return
+
+
+def test_node_is_presented_and_its_messages_are_sent_again(setup: Setup, cloud: Forgetful) -> None:
+    drain(setup)
+    assert [body for _, body in cloud.stored] == [bytes([number]) for number in range(10)]
+    assert cloud.certificates.presented == ["n"]
+    assert setup.spool.statistics.messages == 0
+    assert setup.spool.dead_letters() == []
+
+
+def test_refused_node_loses_nothing_and_is_in_nobody_s_way(setup: Setup, cloud: Forgetful) -> None:
+    cloud.certificates.refused["n"] = "of another site"
+    setup.spool.commit(Batch([Entry("m", 1, b"x"), Entry("m", 1, b"y")]))
+    drain(setup)
+    assert cloud.stored == [("m", b"x"), ("m", b"y")]
+    assert setup.spool.statistics.messages == 10
+    assert setup.spool.dead_letters() == []
+    assert "of another site" in str(setup.forwarder.fault)
+
+
+def test_refused_node_is_tried_again_later() -> None:
+    now, way = [0.0], KnownNodes()
+    unknown = UnknownNodes(way, lambda: now[0])
+    way.refused["n"] = "no"
+    unknown.present({"n"})
+    assert unknown.waiting() == ["n"]
+    now[0] += 61.0
+    assert unknown.waiting() == []
+    assert unknown.fault is None
+    way.refused.clear()
+    unknown.present({"n"})
+    assert unknown.waiting() == []
+    unknown.present({"n"})  # presented in vain: not in a loop
+    assert unknown.waiting() == ["n"]
+
+
+def test_spool_keeps_the_certificate_that_a_node_used_last_beyond_its_end(
+    tmp_path: Path, identities: Identities
+) -> None:
+    own = identities.make(IdentityKind.NODE, "asleep")
+    leaf, issuer = (der(part) for part in own.chain)
+    record = NodeState(thumbprint=own.thumbprint)
+    node_certificates = [Sender(own.thumbprint, 1, leaf, issuer), Sender(b"other", 1, leaf, issuer)]
+    path = tmp_path / "spool.db"
+    for _ in range(2):
+        spool = Spool(path, capacity=10**6, letters=10)
+        spool.commit(Batch(nodes={"asleep": record}, node_certificates=node_certificates))
+        spool.close()
+        node_certificates = []
+    spool = Spool(path, capacity=10**6, letters=10)
+    assert spool.sender(thumbprint(own.certificate)) is not None
+    assert spool.sender(b"other") is None
+    spool.close()
+
+
+def test_what_was_never_heard_has_no_certificate(tmp_path: Path, identities: Identities) -> None:
+    spool = Spool(tmp_path / "spool.db", capacity=10**6, letters=10)
+    context = client_context(identities.gateway.directory / "root.pem")
+    client = CloudClient(
+        "https://localhost:1/api/v1/ingest", headers=dict, context=context, timeout_s=1
+    )
+    way = HttpsCertificates(client, spool)
+    assert not way.has("nobody")
+    assert set(way.present(["nobody"])) == {"nobody"}
+    client.close()
+    spool.close()

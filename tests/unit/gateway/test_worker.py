@@ -1,0 +1,200 @@
+"""Nothing is answered before it is durable."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+from eskin.wire.envelope import Opener
+from eskin.wire.messages import Acknowledgement
+from eskin.wire.topics import Stream, live_topic, node_topic
+from tests.support.processes import wait_until
+from tests.unit.gateway.messages import CHANNEL, block, status
+
+if TYPE_CHECKING:
+    import pytest
+    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.spool.batch import Batch
+
+    from eskin.wire.messages import Block, Peak
+    from tests.support.identities import Identities
+    from tests.unit.gateway.twins import Inside
+    from tests.unit.gateway.wire_node import Seal
+
+ACKS = node_topic("fingertip", Stream.ACKS)
+
+
+def introduce(inside: Inside, seal: Seal) -> None:
+    envelope = seal("fingertip", Stream.STATUS, status(0).encode(), introduce=True)
+    inside.arrive(Stream.STATUS, envelope)
+    inside.broker.published.clear()
+    inside.broker.released.clear()
+
+
+def test_nothing_is_said_before_the_commit(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    said_at_commit: list[int] = []
+    commit = inside.spool.commit
+
+    def watched(batch: Batch) -> None:
+        said_at_commit.append(len(inside.broker.published) + len(inside.broker.released))
+        commit(batch)
+
+    monkeypatch.setattr(inside.spool, "commit", watched)
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
+    assert said_at_commit == [0]
+    assert len(inside.broker.on(ACKS)) == 1
+    assert len(inside.broker.on(live_topic("fingertip", CHANNEL))) == 1
+    assert len(inside.broker.released) == 1
+
+
+def test_node_is_told_that_somebody_looks_on(
+    inside: Inside, seal: Seal, identities: Identities
+) -> None:
+    introduce(inside, seal)
+    opener = Opener([identities.node], sender=lambda _: identities.site.certificate)
+    inside.viewers.note({"fingertip": 2.5, "palm": 9.0})
+    for number in 1, 2:
+        inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(number).encode()))
+        inside.clock.seconds += 3.0
+    told = [opener.open(sealed, topic=ACKS).plaintext for sealed in inside.broker.on(ACKS)]
+    assert [Acknowledgement.decode(each).watched for each in told] == [2500, 0]
+
+
+def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    inside.spool.failures = 10**6
+    inside.receive_queue.put(
+        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+    )
+    inside.worker.start()
+    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    assert "disk is full" in str(inside.worker.fault)
+    assert inside.broker.published == []
+    assert inside.broker.released == []
+    inside.spool.failures = 0
+    wait_until(lambda: len(inside.broker.released) == 1, "it goes on")
+    wait_until(lambda: inside.worker.fault is None, "it is healthy again")
+    inside.worker.stop()
+    assert inside.stored() == [status(0).encode(), BODY]
+    assert inside.metrics.value("spool_refusals_total") >= 1
+
+
+def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    inside.spool.failures = 10**6
+    inside.receive_queue.put(
+        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+    )
+    inside.worker.start()
+    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    inside.worker.stop()
+    assert inside.broker.published == []
+    assert inside.stored() == [status(0).encode()]
+
+
+def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
+    inside: Inside, seal: Seal
+) -> None:
+    introduce(inside, seal)
+    inside.spool._capacity = inside.spool._used + 10
+    inside.receive_queue.put(
+        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+    )
+    inside.worker.start()
+    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    # The node, unanswered, sends again.
+    inside.receive_queue.put(
+        [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
+    )
+    inside.worker.stop()
+    assert inside.broker.on(ACKS) == []
+    assert inside.stored() == [status(0).encode()]
+
+
+def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    commit = inside.spool.commit
+
+    def broken(batch: Batch) -> None:
+        monkeypatch.setattr(inside.spool, "commit", commit)
+        raise ZeroDivisionError(f"a bug with {len(batch.entries)} messages")
+
+    monkeypatch.setattr(inside.spool, "commit", broken)
+    envelope = seal("fingertip", Stream.BLOCKS, BODY)
+    inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
+    inside.worker.start()
+    wait_until(lambda: len(inside.broker.released) == 1, "the broker may forget it")
+    assert inside.rejected() == {"fault": 1}
+    assert inside.broker.on(ACKS) == []
+    inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
+    wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
+    inside.worker.stop()
+    assert inside.stored() == [status(0).encode(), BODY]
+
+
+def test_message_that_breaks_the_gateway_hinders_no_other(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    guard = inside.encryptor.guard
+
+    def breaks(node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
+        if plaintext == BODY:
+            raise ZeroDivisionError("a bug with this message")
+        return guard(node, message, plaintext)
+
+    monkeypatch.setattr(inside.encryptor, "guard", breaks)
+    bodies = [block(number).encode() for number in (1, 2, 3)]
+    inside.worker.attempt(
+        [
+            inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body))
+            for body in bodies
+        ]
+    )
+    assert inside.stored() == [status(0).encode(), *bodies[1:]]
+    assert inside.rejected() == {"fault": 1}
+    assert len(inside.broker.on(ACKS)) == 2
+    assert sorted(inside.broker.released) == [2, 3, 4]
+    monkeypatch.undo()
+    inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))
+    assert inside.stored()[-1] == BODY, "it was not taken for known"
+
+
+def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
+    introduce(inside, seal)
+    answers = inside.worker._answers
+    answers.idle()
+    inside.broker.connected = False
+    inside.clock.seconds += 100.0
+    answers.idle()
+    inside.broker.connected = True
+    answers.idle()
+    assert inside.broker.published == []
+    inside.clock.seconds += 16.0
+    answers.idle()
+    assert len(inside.broker.on(live_topic("fingertip", "status"))) == 1
+
+
+BODY = block(1).encode()
+
+
+def test_silence_is_noticed_though_others_never_rest(
+    inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    introduce(inside, seal)
+    looked = threading.Event()
+    monkeypatch.setattr(inside.answers, "idle", looked.set)
+
+    def never_empty(*_: object, **__: object) -> list[ReceivedMessage]:
+        return [inside.received_message(Stream.BLOCKS, b"whatever")]
+
+    monkeypatch.setattr(inside.receive_queue, "take", never_empty)
+    inside.worker.start()
+    assert looked.wait(60)
+    monkeypatch.undo()
+    inside.worker.stop()

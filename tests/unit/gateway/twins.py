@@ -1,0 +1,207 @@
+"""In-memory twins of the gateway's seams, and a gateway's inside put together with them."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from random import Random
+from typing import TYPE_CHECKING
+
+from eskin_gateway.backoff import Backoff
+from eskin_gateway.commands.pending import PendingCommands
+from eskin_gateway.commands.publisher import CommandPublisher
+from eskin_gateway.ingest.acknowledger import Acknowledger
+from eskin_gateway.ingest.biometric import BiometricEncryptor
+from eskin_gateway.ingest.commit_loop import CommitLoop
+from eskin_gateway.ingest.post_commit import PostCommit
+from eskin_gateway.ingest.validator import Validator
+from eskin_gateway.metrics import Metrics
+from eskin_gateway.mqtt.receive_queue import ReceiveQueue
+from eskin_gateway.mqtt.received_message import ReceivedMessage
+from eskin_gateway.publish.discovery import Discovery
+from eskin_gateway.publish.presence import Presence
+from eskin_gateway.settings import SpoolSection
+from eskin_gateway.spool.node_certificates import NodeCertificates
+from eskin_gateway.spool.node_states import NodeStates
+from eskin_gateway.spool.sealer_cache import SealerCache
+from eskin_gateway.spool.spool import Spool
+from eskin_gateway.spool.subject_assignments import SubjectAssignments
+from eskin_gateway.upstream.viewers import Viewers
+
+from eskin.errors import SpoolError
+from eskin.identity import ChainVerifier, IdentityKind, RevocationFile
+from eskin.privacy import open_keystore
+from eskin.runtime.settings import KeysSection
+from eskin.wire.envelope import Opener
+from eskin.wire.topics import Stream, node_topic
+from tests.unit.gateway.messages import EPOCH
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from eskin_gateway.spool.batch import Batch
+
+    from tests.support.identities import Identities
+
+DAY_NS = 86_400 * 10**9
+"""After so long without a word a node is gone, in tests."""
+
+
+class MemoryBroker:
+    """Keeps what the gateway hands over."""
+
+    def __init__(self) -> None:
+        self.connected = True
+        self.released: list[int] = []
+        self.published: list[tuple[str, bytes, bool]] = []
+
+    def acknowledge(self, received_messages: Sequence[ReceivedMessage]) -> None:
+        self.released += [received_message.mid for received_message in received_messages]
+
+    def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
+        self.published += publications
+
+    def on(self, topic: str) -> list[bytes]:
+        return [payload for published, payload, _ in self.published if published == topic]
+
+
+class FaultySpool(Spool):
+    """Fails as often as it is told to, before anything is written."""
+
+    failures = 0
+
+    def commit(self, batch: Batch) -> None:
+        if self.failures:
+            self.failures -= 1
+            raise SpoolError("database or disk is full")
+        super().commit(batch)
+
+
+class Clock:
+    """Turned by hand."""
+
+    def __init__(self) -> None:
+        self.seconds = 1000.0
+        self.wall = datetime.now(UTC)
+
+    def __call__(self) -> float:
+        return self.seconds
+
+    def now(self) -> datetime:
+        return self.wall
+
+
+class Inside:
+    """Intake, spool and answers of a gateway around the in-memory broker."""
+
+    def __init__(
+        self,
+        folder: Path,
+        identities: Identities,
+        *,
+        revocations: Path | None = None,
+        homeassistant: bool = False,
+    ) -> None:
+        self.clock = Clock()
+        self.broker = MemoryBroker()
+        self.metrics = Metrics()
+        self.viewers = Viewers(self.clock)
+        self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
+        self._make_keys(folder / "keys")
+        self.trust = ChainVerifier(*identities.gateway.roots, clock=self.clock.now)
+        self.revocations = RevocationFile(self.trust, IdentityKind.NODE, revocations)
+        self.node_certificates = NodeCertificates(
+            self.spool,
+            self.trust,
+            revocations=self.revocations,
+            site=identities.gateway.site,
+            clock=self.clock,
+        )
+        self.records = NodeStates(self.spool)
+        self.presence = Presence(15.0)
+        self.receive_queue = ReceiveQueue(1000, most_bytes=10_000_000)
+        self.validator = Validator(
+            opener=Opener([identities.site], sender=self.node_certificates.find),
+            node_certificates=self.node_certificates,
+            records=self.records,
+            encryptor=self.encryptor,
+        )
+        sealer_cache = SealerCache(lambda _: identities.site)
+        self.answers = self._make_answers(sealer_cache, homeassistant=homeassistant)
+        self.commands = PendingCommands(5.0)
+        self.command_publisher = CommandPublisher(
+            self.commands,
+            broker=self.broker,
+            sealer_cache=sealer_cache,
+            node_certificates=self.node_certificates,
+            spool=self.spool,
+            metrics=self.metrics,
+            clock=self.clock,
+        )
+        self.worker = CommitLoop(
+            SpoolSection(path=folder / "spool.db"),
+            receive_queue=self.receive_queue,
+            validator=self.validator,
+            spool=self.spool,
+            answers=self.answers,
+            command_publisher=self.command_publisher,
+            metrics=self.metrics,
+        )
+        self._mid = 0
+
+    def _make_answers(self, sealer_cache: SealerCache, *, homeassistant: bool) -> PostCommit:
+        return PostCommit(
+            broker=self.broker,
+            acknowledger=Acknowledger(sealer_cache),
+            node_certificates=self.node_certificates,
+            presence=self.presence,
+            metrics=self.metrics,
+            viewers=self.viewers,
+            discovery=self._make_discovery() if homeassistant else None,
+            clock=self.clock,
+        )
+
+    def _make_discovery(self) -> Discovery:
+        return Discovery(
+            "homeassistant",
+            forget_ns=DAY_NS,
+            spool=self.spool,
+            node_certificates=self.node_certificates,
+            now=lambda: EPOCH + int((self.clock() - 1000) * 1e9),
+        )
+
+    def _make_keys(self, folder: Path) -> None:
+        self.keystore = open_keystore(KeysSection(), folder)
+        self.assignments = SubjectAssignments(self.keystore)
+        self.encryptor = BiometricEncryptor(self.assignments)
+
+    def arrive(
+        self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
+    ) -> None:
+        """One message comes and is worked off."""
+        self.worker.process([self.received_message(stream, envelope, node=node, retained=retained)])
+
+    def received_message(
+        self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
+    ) -> ReceivedMessage:
+        """A message as the broker would deliver it."""
+        self._mid += 1
+        return ReceivedMessage(node_topic(node, stream), envelope, self._mid, 1, retained, 1)
+
+    def stored(self) -> list[bytes]:
+        """Plaintexts in the spool."""
+        return [message.body for message in self.spool.take(10_000, 10**9)]
+
+    def rejected(self) -> dict[str, int]:
+        """Refusals by reason."""
+        found = {}
+        for metric in self.metrics.registry.collect():
+            for sample in metric.samples:
+                if sample.name == "eskin_gateway_messages_rejected_total" and sample.value:
+                    found[sample.labels["reason"]] = int(sample.value)
+        return found
+
+
+def quick() -> Backoff:
+    """Hardly waits."""
+    return Backoff(0.01, 0.05, random=Random(1))  # noqa: S311 - jitter, repeatable

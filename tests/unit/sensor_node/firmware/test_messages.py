@@ -1,0 +1,118 @@
+"""What the firmware writes by hand is what eskin's own contract writes."""
+
+from __future__ import annotations
+
+import math
+
+import cbor2
+import numpy as np
+from eskin_sensor_node.firmware.cbor import Writer
+from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from eskin.interval import Interval
+from eskin.tube import Tube
+from eskin.wire.messages import Block, Encoding, Kind, Outcome, Position, Result
+
+TIME = (1_790_000_000_000_000_000, 1_790_000_000_000_004_000)
+ENDS = st.floats(allow_nan=False, width=64)
+PHYSICAL = st.floats(1e-15, 1e9)
+
+
+class Counter:
+    """The third message is the one that is looked at."""
+
+    def next_sequence(self) -> int:
+        return 3
+
+
+@st.composite
+def tubes(draw: st.DrawFn, ends: st.SearchStrategy[float]) -> Interval:
+    pairs = draw(st.lists(st.tuples(ends, ends), min_size=1, max_size=40))
+    values = np.sort(np.array(pairs), axis=1)
+    lo, hi = values[:, 0].copy(), values[:, 1].copy()
+    for side, bound in ((lo, -math.inf), (hi, math.inf)):
+        side[np.array(draw(st.lists(st.integers(0, len(side) - 1), max_size=3)), dtype=int)] = bound
+    lo[np.isposinf(lo)], hi[np.isneginf(hi)] = 0.0, 0.0
+    return Interval(np.minimum(lo, hi), np.maximum(lo, hi))
+
+
+def written(values: Interval, encoding: Encoding) -> bytes:
+    message_writer = MessageWriter(7, Counter())
+    channel = Channel("t01.current", "A", 1000, 0.9)
+    lows, highs = values.inf.tolist(), values.sup.tolist()
+    return message_writer.block(channel, 5, TIME, int(encoding), lows, highs, len(lows)).body
+
+
+@given(tubes(PHYSICAL), st.sampled_from(Encoding))
+def test_block_has_the_bytes_of_the_contract(values: Interval, encoding: Encoding) -> None:
+    tube = Tube(TIME, 1000, values, "A", 0.9)
+    expected = Block.pack(Position(7, 3), "t01.current", 5, tube, encoding)
+    assert written(values, encoding) == expected.encode()
+
+
+@given(tubes(ENDS), st.sampled_from(Encoding))
+def test_any_block_is_readable_and_encloses_its_samples(
+    values: Interval, encoding: Encoding
+) -> None:
+    block = Block.decode(written(values, encoding))
+    assert np.all(block.tube.values.inf <= values.inf)
+    assert np.all(values.sup <= block.tube.values.sup)
+    with np.errstate(invalid="ignore", over="ignore"):
+        moved = np.concatenate(
+            [values.inf - block.tube.values.inf, block.tube.values.sup - values.sup]
+        )
+    finite = moved[np.isfinite(moved)]
+    assert block.widening >= (finite.max() if finite.size else 0.0)
+
+
+NAMES = st.from_regex(r"[a-z0-9][a-z0-9_-]{0,30}", fullmatch=True)
+SETTINGS = st.dictionaries(
+    st.text("abcde_é", min_size=1, max_size=30),
+    st.one_of(st.floats(allow_nan=False, allow_infinity=False), st.text("abcé", min_size=1)),
+    max_size=5,
+)
+
+
+@settings(deadline=None)
+@given(
+    st.dictionaries(NAMES, SETTINGS, max_size=10),
+    st.integers(0, 2**53 - 1),
+    st.none() | st.text("ab µ", min_size=1, max_size=200),
+)
+def test_result_has_the_bytes_of_the_contract(
+    state: dict[str, dict[str, float | str]], command: int, reason: str | None
+) -> None:
+    outcome = Outcome.DONE if reason is None else Outcome.REFUSED
+    told = MessageWriter(7, Counter()).result(TIME, command, int(outcome), reason, state)
+    expected = Result(Position(7, 3), TIME, command, outcome, reason, state)
+    assert told.body == expected.encode()
+    assert Result.decode(told.body) == expected
+    assert (told.kind, told.sequence, told.earliest, told.latest) == (Kind.RESULT, 3, *TIME)
+
+
+ITEMS = st.one_of(
+    st.integers(-(2**64), 2**64 - 1), st.floats(allow_nan=False), st.text(max_size=300)
+)
+
+
+@given(ITEMS)
+def test_items_have_the_bytes_of_an_independent_encoder(item: float | str) -> None:
+    out = Writer()
+    if isinstance(item, str):
+        out.text(item)
+    elif isinstance(item, int):
+        out.integer(item)
+    else:
+        out.real(item)
+    assert bytes(out.buffer) == cbor2.dumps(item)
+
+
+@given(st.one_of(st.integers(0, 300), st.sampled_from([65_535, 65_536])))
+@settings(max_examples=30)
+def test_heads_of_arrays_and_maps(n: int) -> None:
+    for begin, value in (("array", [None] * n), ("map", dict.fromkeys(range(n)))):
+        out = Writer()
+        getattr(out, begin)(n)
+        assert cbor2.dumps(value).startswith(bytes(out.buffer))

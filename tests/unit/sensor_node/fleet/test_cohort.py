@@ -1,0 +1,141 @@
+"""A cohort says byte for byte what its members would say alone, and knows the same truth."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
+from eskin_sensor_node.fleet.cohort import Cohort
+from eskin_sensor_node.fleet.roster import Roster, RosterEntry
+from eskin_sensor_node.node.factory import build_node, build_outbox
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from hypothesis import given
+from hypothesis import settings as effort
+from hypothesis import strategies as st
+
+from tests.unit.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
+from tests.unit.sensor_node.flashes import open_flash
+
+Said = dict[tuple[int, int], tuple[Any, ...]]
+
+
+def companions_of(kind: str) -> list[dict[str, Any]]:
+    """What a packaged taxel of the kind reads along."""
+    return [table(name) for name in ("thermometer", "hygrometer") if name in table(kind)]
+
+
+def seldom(kind: str) -> dict[str, Any]:
+    """The packaged taxel with fewer samples: single nodes calculate in Python."""
+    if kind == "hybrid":
+        return table(kind, burst_s=0.004, burst_period_s=0.3)
+    return table(kind, sampling_Hz=100.0)
+
+
+def alone(given: Any, folder: Path, member: RosterEntry, moments: list[int]) -> tuple[Any, Any]:
+    """Messages and truth of one node that runs by itself."""
+    flash = open_flash(folder / "flash.sqlite", epoch=member.boot)
+    outbox = build_outbox(flash, capacity=2**30, broker=given.broker)
+    truth = GroundTruth(folder / "truth.sqlite", limit=2**30)
+    design = given.model_copy(update={"node": given.node.model_copy(update={"seed": member.seed})})
+    node, _ = build_node(design, outbox=outbox, truth=truth, start=member.start)
+    for ticks in moments:
+        node.advance(ticks)
+    node.finish()
+    said = [(each.position[1], each.kind, each.body) for each in waiting(flash)]
+    known = GroundTruth.read(
+        folder / "truth.sqlite", GroundTruth.positions(folder / "truth.sqlite")
+    )
+    flash.close()
+    truth.close()
+    return said, {
+        p.sequence: (t.channel, t.time, t.dt, t.values.tobytes()) for p, t in known.items()
+    }
+
+
+def together(design: Any, members: list[RosterEntry], moments: list[int]) -> tuple[Any, Any]:
+    cohort = Cohort(Roster(design, members))
+    said: list[Any] = [[] for _ in members]
+    known: list[Any] = [{} for _ in members]
+
+    def take(each: Any) -> None:
+        times = cohort.true_times(each.frame.start)
+        for record in each.records:
+            row, k, sequence = (int(record[key]) for key in ("row", "channel", "sequence"))
+            body = each.content[record["begin"] : record["end"]]
+            said[row].append((sequence, int(record["kind"]), body))
+            if record["kind"] == BLOCK:
+                known[row][sequence] = (
+                    each.taxel.channels[k],
+                    times[row],
+                    each.frame.dt,
+                    each.truth[k][row].tobytes(),
+                )
+
+    for ticks in moments:
+        for each in cohort.advance(ticks):
+            take(each)
+    for each in cohort.finish():
+        take(each)
+    return said, known
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("encoding", ["f64", "f32", "q16"])
+@effort(max_examples=2, deadline=None)
+@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2), st.integers(10, 60))
+def test_same_bytes_and_truth_as_alone(
+    kind: str, encoding: str, seeds: list[int], block: int
+) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        design = settings(
+            Path(folder),
+            node={"name": "n", "profile": "custom"},
+            taxel=[seldom(kind), *companions_of(kind)],
+            sampling={"block_samples": block, "encoding": encoding},
+        )
+        members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
+        two_frames = round(2 * block * SECOND / design.taxel[0].sampling)
+        moments = [k * max(SECOND, two_frames) // 4 for k in range(1, 5)]
+        said, known = together(design, members, moments)
+        kinds = {each for _, each, _ in said[0]}
+        assert kinds >= ({BLOCK, PEAK} if kind == "capacitive" else {BLOCK})
+        for row, member in enumerate(members):
+            home = Path(folder) / str(row)
+            home.mkdir()
+            assert (said[row], known[row]) == alone(design, home, member, moments)
+
+
+@effort(max_examples=2, deadline=None)
+@given(st.lists(st.integers(0, 2**63 - 1), min_size=1, max_size=2), st.integers(40, 80))
+def test_skin_takes_the_same_crosstalk_back_as_alone(seeds: list[int], block: int) -> None:
+    pads = [
+        table("pad", id=place, place=place, sampling_Hz=50.0) for place in ("t10", "t06", "t09")
+    ]
+    slow = table("pad", id="t11", place="t11", sampling_Hz=25.0)
+    with tempfile.TemporaryDirectory() as folder:
+        design = settings(
+            Path(folder),
+            node={"name": "n", "profile": "custom"},
+            taxel=[pads[0], *companions_of("pad"), table("bioelectric"), slow, *pads[1:]],
+            sampling={"block_samples": block, "encoding": "f64"},
+        )
+        members = [RosterEntry(s, 1 + k, START + k) for k, s in enumerate(seeds)]
+        moments = [k * SECOND for k in range(1, 7)]
+        said, known = together(design, members, moments)
+        for row, member in enumerate(members):
+            home = Path(folder) / str(row)
+            home.mkdir()
+            assert (said[row], known[row]) == alone(design, home, member, moments)
+
+
+@given(seed=st.integers(0, 2**63 - 1), ticks=st.integers(-(10**14), 10**14))
+@effort(max_examples=30, deadline=None)
+def test_moment_is_enclosed_also_before_the_cohort_s_start(seed: int, ticks: int) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        design = settings(Path(folder), clock={"drift_ppm": 100.0})
+        roster = Roster(design, [RosterEntry(seed, 1, START)])
+    earliest, latest = roster.enclosure(0, ticks)
+    assert earliest <= roster.clocks.beside([0]).true_times(ticks)[0] <= latest

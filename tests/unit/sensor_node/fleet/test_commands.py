@@ -1,0 +1,193 @@
+"""A member that is set says byte for byte what a single node says that is set likewise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
+from eskin_sensor_node.fleet.controls import MemberControls
+from eskin_sensor_node.fleet.single_node import require_alone
+from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.node.ground_truth import GroundTruth
+
+from eskin.errors import CommandError
+from eskin.wire.messages import Block, Gap, Status, decode_message
+from tests.unit.sensor_node.designs import SECOND, table
+from tests.unit.sensor_node.fleet.shards import NAMES, Bench, Single
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+COMMANDS: list[list[tuple[float, str, dict[str, Any]]]] = [
+    [(1.3, "set", {"threshold": 2e-12, "channel": "t01.capacitance"})],
+    [(1.3, "set", {"gain": 1.5}), (2.9, "reset", {})],
+    [(2.3, "set", {"smoothing": 0.6, "taxel": "t01"})],
+    [(0.7, "set", {"rate": 25.0, "taxel": "t01"}), (2.2, "set", {"mode": "peaks"})],
+    [(1.3, "calibrate", {}), (1.5, "set", {"mode": "adaptive"})],
+    [(2.3, "set", {"adaptive": "on"})],
+]
+
+
+@pytest.mark.parametrize("orders", COMMANDS, ids=lambda orders: "-".join(o[1] for o in orders))
+def test_member_that_is_set_says_what_a_single_node_says(
+    make: Callable[..., Bench], tmp_path: Path, orders: list[tuple[float, str, dict[str, Any]]]
+) -> None:
+    bench = make()
+    singles = [Single(bench, row, tmp_path / str(row)) for row in (0, 1)]
+    member, alone = MemberControls(bench.shard, 1), NodeControls(singles[1].node)
+    assert member.restore({}) == alone.restore({})
+    for moment, name, arguments in orders:
+        bench.run_to(moment)
+        for single in singles:
+            single.run_to(moment)
+        assert member.apply(name, arguments) == alone.apply(name, arguments)
+    bench.run_to(4.1)
+    bench.finish()
+    for row, single in enumerate(singles):
+        single.run_to(4.1)
+        single.node.finish()
+        assert bench.said(row) == single.said()
+        assert {BLOCK, PEAK} <= {kind for kind, _ in bench.said(row)}
+        single.close()
+    assert bench.cohort(0).members == [0, 2]
+
+
+def test_what_a_member_says_encloses_the_truth_before_and_after(
+    make: Callable[..., Bench],
+) -> None:
+    bench = make()
+    controls = MemberControls(bench.shard, 2)
+    bench.run_to(1.3)
+    controls.apply("set", {"gain": 0.5, "rate": 20.0})
+    bench.run_to(8.0)
+    periods = set()
+    for kind, body in bench.said(2):
+        if kind == BLOCK:
+            block = decode_message(body)
+            assert isinstance(block, Block)
+            known = bench.settings.truth.path.with_name("known.sqlite")
+            true = GroundTruth.read(known, [block.position],
+                              node=NAMES[2])[block.position]  # fmt: skip
+            assert np.all(block.tube.values.contains(true.values))
+            assert block.tube.time[0] <= true.time <= block.tube.time[1]
+            periods.add(block.tube.dt)
+    assert len(periods) == 3
+
+
+def test_refused_command_leaves_a_member_in_its_cohort(make: Callable[..., Bench]) -> None:
+    bench = make()
+    controls = MemberControls(bench.shard, 0)
+    with pytest.raises(CommandError, match="at most 100"):
+        controls.apply("set", {"rate": 101.0})
+    assert not bench.shard.singles
+
+
+def test_state_is_taken_up_again_and_the_design_needs_nobody_alone(
+    make: Callable[..., Bench],
+) -> None:
+    bench = make()
+    state = MemberControls(bench.shard, 0).apply("set", {"gain": 2.0})
+    again = bench.shard = bench.build()
+    assert MemberControls(again, 0).restore(state) == state
+    assert MemberControls(again, 1).restore(again.designed) == again.designed
+    assert list(again.singles) == [0]
+    bench.run_to(2.0)
+
+
+def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
+    make: Callable[..., Bench],
+) -> None:
+    bench = make(energy={"on": True})
+    for moment in range(1, 4):
+        bench.run_to(float(moment))
+        for row, node in bench.shard.singles.items():
+            node.record_status()
+            told = decode_message(bench.said(row)[-1][1])
+            assert isinstance(told, Status)
+            assert told.energy is not None
+            assert node.energy is not None
+            assert told.energy.stored[0] <= node.energy.plant.supply.energy <= told.energy.stored[1]
+
+
+def test_status_of_a_member_in_a_cohort_tells_what_a_single_node_tells(
+    make: Callable[..., Bench], tmp_path: Path
+) -> None:
+    seated = [
+        table("capacitive", position_m=[0.0, 0.02], sampling_Hz=50.0),
+        table("touch", id="t09", position_m=[0.01, 0.02], sampling_Hz=50.0),
+        table("touch", id="t10", sampling_Hz=50.0),
+    ]
+    bench = make(taxel=seated)
+    single = Single(bench, 1, tmp_path / "single")
+    bench.run_to(1.0)
+    single.run_to(1.0)
+    single.node.record_status()
+    alone = decode_message(single.said()[-1][1])
+    told = decode_message(bench.shard.status(1, bench.ticks).body)
+    assert isinstance(alone, Status)
+    assert isinstance(told, Status)
+    assert [place.taxel for place in told.places] == ["t01", "t09"]
+    # It tells the present, which is the machine's own.
+    own = replace(told, capacity=alone.capacity, time=alone.time, uptime=alone.uptime)
+    assert own == alone
+    single.close()
+
+
+def test_what_a_failed_commit_undid_is_told_as_lost(make: Callable[..., Bench]) -> None:
+    bench = make()
+    MemberControls(bench.shard, 0).apply("calibrate", {})
+    outbox, node = bench.shard.outboxes[0], bench.shard.singles[0]
+    bench.run_to(1.2)
+    kept = len(bench.said(0))
+    bench.ticks += 3 * SECOND
+    outbox.mark()
+    with bench.storage.commit():
+        node.catch_up()
+        bench.storage.db.execute("ROLLBACK")
+        bench.storage.db.execute("BEGIN")
+    outbox.undo()
+    assert len(bench.said(0)) == kept
+    bench.run_to(6.0)
+    messages = [decode_message(body) for _, body in bench.said(0)]
+    gap = next(message for message in messages if isinstance(message, Gap))
+    assert gap.samples >= 100 * 3
+    told = {message.position.sequence for message in messages}
+    for _, first, last in gap.lost:
+        told |= set(range(first, last + 1))
+    assert told == set(range(max(told) + 1))
+    assert outbox.usage()[0] == len(messages)
+
+
+def test_open_line_is_told_as_by_a_single_node(make: Callable[..., Bench], tmp_path: Path) -> None:
+    broken = table("capacitive", sampling_Hz=50.0, adc_max_A=1e-9)
+    bench = make(taxel=[table("touch", sampling_Hz=50.0), broken | {"id": "t02"}])
+    single = Single(bench, 1, tmp_path / "single")
+    bench.run_to(45.0)
+    single.run_to(45.0)
+    gaps = [m for m in map(decode_message, (b for _, b in single.said())) if isinstance(m, Gap)]
+    assert [gap.reason for gap in gaps] == ["t02 certainly dead"]
+    assert bench.said(1) == single.said()
+    assert not bench.shard.singles
+    single.close()
+
+
+@pytest.mark.parametrize(
+    ("sections", "named"),
+    [
+        ({}, None),
+        ({"energy": {"on": True}}, "energy"),
+        ({"taxel": [table("capacitive", adaptive=True)]}, "taxel.t01.adaptive"),
+    ],
+)
+def test_designs_that_columns_cannot_bear_run_alone(
+    make: Callable[..., Bench], sections: dict[str, Any], named: str | None
+) -> None:
+    bench = make(**sections)
+    assert require_alone(bench.settings) == named
+    assert len(bench.shard.singles) == (0 if named is None else len(NAMES))
+    bench.run_to(1.2)
+    assert {BLOCK} <= {kind for kind, _ in bench.said(0)}

@@ -1,0 +1,162 @@
+"""Resets: what flash held stays, what RAM held does not, and a gap tells of the time between."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from eskin_sensor_node.machine.machine import START_UP
+from eskin_sensor_node.node.ground_truth import GroundTruth
+
+from eskin.wire.messages import Block, Gap, ResetCause, Status, decode_message
+from tests.unit.sensor_node.designs import SECOND, Bench
+from tests.unit.sensor_node.machine.hanging import hang
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from eskin.wire.messages import Message
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path, drift=50_000)
+    yield made
+    made.close()
+
+
+def messages(bench: Bench) -> list[Message]:
+    return [decode_message(body) for body in bench.bodies()]
+
+
+def reset_at(bench: Bench, seconds: float, cause: ResetCause) -> None:
+    machine = bench.node.machine
+    machine.events.at(round(seconds * SECOND), lambda: machine.reset(cause))
+
+
+def require_truth(bench: Bench) -> None:
+    blocks = [message for message in messages(bench) if isinstance(message, Block)]
+    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in blocks])
+    assert len(truth) == len(blocks)
+    for block in blocks:
+        true = truth[block.position]
+        assert block.tube.time[0] <= true.time <= block.tube.time[1]
+        assert np.all(block.tube.values.contains(true.values)), block.channel
+
+
+@pytest.mark.parametrize("cause", [ResetCause.BROWN_OUT, ResetCause.SOFTWARE])
+def test_reset_keeps_flash_counts_the_boot_and_explains_the_missing_time(
+    bench: Bench, cause: ResetCause
+) -> None:
+    bench.run_to(1.1)
+    before = list(bench.bodies())
+    reset_at(bench, 1.1, cause)
+    bench.run_to(3.0)
+    bench.node.record_status()
+    said = messages(bench)
+    assert list(bench.bodies())[: len(before)] == before
+    assert [m.position.boot for m in said] == [1] * len(before) + [2] * (len(said) - len(before))
+    second = [m for m in said if m.position.boot == 2]
+    assert [m.position.sequence for m in second] == list(range(len(second)))
+    gap, status = second[0], second[-1]
+    assert isinstance(gap, Gap)
+    assert gap.reason == f"{cause.label} reset"
+    # From the first sample that was not stored to the first of the new boot; 1 kHz, 6 channels.
+    assert gap.samples == 6 * round((1.1 * SECOND + START_UP - SECOND) / 1e6)
+    true = bench.clock.true_time(0)
+    assert gap.time[0] <= true - START_UP - SECOND // 10 + 10_000
+    assert gap.time[1] >= true
+    assert isinstance(status, Status)
+    assert status.cause is cause
+    assert status.uptime == 3 * SECOND - (round(1.1 * SECOND) + START_UP)
+    require_truth(bench)
+
+
+def test_world_goes_on_while_the_machine_starts_again(tmp_path: Path) -> None:
+    lives = []
+    for name in ("reset", "not reset"):
+        bench = Bench(tmp_path / name)
+        if name == "reset":
+            reset_at(bench, 1.1, ResetCause.BROWN_OUT)
+        bench.run_to(3.0)
+        path = bench.settings.truth.path
+        found = GroundTruth.read(path, GroundTruth.positions(path)).values()
+        own = [true for true in found if true.channel == "t01.capacitance"]
+        lives.append({t.time + k * t.dt: value for t in own for k, value in enumerate(t.values)})
+        bench.close()
+    both = lives[0].keys() & lives[1].keys()
+    assert len(both) > 2500
+    assert [lives[0][time] for time in both] == pytest.approx([lives[1][time] for time in both])
+
+
+def test_first_start_is_told_as_power_on(bench: Bench) -> None:
+    bench.node.record_status()
+    (status,) = messages(bench)
+    assert isinstance(status, Status)
+    assert status.cause is ResetCause.POWER_ON
+
+
+def test_watchdog_resets_firmware_that_hangs(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    hang(monkeypatch, "t02", 3)
+    bench.run_to(12.0)
+    said = messages(bench)
+    last = max(m.tube.time[1] for m in said if isinstance(m, Block) and m.position.boot == 1)
+    (gap,) = (m for m in said if isinstance(m, Gap))
+    assert gap.reason == "watchdog reset"
+    # It hangs at 1 s, its last sign of life: t01's frame of that moment.
+    assert bench.node.machine.booted == 9 * SECOND + START_UP
+    assert bench.node.machine.cause is ResetCause.WATCHDOG
+    assert last <= gap.time[0] + SECOND // 4
+    taken = 250 * sum(isinstance(m, Block) and m.position.boot == 1 for m in said)
+    assert taken + gap.samples == 6 * (9 * 1000 + START_UP // 1_000_000)
+    assert "t02: IndexError: index out of range" in caplog.text
+    require_truth(bench)
+
+
+def test_firmware_that_wakes_seldom_is_not_reset(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, machine={"watchdog_s": 0.05})
+    bench.run_to(2.0)
+    assert bench.node.machine.resets == 0
+    bench.close()
+
+
+def test_nothing_runs_between_power_off_and_power_on(bench: Bench) -> None:
+    machine = bench.node.machine
+    machine.events.at(SECOND, lambda: machine.power_off(ResetCause.BROWN_OUT))
+    bench.run_to(30.0)
+    assert {m.position.boot for m in messages(bench)} == {1}
+    machine.power_on()
+    bench.run_to(31.0)
+    assert {m.position.boot for m in messages(bench)} == {1, 2}
+    gap = next(m for m in messages(bench) if isinstance(m, Gap))
+    assert gap.samples == 6 * (29 * 1000 + 250)
+    require_truth(bench)
+
+
+@pytest.mark.parametrize("profile", ["fingertip", "hand", "forearm"])
+def test_same_bytes_and_truth_in_steps_of_real_time_or_at_once_over_resets(
+    profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = []
+    for name in ("real time", "at once"):
+        with monkeypatch.context() as patch:
+            hang(patch, "t02", 4)
+            bench = Bench(tmp_path / name, profile, drift=50_000, machine={"watchdog_s": 0.7})
+            reset_at(bench, 0.777, ResetCause.BROWN_OUT)
+            if name == "at once":
+                bench.node.run_until(5 * SECOND)
+            else:
+                bench.run_to(5.0)
+        bodies = list(bench.bodies())
+        positions = GroundTruth.positions(bench.settings.truth.path)
+        truth = GroundTruth.read(bench.settings.truth.path, positions)
+        values = [(t.channel, t.time, t.values.tobytes()) for t in truth.values()]
+        told.append((bodies, values))
+        bench.close()
+    assert told[0] == told[1]
+    assert bench.node.machine.resets >= 1
+    assert len(told[0][0]) > 20

@@ -1,0 +1,87 @@
+"""A reset within a node's process: it stays connected, and is set as it was before."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from eskin_sensor_node.node.factory import build_outbox
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from eskin_sensor_node.service import _serve
+
+from eskin.wire.messages import Gap, ResetCause, Result, Status
+from tests.support.processes import wait_until
+from tests.unit.sensor_node.designs import settings
+from tests.unit.sensor_node.flashes import open_flash
+from tests.unit.sensor_node.machine.hanging import hang
+from tests.unit.sensor_node.peer import Peer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import pytest
+    from eskin_sensor_node.settings import NodeSettings
+
+    from tests.support.brokers import Mosquitto
+    from tests.support.identities import Identities
+
+
+@contextmanager
+def serving(given: NodeSettings) -> Iterator[None]:
+    """A node's service in a thread."""
+    flash = open_flash(given.flash.path)
+    outbox = build_outbox(flash, capacity=10**8, broker=given.broker)
+    truth = GroundTruth(given.truth.path, limit=10**8)
+    stop = threading.Event()
+    thread = threading.Thread(target=_serve, args=(given, outbox, truth, stop))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        flash.close()
+        truth.close()
+
+
+def test_service_goes_on_after_the_watchdog_and_stays_connected(
+    tmp_path: Path,
+    identities: Identities,
+    site_file: Path,
+    broker: Mosquitto,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level(logging.INFO)
+    hang(monkeypatch, "t02", 3)
+    given = settings(
+        tmp_path,
+        node={"speed": 5.0},
+        machine={"watchdog_s": 1.0},
+        broker={"port": broker.node_port, "status_s": 0.2, "drain_s": 0.0},
+        identity={"directory": identities.node.directory, "site": site_file},
+    )
+    with Peer(identities, broker.gateway_port) as peer, serving(given):
+
+        def second() -> dict[int, object]:
+            return {p.sequence: m for p, m in sorted(peer.messages.items()) if p.boot == 2}
+
+        # Nothing says that they come in the order in which they were recorded.
+        wait_until(
+            lambda: {0, 1} <= second().keys() and Status in {type(m) for m in second().values()},
+            "gap, result and status of boot 2",
+        )
+        said = list(second().values())
+    gap, result = said[:2]
+    assert isinstance(gap, Gap)
+    assert gap.reason == "watchdog reset"
+    assert isinstance(result, Result)
+    assert result.state["t01"]["mode"] == "samples"
+    status = next(m for m in said if isinstance(m, Status))
+    assert status.cause is ResetCause.WATCHDOG
+    assert [r.message for r in caplog.records if r.message.startswith("connected:")] == [
+        f"connected: broker=127.0.0.1:{broker.node_port}"
+    ]

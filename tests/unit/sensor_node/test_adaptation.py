@@ -1,0 +1,234 @@
+"""What is set of a node while it runs: gain, rate, mode, smoothing, threshold, rest."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from eskin_sensor_node.firmware.baseline import Baseline
+from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS
+from eskin_sensor_node.firmware.smoothing import Smoothing
+from eskin_sensor_node.node.ground_truth import GroundTruth
+from hypothesis import given
+from hypothesis import strategies as st
+
+from eskin.union_bound import union_coverage
+from eskin.wire.messages import Block, Peak, decode_message
+from tests.unit.sensor_node.designs import SECOND, Bench
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from eskin_sensor_node.node.taxel import EmulatedTaxel
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Iterator[Bench]:
+    made = Bench(tmp_path, "palm")
+    yield made
+    made.close()
+
+
+def first(bench: Bench) -> EmulatedTaxel:
+    return bench.node.taxels[0]
+
+
+def blocks(bench: Bench, channel: str = "t01.capacitance") -> list[Block]:
+    messages = [decode_message(body) for body in bench.bodies()]
+    return [m for m in messages if isinstance(m, Block) and m.channel == channel]
+
+
+def peaks(bench: Bench, channel: str = "t01.capacitance") -> list[Peak]:
+    messages = [decode_message(body) for body in bench.bodies()]
+    return [m for m in messages if isinstance(m, Peak) and m.channel == channel]
+
+
+def assert_truth_is_inside(bench: Bench, found: list[Block]) -> None:
+    truth = GroundTruth.read(bench.settings.truth.path, [block.position for block in found])
+    assert len(truth) == len(found) > 0
+    for block in found:
+        true = truth[block.position]
+        assert np.all(block.tube.values.contains(true.values)), block.ticks
+        assert block.tube.time[0] <= true.time <= block.tube.time[1]
+
+
+def width(found: list[Block]) -> float:
+    return float(np.median(np.concatenate([block.tube.values.wid for block in found])))
+
+
+def test_gain_narrows_what_is_measured_and_still_holds_the_truth(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "fingertip")
+    third = bench.node.taxels[1]  # 20 to 150 pF: at most 530 µA of the converter's 1 mA
+    bench.run_to(1.0)
+    before = blocks(bench, "t02.current")
+    third.amplify(1.7)
+    bench.run_to(2.0)
+    after = blocks(bench, "t02.current")[len(before) :]
+    assert_truth_is_inside(bench, [*before, *after])
+    assert width(after) < 0.75 * width(before)
+    bench.close()
+
+
+def test_too_much_gain_saturates_and_says_so(bench: Bench) -> None:
+    first(bench).amplify(50.0)
+    bench.run_to(2.0)
+    found = blocks(bench)
+    assert_truth_is_inside(bench, found)
+    assert any(np.isneginf(block.tube.values.inf).any() for block in found)
+
+
+def test_rate_changes_the_period_without_a_hole(bench: Bench) -> None:
+    bench.run_to(1.0)
+    before = len(blocks(bench))
+    first(bench).sample_every(SECOND // 100)
+    bench.run_to(3.0)
+    found = blocks(bench)
+    assert {block.tube.dt for block in found[:before]} == {SECOND // 1000}
+    assert {block.tube.dt for block in found[before:]} == {SECOND // 100}
+    ends = [block.ticks + len(block.tube) * block.tube.dt for block in found]
+    assert ends[:-1] == [block.ticks for block in found[1:]]
+    assert_truth_is_inside(bench, found)
+    assert first(bench).channels[0].dt == SECOND // 100
+
+
+def test_peaks_only_sends_the_same_peaks_and_a_small_part_of_the_bytes(tmp_path: Path) -> None:
+    said = []
+    for name in ("all", "peaks"):
+        bench = Bench(tmp_path / name, "palm")
+        if name == "peaks":
+            first(bench).control_unit.mode = PEAKS
+        bench.run_to(10.0)
+        said.append([decode_message(body) for body in bench.bodies()])
+        bench.close()
+    everything, only = said
+    told = [(m.time, m.height, m.verdict) for m in everything if isinstance(m, Peak)]
+    assert [(m.time, m.height, m.verdict) for m in only if isinstance(m, Peak)] == told
+    assert len(told) == len(only) > 15
+    sizes = [sum(len(m.encode()) for m in messages) for messages in said]
+    assert sizes[1] < sizes[0] / 10
+
+
+def test_adaptive_is_silent_at_rest_but_for_a_heartbeat(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "palm")
+    taxel = first(bench)
+    unit = next(unit for unit in taxel.control_unit.units if unit.channel.name == "t01.area")
+    unit.restart(taxel.control_unit.schedule, 1.0, 0.0)  # a threshold that nothing reaches
+    taxel.control_unit.mode = ADAPTIVE
+    taxel.control_unit.calibrate()
+    bench.run_to(20.0)
+    assert len(blocks(bench, "t01.area")) == 2  # of 80: one in 40
+    # A touch each 1.25 s leaves the rest of the others again and again.
+    assert len(blocks(bench)) > 40
+    bench.close()
+
+
+def test_smoothing_changes_peaks_and_never_the_samples(tmp_path: Path) -> None:
+    said = []
+    for name, weight in (("raw", 0.0), ("smooth", 0.9)):
+        bench = Bench(tmp_path / name, "palm")
+        first(bench).control_unit.smooth(weight)
+        bench.run_to(10.0)
+        said.append((blocks(bench), peaks(bench, "t01.energy")))
+        bench.close()
+    (raw, rough), (smooth, calm) = said
+    for a, b in zip(raw, smooth, strict=True):
+        assert np.array_equal(a.tube.values.inf, b.tube.values.inf)
+        assert np.array_equal(a.tube.values.sup, b.tube.values.sup)
+    assert len(calm) < len(rough)
+    assert sum(peak.count[0] for peak in calm) == 8
+
+
+def test_coverage_of_a_smoothed_peak_counts_all_that_smoothing_remembers(bench: Bench) -> None:
+    """Of the touched area with Gaussian noise: a smoothed sample holds if all before it do."""
+    first(bench).control_unit.smooth(0.9)
+    bench.run_to(10.0)
+    tube = blocks(bench, "t01.area")[0].tube
+    found = peaks(bench, "t01.area")
+    assert len(found) > 3
+    for peak in found:
+        before = (peak.time[0] - tube.time[1]) // tube.dt
+        assert peak.coverage <= union_coverage(tube.coverage, n=before) < 1.0
+    assert found[-1].coverage < found[0].coverage
+
+
+def test_threshold_above_the_swing_finds_no_peak(bench: Bench) -> None:
+    unit = first(bench).control_unit
+    unit.set_threshold(1, 1e-9)
+    bench.run_to(5.0)
+    assert peaks(bench) == []
+    unit.set_threshold(1, 0.4e-12)
+    bench.run_to(10.0)
+    assert len(peaks(bench)) >= 3
+
+
+def test_reset_goes_back_to_the_design(tmp_path: Path) -> None:
+    bench = Bench(tmp_path, "palm")
+    taxel = first(bench)
+    taxel.amplify(2.0)
+    taxel.sample_every(SECOND // 100)
+    taxel.control_unit.mode = PEAKS
+    bench.run_to(2.0)
+    taxel.reset()
+    bench.run_to(4.0)
+    found = blocks(bench)
+    assert {block.tube.dt for block in found} == {SECOND // 1000}
+    assert [block.ticks for block in found] == [(8 + n) * SECOND // 4 for n in range(8)]
+    assert_truth_is_inside(bench, found)
+    bench.close()
+
+
+# A rest of 10 ± 0.5 with measurements of ± 0.1; a touch is farther than 1 from it.
+FRAME = 20
+
+
+def frame(level: float) -> tuple[list[float], list[float]]:
+    return [level - 0.1] * FRAME, [level + 0.1] * FRAME
+
+
+def test_sustained_contact_is_never_learned() -> None:
+    baseline = Baseline()
+    assert baseline.calibrate(*frame(10.0), FRAME)
+    for _ in range(5_000):
+        assert not baseline.stays(*frame(11.2), FRAME, 1.0)
+    assert baseline.stays(*frame(10.0), FRAME, 1.0)
+
+
+def test_slow_drift_is_followed_as_far_as_it_goes() -> None:
+    baseline = Baseline()
+    baseline.calibrate(*frame(10.0), FRAME)
+    for step in range(4_000):
+        assert baseline.stays(*frame(10.0 + step * 1e-3), FRAME, 1.0), step
+    assert not baseline.stays(*frame(10.0), FRAME, 1.0)
+
+
+def test_unbounded_samples_calibrate_nothing() -> None:
+    baseline = Baseline()
+    assert not baseline.calibrate([0.0, -np.inf], [1.0, 1.0], 2)
+    assert not baseline.stays([0.0], [1.0], 1, 10.0)
+
+
+BOUNDS = st.tuples(st.floats(-1e6, 1e6), st.floats(0.0, 10.0))
+
+
+@given(st.lists(st.one_of(BOUNDS, st.none()), max_size=60), st.floats(0.0, 0.99), st.data())
+def test_smoothed_bounds_enclose_every_smoothed_signal(
+    samples: list[tuple[float, float] | None], weight: float, data: st.DataObject
+) -> None:
+    lows = [-np.inf if s is None else s[0] for s in samples]
+    highs = [s[0] + s[1] if s is not None else np.inf for s in samples]
+    truth = [0.0 if s is None else s[0] + data.draw(st.floats(0.0, 1.0)) * s[1] for s in samples]
+    inside = [max(min(t, h), low) for t, low, h in zip(truth, lows, highs, strict=True)]
+    smoothing = Smoothing(weight)
+    smoothing.smooth(lows, highs, len(lows))
+    past: Fraction | None = None
+    for k, value in enumerate(inside):
+        if samples[k] is None:
+            past = None
+            continue
+        present = Fraction(value)
+        share = Fraction(weight)
+        past = present if past is None else share * past + (1 - share) * present
+        assert lows[k] <= past <= highs[k]

@@ -1,0 +1,71 @@
+"""The firmware's arithmetic gives the same bits whether interpreted or compiled."""
+
+from __future__ import annotations
+
+from array import array
+from typing import TYPE_CHECKING
+
+import pytest
+from eskin_sensor_node.firmware import inversion
+from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.machine.compilation import compiled_inversion
+from eskin_sensor_node.machine.compiled_writer import CompiledWriter
+from eskin_sensor_node.machine.data_sheet import data_sheet
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.unit.sensor_node.designs import Bench, taxel
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from types import ModuleType
+
+CODES = st.lists(st.integers(0, 4095), min_size=1, max_size=50)
+
+
+def measured(kind: str, codes: list[int], functions: ModuleType, inl: float) -> list[bytes]:
+    calibrated = CHAINS[kind](data_sheet(taxel(kind, adc_nonlinearity=inl)), functions)
+    given_codes = [array("q", codes) for _ in calibrated.inputs]
+    bounds = [array("d", bytes(8 * len(codes))) for _ in range(2 * len(calibrated.quantities))]
+    calibrated.measure(given_codes, len(codes), bounds)
+    return [each.tobytes() for each in bounds]
+
+
+@pytest.mark.parametrize("kind", CHAINS)
+def test_compiled_gives_the_same_bits(kind: str) -> None:
+    @settings(deadline=None)
+    @given(CODES, st.sampled_from([0.0, 0.5, 3.0]))
+    def check(codes: list[int], inl: float) -> None:
+        plain = measured(kind, [0, *codes, 4095], inversion, inl)
+        assert measured(kind, [0, *codes, 4095], compiled_inversion(), inl) == plain
+
+    check()
+
+
+@pytest.mark.parametrize(
+    ("profile", "seconds"),
+    [
+        ("fingertip", 0.6),
+        ("palm", 0.6),
+        ("forearm", 0.6),
+        ("hand", 0.6),
+        ("sole", 2.6),
+        ("sock", 2.6),
+    ],
+)
+def test_compiled_node_says_every_byte_that_the_interpreted_one_says(
+    profile: str, seconds: float, tmp_path: Path
+) -> None:
+    plain = Bench(tmp_path / "plain", profile)
+    fast = Bench(
+        tmp_path / "fast", profile, functions=compiled_inversion(), message_writer=CompiledWriter
+    )
+    for bench in (plain, fast):
+        bench.run_to(seconds)
+        bench.node.attend(10.0)
+        bench.run_to(2 * seconds)
+    said = list(plain.bodies())
+    assert len(said) > 10
+    assert list(fast.bodies()) == said
+    plain.close()
+    fast.close()

@@ -1,0 +1,39 @@
+"""A node that lives for a while on a chip that is thrown away."""
+
+from __future__ import annotations
+
+import logging
+import tempfile
+from typing import TYPE_CHECKING
+
+from eskin_sensor_node.node.offline import offline_node, warm_up
+
+from tests.unit.sensor_node.designs import SECOND, settings, waiting
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+
+def test_it_says_what_it_lived_and_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "scratch").mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "scratch"))
+    given = settings(tmp_path, "palm")
+    with offline_node(given) as offline:
+        offline.run_until(2 * SECOND)
+        assert len(list(waiting(offline.flash))) > 4
+        assert offline.outbox.messages > 4
+    assert list((tmp_path / "scratch").iterdir()) == []
+    assert not given.flash.path.exists()
+
+
+def test_node_begins_without_a_rehearsal_where_there_is_no_room(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
+    with caplog.at_level(logging.WARNING):
+        warm_up(settings(tmp_path, "palm"))
+    assert "begins without a rehearsal" in caplog.text
