@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tests.robustness.bitflips.part import Answer, Part
 
 _FAST: Final = Path("/dev/shm")  # noqa: S108 - a fresh folder in it
-_ROOMS: Final = ("cloud", "gateway", "sensor_node", "authority", "eskin")
+_ROOMS: Final = ("eskin", "eskin_cloud", "eskin_gateway", "eskin_sensor_node", "eskin_ca")
 
 
 class Outcome(StrEnum):

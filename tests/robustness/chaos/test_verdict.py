@@ -118,7 +118,13 @@ def test_each_of_many_gaps_needs_its_own_cause(burnt: Store) -> None:
         ("DELETE FROM blocks WHERE sequence = 1", "1 and"),
         ("UPDATE channels SET samples = samples + 1", "are stored"),
         ("UPDATE sequences SET first = 1", "holes: 1 ranges from 1"),
-        ("INSERT INTO sequences SELECT node, boot, 9, 9 FROM sequences", "holes: 2 ranges"),
+        (
+            (
+                "INSERT INTO sequences (node, boot, first, last) "
+                "SELECT node, boot, 9, 9 FROM sequences"
+            ),
+            "holes: 2 ranges",
+        ),
     ],
 )
 def test_sums_must_be_those_of_the_blocks(burnt: Store, change: str, words: str) -> None:

@@ -45,13 +45,13 @@ HOUR = timedelta(hours=1)
 OPEN = """
 import sys, time
 from pathlib import Path
-from eskin.identity import Authority
+from eskin.identity import CertificateAuthority
 print("ready", flush=True)
 for line in sys.stdin:
     moment, folder = line.rstrip().split(" ", 1)
     while time.time() < float(moment):
         pass
-    Authority.open(Path(folder))
+    CertificateAuthority.open(Path(folder))
     print("ready", flush=True)
 """
 

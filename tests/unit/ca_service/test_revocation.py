@@ -47,8 +47,8 @@ HOUR = timedelta(hours=1)
 REVOKE = """
 import sys
 from pathlib import Path
-from eskin.identity import Authority
-Authority(Path(sys.argv[1])).revoke(sys.argv[2])
+from eskin.identity import CertificateAuthority
+CertificateAuthority(Path(sys.argv[1])).revoke(sys.argv[2])
 """
 
 

@@ -246,7 +246,7 @@ async def test_service_outlives_whatever_fails_while_it_looks(
 @pytest.fixture
 def long_handshakes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Whoever is sent away was one too many, and not too slow."""
-    monkeypatch.setattr("eskin_ca.service.Bounds", partial(HttpLimits, head_s=600.0))
+    monkeypatch.setattr("eskin_ca.service.HttpLimits", partial(HttpLimits, head_s=600.0))
 
 
 @pytest.mark.usefixtures("long_handshakes")

@@ -122,7 +122,7 @@ def test_what_tiles_settle_is_asked_of_no_block(
         asked.append(window)
         return Neighbourhood(source, window)
 
-    monkeypatch.setattr("eskin_cloud.query.comparison.Around", look)
+    monkeypatch.setattr("eskin_cloud.query.comparison.Neighbourhood", look)
     decoded = spy_on_decoding(monkeypatch)
     found = ask(store, Window(START - 500_000, START + 800_000))
     assert told(found) == [

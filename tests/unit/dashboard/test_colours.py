@@ -8,11 +8,12 @@ from pathlib import Path
 import eskin_cloud
 import numpy as np
 import pytest
-from eskin_cloud.service import DASHBOARD
 
 from tests.unit.dashboard.vision import EYES, Colour, contrast, distance, lab, read_tokens, seen
 
-LIGHT, DARK = read_tokens(DASHBOARD.parent / "src" / "style" / "tokens.css")
+LIGHT, DARK = read_tokens(
+    Path(__file__).parents[3] / "cloud" / "dashboard" / "src" / "style" / "tokens.css"
+)
 THEMES = [pytest.param(LIGHT, id="light"), pytest.param(LIGHT | DARK, id="dark")]
 MARKS = ("band-edge", "certain", "possible", "predicted-edge", "missing")
 """What gives each of a chart's marks its outline, or its lines."""

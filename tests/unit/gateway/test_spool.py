@@ -163,10 +163,10 @@ import sys
 from pathlib import Path
 from eskin.wire.messages import Position
 from eskin_gateway.spool.batch import Batch, Entry
-from eskin_gateway.spool.node_state import NodeRecord
+from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
 spool = Spool(Path(sys.argv[1]), capacity=10**9, letters=3)
-record = NodeRecord()
+record = NodeState()
 for number in range(10**9):
     record.add(Position(1, number))
     spool.commit(Batch([Entry("n", number, number.to_bytes(8) * 100)], nodes={"n": record}))

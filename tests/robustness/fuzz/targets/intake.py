@@ -28,7 +28,7 @@ _ANEW = 1000
 
 def make(folder: Path) -> Target:
     """The input is ``[topic, sealed, payload]``; no error, and each arrival is answered for."""
-    logging.getLogger("gateway").setLevel(logging.CRITICAL)
+    logging.getLogger("eskin_gateway").setLevel(logging.CRITICAL)
     identities = Identities(folder / "identities")
     sealer = Sealer(identities.node, identities.site.certificate)
     inside = Inside(folder, identities)
