@@ -1,7 +1,7 @@
 """Physical constants, each an interval that holds what is known of it, with its source.
 
 Constants that are exact by definition of the SI (the speed of light) or of a standard (the
-coefficients of IEC 60751 in `eskin_sensor_node.firmware.inversion.temperature`) need no interval. A
+coefficients of IEC 60751 in `eskin_sensor_node.firmware.inversion.thermometer`) need no interval. A
 firmware imports nothing of eskin and has its own bounds; a test compares them with these.
 """
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, get_args
 from eskin_ca.settings import CaSettings, Expected
 from eskin_cloud.settings import CloudSettings
 from eskin_gateway.settings import GatewaySettings
+from eskin_sensor_node.kinds.registry import KINDS
+from eskin_sensor_node.kinds.settings import TaxelSection
 from eskin_sensor_node.profile import profile_names
 from eskin_sensor_node.settings import NodeSettings
-from eskin_sensor_node.taxels import AnyTaxel, TaxelSection
 
 from eskin.cli.keys import keys_table
 from eskin.runtime.settings import table
@@ -102,8 +103,8 @@ def _taxels() -> Iterator[str]:
         f"[{name}](../sensor_node/eskin_sensor_node/profiles/{name}.toml)" for name in names
     )
     yield _TAXELS.format(profiles=links)
-    for model in get_args(AnyTaxel):
-        yield from keys_table(f"`[[taxel]]`, `kind = {_kind(model)}`", model)
+    for kind in KINDS.values():
+        yield from keys_table(f"`[[taxel]]`, `kind = {_kind(kind.settings)}`", kind.settings)
     for model in get_args(TaxelSection.model_fields["noise"].annotation):
         yield from keys_table(f"`noise = {{ kind = {_kind(model)}, … }}` of a taxel", model)
 

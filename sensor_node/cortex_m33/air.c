@@ -1,5 +1,5 @@
-/* Temperature, humidity, and what the air makes of a pad: inversion/temperature.py, humidity.py,
- * air.py and pad.py of sensor_node/firmware. */
+/* Temperature, humidity, and what the air makes of a pad: inversion/thermometer.py, hygrometer.py
+ * and pad.py of sensor_node/eskin_sensor_node/firmware. */
 #include "inversion.h"
 
 static const double A = 39083.0 / 10000000, B = -5775.0 / 10000000000, C = -4183.0 / 1000000000000000;

@@ -10,12 +10,12 @@ from pydantic import Field, field_validator, model_validator
 from eskin.errors import IdentityError
 from eskin.identity import IdentityKind
 from eskin.runtime.settings import Host, KeysSection, LogSection, RenewalSection, Section, Settings
+from eskin_sensor_node.kinds.neighbours import patches
+from eskin_sensor_node.kinds.registry import Taxel
+from eskin_sensor_node.kinds.settings import Companion, TaxelSection
 from eskin_sensor_node.machine.data_sheet import coverage
 from eskin_sensor_node.machine.power.settings import EnergySection
 from eskin_sensor_node.profile import Profile, profile_names
-from eskin_sensor_node.taxels import AnyTaxel, Taxel
-from eskin_sensor_node.taxels.companion import Companion
-from eskin_sensor_node.world.neighbours import patches
 from eskin_sensor_node.world.scenario.fit import Played
 
 
@@ -282,7 +282,7 @@ class NodeSettings(Settings):
                     raise ValueError(f"{taxel.id} and its {role} '{name}' live other scenarios")
         return value
 
-    def companions(self, taxel: AnyTaxel, seed: int) -> dict[str, Companion]:
+    def companions(self, taxel: TaxelSection, seed: int) -> dict[str, Companion]:
         """What a taxel reads along, by the names of its inputs; ``seed`` draws all true parts."""
         numbers = {each.id: number for number, each in enumerate(self.taxel)}
         return {

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
     from eskin_sensor_node.firmware.adaptation import Adaptation
     from eskin_sensor_node.firmware.inversion import Buffer
-    from eskin_sensor_node.firmware.taxel import Taxel
+    from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
     Hold = Callable[[float, int], int]
     """Converts what is held once more, with a gain and a step of the trimmer; gives the code."""

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.inversion import Buffer, Codes
     from eskin_sensor_node.firmware.message_writer import MessageWriter, Record
     from eskin_sensor_node.firmware.schedule import Frame, Schedule
-    from eskin_sensor_node.firmware.taxel import Taxel
+    from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
 
 _FRUGAL = (SAMPLES, ADAPTIVE, PEAKS)

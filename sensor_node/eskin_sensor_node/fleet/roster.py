@@ -9,8 +9,8 @@ import numpy as np
 
 from eskin_sensor_node.fleet.clocks import Clocks
 from eskin_sensor_node.fleet.message_kernels import Nodes
-from eskin_sensor_node.world.neighbours import patches
-from eskin_sensor_node.world.skin_map import skin_map
+from eskin_sensor_node.kinds.neighbours import patches
+from eskin_sensor_node.kinds.skin_map import skin_map
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from eskin_sensor_node.fleet.stacking import stacked
+from eskin_sensor_node.kinds.registry import KINDS
+from eskin_sensor_node.kinds.signals import Signals
 from eskin_sensor_node.node.signal_chain import Drawn, draw
-from eskin_sensor_node.physics import Signals
-from eskin_sensor_node.taxels import HarmonicSection, HybridSection, SwingSection, TouchSection
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from eskin.interval import Floats
     from eskin_sensor_node.fleet.stacked_generator import StackedGenerator
-    from eskin_sensor_node.machine.converter import Codes
-    from eskin_sensor_node.physics import World
-    from eskin_sensor_node.taxels import AnyTaxel
-    from eskin_sensor_node.taxels.companion import Companion
-
-_IN_COLUMNS: Final = HarmonicSection | TouchSection | SwingSection | HybridSection
-"""Their worlds are formulas alone; others play a script or a recording."""
+    from eskin_sensor_node.kinds.converter import Codes
+    from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+    from eskin_sensor_node.kinds.signals import World
 
 
 class SensingRows:
@@ -38,7 +34,7 @@ class SensingRows:
 
     def __init__(
         self,
-        taxel: AnyTaxel,
+        taxel: TaxelSection,
         number: int,
         seeds: Sequence[int],
         companions: Sequence[Mapping[str, Companion]],
@@ -46,7 +42,7 @@ class SensingRows:
     ) -> None:
         each = zip(seeds, companions, strict=True)
         found = drawn or [draw(taxel, (seed, number), along) for seed, along in each]
-        in_columns = isinstance(taxel, _IN_COLUMNS)
+        in_columns = KINDS[taxel.kind].in_columns
         # What is drawn in a moment need not be kept.
         self._drawn = None if in_columns else found
         worlds = [each.world for each in found]

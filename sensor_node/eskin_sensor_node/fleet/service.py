@@ -20,6 +20,7 @@ from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.fleet.shard import Shard
 from eskin_sensor_node.fleet.single_node import require_alone
 from eskin_sensor_node.fleet.storage import Storage
+from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.link.keys import NodeKeys
 from eskin_sensor_node.machine.budget import require_fit
 from eskin_sensor_node.machine.processor import require_speed
@@ -27,7 +28,6 @@ from eskin_sensor_node.machine.schedule import build_schedule
 from eskin_sensor_node.node.factory import REBOOT, chip_key
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import RadioSection
-from eskin_sensor_node.world.neighbours import measured_around
 
 if TYPE_CHECKING:
     from types import FrameType

@@ -12,7 +12,7 @@ from eskin_sensor_node.machine.schedule import build_schedule
 if TYPE_CHECKING:
     from eskin_sensor_node.firmware.control_unit import ControlUnit
     from eskin_sensor_node.firmware.schedule import Frame
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
 
 
 class Setting(NamedTuple):
@@ -41,7 +41,7 @@ class Setting(NamedTuple):
         return Schedule(*self.timing)
 
 
-def designed(taxel: AnyTaxel, block: int) -> Setting:
+def designed(taxel: TaxelSection, block: int) -> Setting:
     """How nobody has set it; ``block``: samples in a block."""
     schedule = build_schedule(taxel, block)
     timing = schedule.dt, schedule.block, schedule.burst, schedule.pause, schedule.origin
@@ -77,6 +77,6 @@ def setting_of(unit: ControlUnit, following: Frame) -> tuple[Setting, int]:
     return setting, laps * a_lap
 
 
-def longest_region(taxel: AnyTaxel, dt: int) -> int:
+def longest_region(taxel: TaxelSection, dt: int) -> int:
     """Samples, one each ``dt`` ns, after which a taxel's undecided peaks are reported."""
     return max(2, round(taxel.longest_region_s * BILLION) // dt)

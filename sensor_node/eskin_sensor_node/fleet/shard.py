@@ -12,7 +12,6 @@ import numpy as np
 from eskin.wire.messages import Position, ResetCause
 from eskin_sensor_node.firmware.gap_reasons import DEAD, OVERRUN, TEXTS
 from eskin_sensor_node.firmware.message_writer import BLOCK, Record
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.fleet.cohort import Cohort
 from eskin_sensor_node.fleet.outbox import MemberOutbox
 from eskin_sensor_node.fleet.regroup import Regroup
@@ -264,7 +263,7 @@ class Shard:
             taxel = self._settings.taxel[k]
             gap = self._gap(row, DEAD, begin, end, 0, taxel=taxel.id)
             records.setdefault(row, []).append(gap)
-            if CHAINS[taxel.chain].derived and row not in self.singles:
+            if taxel.firmware.derived and row not in self.singles:
                 # From now on it tells of no cause.
                 self.part(row, self.apart(row))
 

@@ -9,20 +9,20 @@ from eskin_sensor_node.fleet.cohort import Key, Share
 from eskin_sensor_node.fleet.columns import fresh
 from eskin_sensor_node.fleet.setting import longest_region, setting_of
 from eskin_sensor_node.fleet.taxel import Standing
+from eskin_sensor_node.kinds.neighbours import neighbours
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.node.node import Node
 from eskin_sensor_node.node.self_test import NodeSelfTest
-from eskin_sensor_node.world.neighbours import neighbours
 from eskin_sensor_node.world.replay.settings import Recorded
 
 if TYPE_CHECKING:
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.fleet.cohort import Cohort
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.node.taxel import EmulatedTaxel
     from eskin_sensor_node.settings import NodeSettings
-    from eskin_sensor_node.taxels import AnyTaxel
 
 
 class SingleNode(Node):
@@ -134,7 +134,7 @@ class SingleNode(Node):
         return self._clock.known.enclosure(max(0, self._clock.ticks()))
 
 
-def _standing(taxel: EmulatedTaxel, design: AnyTaxel) -> Standing:
+def _standing(taxel: EmulatedTaxel, design: TaxelSection) -> Standing:
     unit = taxel.control_unit
     setting, before = setting_of(unit, taxel.next)
     columns = fresh(len(unit.units), 1, longest_region(design, unit.schedule.dt))

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from eskin_sensor_node.frontend.amplified import Amplified
-from eskin_sensor_node.machine.converter import Converter
+from eskin_sensor_node.kinds.converter import Converter
+from eskin_sensor_node.kinds.frontend import Amplified
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

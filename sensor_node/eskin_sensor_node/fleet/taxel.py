@@ -10,7 +10,6 @@ import numpy as np
 from eskin.peaks.search import MOST_AT_ONCE
 from eskin.peaks.table import EVENT
 from eskin.wire.messages import Encoding
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.fleet.baseline_kernels import MODES
 from eskin_sensor_node.fleet.columns import fresh
 from eskin_sensor_node.fleet.message_kernels import GONE, RECORD, Design, Group, Output, skip, tell
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.fleet.message_kernels import Place
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
-    from eskin_sensor_node.machine.converter import Codes
+    from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.node.signal_chain import Drawn
 
 _PEAK_BYTES: Final = 300
@@ -120,9 +119,7 @@ class TaxelRows:
         self._group = Group(roster.nodes, numbers)
         self.number = number
         self.numbers = numbers
-        self._calibrated = CHAINS[taxel.chain](
-            data_sheet(taxel, companions[0]), compiled_inversion()
-        )
+        self._calibrated = taxel.firmware(data_sheet(taxel, companions[0]), compiled_inversion())
         self._calibrated.adjust(setting.gain, 0)
         self._setting, self._schedule = setting, setting.schedule
         quantities = self._calibrated.quantities

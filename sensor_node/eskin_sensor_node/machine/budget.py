@@ -14,13 +14,12 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
 from eskin_sensor_node.firmware.autoranging import MOST
-from eskin_sensor_node.firmware.taxel import CHAINS
-from eskin_sensor_node.firmware.taxel.air import SLOTS
+from eskin_sensor_node.firmware.taxel.pad import SLOTS
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.settings import NodeSettings
-    from eskin_sensor_node.taxels import AnyTaxel
 
 PROGRAM: Final = 112 * 1024
 """Bytes kept for the firmware's modules, as MicroPython loads them."""
@@ -87,7 +86,7 @@ def ram_budget(settings: NodeSettings) -> Budget:
     blocks = [build_schedule(taxel, sampling.block_samples).block for taxel in settings.taxel]
     width = _WIDTHS[sampling.encoding]
     shapes = [
-        (n, _CODE * _inputs(taxel) + _RANGE * CHAINS[taxel.chain].amplified, len(taxel.units))
+        (n, _CODE * _inputs(taxel) + _RANGE * taxel.firmware.amplified, len(taxel.units))
         for n, taxel in zip(blocks, settings.taxel, strict=True)
     ]
     return Budget(
@@ -101,7 +100,7 @@ def ram_budget(settings: NodeSettings) -> Budget:
     )
 
 
-def taxel_objects(taxel: AnyTaxel) -> int:
+def taxel_objects(taxel: TaxelSection) -> int:
     """Bytes of a taxel's objects besides its buffers."""
     peaks = sum(taxel.prominence(quantity) is not None for quantity in taxel.units)
     along = len(taxel.companions)
@@ -109,9 +108,9 @@ def taxel_objects(taxel: AnyTaxel) -> int:
     return of_taxels + _RANGES + _CHANNEL * len(taxel.units) + _DETECTOR * peaks
 
 
-def _inputs(taxel: AnyTaxel) -> int:
+def _inputs(taxel: TaxelSection) -> int:
     """Of the converter; those that a taxel reads along besides its own."""
-    return max(1, len(CHAINS[taxel.chain].inputs)) + len(taxel.companions)
+    return max(1, len(taxel.firmware.inputs)) + len(taxel.companions)
 
 
 def _messages(n: int, channels: int, width: int) -> int:

@@ -7,31 +7,24 @@ would take too long. Compiled without any licence to reorder, binary64 gives the
 from __future__ import annotations
 
 import functools
+import importlib
 import math
+import pkgutil
 from types import FunctionType, ModuleType
 from typing import TYPE_CHECKING, Any
 
 from eskin.kernels.jit import kernel, part
 from eskin_sensor_node.firmware import arctangent, inversion, logarithm, rounding
-from eskin_sensor_node.firmware.inversion import (
-    air,
-    amplified,
-    capacitive,
-    codes,
-    eddy,
-    humidity,
-    inductive,
-    pad,
-    temperature,
-    touch,
-)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 _MODULES = (
     *(rounding, logarithm, arctangent),
-    *(codes, amplified, capacitive, inductive, touch, eddy, temperature, humidity, air, pad),
+    *(
+        importlib.import_module(f"{inversion.__name__}.{each.name}")
+        for each in pkgutil.iter_modules(inversion.__path__)
+    ),
 )
 """All that calculates; no two have different things of one name."""
 

@@ -10,15 +10,14 @@ from eskin.union_bound import union_coverage
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from eskin_sensor_node.taxels import AnyTaxel
-    from eskin_sensor_node.taxels.companion import Companion
+    from eskin_sensor_node.kinds.settings import Companion, TaxelSection
 
 _UNIT: Final = re.compile(r"_(per_m|ohm|m2|m|Pa)$")
 """Of names in which the unit is a part of the Python name, too."""
 
 
 def data_sheet(
-    taxel: AnyTaxel, companions: Mapping[str, Companion] | None = None
+    taxel: TaxelSection, companions: Mapping[str, Companion] | None = None
 ) -> dict[str, float]:
     """All numbers of a taxel's settings, in SI units; ``reach``: how far its noise may reach.
 
@@ -35,9 +34,9 @@ def data_sheet(
 
 
 def coverage(
-    taxel: AnyTaxel,
+    taxel: TaxelSection,
     companions: Mapping[str, Companion],
-    around: Sequence[tuple[AnyTaxel, Mapping[str, Companion]]] = (),
+    around: Sequence[tuple[TaxelSection, Mapping[str, Companion]]] = (),
 ) -> float:
     """Probability that a sample's interval holds the truth.
 

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.interval import Interval
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.data_sheet import data_sheet
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin_sensor_node.machine.converter import Codes
-    from eskin_sensor_node.taxels import AnyTaxel
-    from eskin_sensor_node.taxels.companion import Companion
+    from eskin_sensor_node.kinds.converter import Codes
+    from eskin_sensor_node.kinds.settings import Companion, TaxelSection
 
 
 class Inversion:
@@ -28,9 +26,11 @@ class Inversion:
         companions: What it reads along, by the names of its inputs.
     """
 
-    def __init__(self, taxel: AnyTaxel, companions: Mapping[str, Companion] | None = None) -> None:
+    def __init__(
+        self, taxel: TaxelSection, companions: Mapping[str, Companion] | None = None
+    ) -> None:
         sheet = data_sheet(taxel, companions)
-        self._taxel = CHAINS[taxel.chain](sheet, compiled_inversion())
+        self._taxel = taxel.firmware(sheet, compiled_inversion())
 
     def measure(self, codes: Mapping[str, Codes]) -> dict[str, Interval]:
         """Quantity to intervals, as many as there are codes."""

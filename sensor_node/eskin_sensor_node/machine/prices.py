@@ -13,6 +13,8 @@ from importlib.resources import files
 from math import ceil, floor
 from typing import TYPE_CHECKING, Final, NamedTuple
 
+from eskin_sensor_node.kinds.registry import KINDS
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -62,9 +64,10 @@ PRICES: Final[Mapping[str, Cycles]] = _counted() | {
     "interrupt": Cycles(100, 200),
     "frame": Cycles(2_000, 10_000),
     "message": Cycles(20_000, 60_000),
+    **{kind.chain: Cycles(*kind.cycles) for kind in KINDS.values() if kind.cycles is not None},
 }
 """Of each operation; assumed are an interrupt (entry, taking codes out of a buffer, exit), a frame
-(schedule, states) and a message (flash driver, MQTT, TLS records, IP)."""
+(schedule, states), a message (flash driver, MQTT, TLS records, IP), and kinds without a count."""
 ENVELOPE: Final = 160
 """Bytes of COSE_Encrypt0 around a message: headers, salt, key names, tag."""
 _SEALED: Final = 2

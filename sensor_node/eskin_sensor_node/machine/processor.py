@@ -6,20 +6,19 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
+from eskin_sensor_node.kinds.registry import KINDS
 from eskin_sensor_node.machine.prices import BILLION, PRICES, inversion, message, passes
 from eskin_sensor_node.machine.schedule import build_schedule
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.settings import NodeSettings
-    from eskin_sensor_node.taxels import AnyTaxel
 
 _HEAD: Final = 192
 """Bytes of a block besides its bounds, at most."""
 _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
-NEW: Final = {"thermometer": 8, "hygrometer": 4}
-"""One code in so many of a sensor that is read along is taken to be new: air changes slowly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +62,12 @@ def processor_load(settings: NodeSettings, around: Mapping[int, int]) -> Load:
 
 
 def _taxel_load(
-    settings: NodeSettings, taxel: AnyTaxel, neighbours: int
+    settings: NodeSettings, taxel: TaxelSection, neighbours: int
 ) -> tuple[float, float, float, float]:
     frame, rate = _sampled(settings, taxel)
     new = dict.fromkeys(taxel.companions, 0)
     sample: float = inversion(taxel.chain, 1, neighbours, new).most
-    sample += sum(PRICES[f"new_{role}"].most / NEW[role] for role in new)
+    sample += sum(PRICES[f"new_{role}"].most / KINDS[role].samples_per_code for role in new)
     sought = [taxel.prominence(quantity) is not None for quantity in taxel.units]
     channels = sum(passes(rest=True, peaks=each).most for each in sought)
     size = 2 * frame * _WIDTHS[settings.sampling.encoding] + _HEAD
@@ -78,7 +77,7 @@ def _taxel_load(
     return rate * sample, rate * channels, rate * block / frame, rate * handled
 
 
-def _sampled(settings: NodeSettings, taxel: AnyTaxel) -> tuple[int, float]:
+def _sampled(settings: NodeSettings, taxel: TaxelSection) -> tuple[int, float]:
     """Samples of a frame at least, and of a second; over its pauses, where it has some."""
     sampling = settings.sampling
     schedule = build_schedule(taxel, sampling.block_samples)

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SettingsError
 from eskin_sensor_node.firmware.autoranging import MOST
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.machine.events import NEVER
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS, WAKE_NS
 from eskin_sensor_node.machine.schedule import build_schedule
@@ -21,9 +20,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.machine import Machine
     from eskin_sensor_node.settings import NodeSettings
-    from eskin_sensor_node.taxels import AnyTaxel
 
 WHOLE_FRAME: Final = 0
 """Depth of a buffer that holds a frame, whatever its length."""
@@ -34,12 +33,12 @@ def most_latency(taxels: int) -> int:
     return WAKE_NS + (taxels - 1) * INTERRUPT_NS
 
 
-def most_repeats(settings: NodeSettings, taxel: AnyTaxel) -> int:
+def most_repeats(settings: NodeSettings, taxel: TaxelSection) -> int:
     """How often a taxel's samples can be converted again before the next ones come.
 
     All taxels may saturate at one moment, and one after the other is served.
     """
-    inputs = sum(CHAINS[each.chain].amplified for each in settings.taxel)
+    inputs = sum(each.firmware.amplified for each in settings.taxel)
     free = build_schedule(taxel, 1).dt - most_latency(len(settings.taxel)) - INTERRUPT_NS
     return max(0, min(MOST, free // (inputs * REPEAT_NS)))
 

@@ -13,6 +13,7 @@ from eskin.privacy import open_key
 from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.outbox import Outbox
+from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.machine.budget import require_fit
 from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.crystal import BILLION, Crystal
@@ -21,7 +22,6 @@ from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.machine.program import require_flash
 from eskin_sensor_node.machine.sampling import require_depth
 from eskin_sensor_node.node.node import Node
-from eskin_sensor_node.world.neighbours import measured_around
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -16,6 +16,7 @@ from eskin_sensor_node.firmware import inversion, states
 from eskin_sensor_node.firmware.attention import Attention
 from eskin_sensor_node.firmware.gap_reasons import ASLEEP, OVERRUN, RESET, TEXTS
 from eskin_sensor_node.firmware.states import StateMachine
+from eskin_sensor_node.kinds.skin_map import skin_map
 from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.machine import Machine
 from eskin_sensor_node.machine.prices import message
@@ -24,7 +25,6 @@ from eskin_sensor_node.node.flash_retry import FlashRetry
 from eskin_sensor_node.node.power_manager import keep_energy
 from eskin_sensor_node.node.sampling_group import SamplingGroup, build_taxels
 from eskin_sensor_node.node.self_test import NodeSelfTest
-from eskin_sensor_node.world.skin_map import skin_map
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

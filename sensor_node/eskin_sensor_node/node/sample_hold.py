@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.control_unit import ControlUnit
-    from eskin_sensor_node.frontend import Digitised
-    from eskin_sensor_node.machine.converter import Codes
+    from eskin_sensor_node.kinds.converter import Codes
+    from eskin_sensor_node.kinds.frontend import Digitised
     from eskin_sensor_node.node.signal_chain import SignalChain
 
 

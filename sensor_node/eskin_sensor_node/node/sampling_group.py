@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
+from eskin_sensor_node.kinds.neighbours import patches
 from eskin_sensor_node.machine.sampling import most_repeats
 from eskin_sensor_node.node.taxel import EmulatedTaxel
-from eskin_sensor_node.world.neighbours import patches
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
 
     from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.firmware.schedule import Frame
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.node.ground_truth import TrueBlock
     from eskin_sensor_node.settings import NodeSettings
-    from eskin_sensor_node.taxels import AnyTaxel
 
 
 def build_taxels(
@@ -64,7 +64,7 @@ class SamplingGroup:
         taxels: The same, emulated.
     """
 
-    def __init__(self, designs: Sequence[AnyTaxel], taxels: Sequence[EmulatedTaxel]) -> None:
+    def __init__(self, designs: Sequence[TaxelSection], taxels: Sequence[EmulatedTaxel]) -> None:
         self._taxels = taxels
         self._patches = patches(designs)
 

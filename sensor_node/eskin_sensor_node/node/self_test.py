@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING, Final
 
 from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK
 from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, SelfTest
+from eskin_sensor_node.kinds.neighbours import neighbours
 from eskin_sensor_node.machine.crystal import BILLION
-from eskin_sensor_node.world.neighbours import neighbours
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin_sensor_node.firmware.clock import Clock
     from eskin_sensor_node.firmware.message_writer import MessageWriter, Record
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.node.taxel import EmulatedTaxel
-    from eskin_sensor_node.taxels import AnyTaxel
 
 SELF_TEST: Final = 20 * BILLION
 """Ticks of a window in which stuck and dead taxels are looked for."""
@@ -44,7 +44,7 @@ class NodeSelfTest:
 
     def __init__(
         self,
-        designs: Sequence[AnyTaxel],
+        designs: Sequence[TaxelSection],
         taxels: Sequence[EmulatedTaxel],
         clock: Clock,
         message_writer: MessageWriter,

@@ -6,22 +6,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from eskin_sensor_node.frontend import build_frontend
-from eskin_sensor_node.physics import build_world
-from eskin_sensor_node.physics.pad import PadWorld
-from eskin_sensor_node.physics.touch import TouchWorld
+from eskin_sensor_node.kinds.registry import build_frontend, build_world
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.adaptation import Adaptation
-    from eskin_sensor_node.frontend import Digitised
-    from eskin_sensor_node.frontend.amplified import Frontend
-    from eskin_sensor_node.machine.converter import Codes
-    from eskin_sensor_node.physics import Signals, World
-    from eskin_sensor_node.taxels import AnyTaxel
-    from eskin_sensor_node.taxels.companion import Companion
+    from eskin_sensor_node.kinds.converter import Codes
+    from eskin_sensor_node.kinds.frontend import Digitised, Frontend
+    from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+    from eskin_sensor_node.kinds.signals import Signals, World
 
 
 class Drawn(NamedTuple):
@@ -31,7 +26,7 @@ class Drawn(NamedTuple):
     frontend: Frontend
 
 
-def draw(taxel: AnyTaxel, seed: tuple[int, ...], companions: Mapping[str, Companion]) -> Drawn:
+def draw(taxel: TaxelSection, seed: tuple[int, ...], companions: Mapping[str, Companion]) -> Drawn:
     """Draw them; arguments as of `SignalChain`."""
     parts = np.random.default_rng(seed)
     return Drawn(build_world(taxel, parts), build_frontend(taxel, parts, companions))
@@ -51,7 +46,7 @@ class SignalChain:
     """
 
     def __init__(
-        self, taxel: AnyTaxel, seed: tuple[int, ...], companions: Mapping[str, Companion]
+        self, taxel: TaxelSection, seed: tuple[int, ...], companions: Mapping[str, Companion]
     ) -> None:
         self.drawn = draw(taxel, seed, companions)
         self._world, self._frontend = self.drawn
@@ -72,5 +67,4 @@ class SignalChain:
     def adjust(self, chosen: Adaptation) -> None:
         """Set amplifier, trimmer and plates as the control unit has chosen."""
         self._frontend.adjust(chosen.gain, chosen.trim)
-        if isinstance(self._world, TouchWorld | PadWorld):
-            self._world.move(chosen.plate)
+        self._world.move(chosen.plate)

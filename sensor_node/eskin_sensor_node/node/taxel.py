@@ -12,7 +12,6 @@ from eskin.wire.messages import Encoding, Position
 from eskin_sensor_node.firmware.control_unit import ControlUnit
 from eskin_sensor_node.firmware.gap_reasons import UNRECORDED
 from eskin_sensor_node.firmware.message_writer import BLOCK
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.prices import Cycles, inversion, message, passes
@@ -30,11 +29,10 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.message_writer import Channel, MessageWriter, Record
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.firmware.selftest import SelfTest
+    from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+    from eskin_sensor_node.kinds.signals import Signals
     from eskin_sensor_node.machine.clock import Clock
-    from eskin_sensor_node.physics import Signals
     from eskin_sensor_node.settings import SamplingSection
-    from eskin_sensor_node.taxels import AnyTaxel
-    from eskin_sensor_node.taxels.companion import Companion
 
 
 class EmulatedTaxel:
@@ -53,7 +51,7 @@ class EmulatedTaxel:
 
     def __init__(
         self,
-        taxel: AnyTaxel,
+        taxel: TaxelSection,
         *,
         companions: Mapping[str, Companion],
         coverage: float,
@@ -86,7 +84,7 @@ class EmulatedTaxel:
         self._boot = number
         self._attention = attention
         self._message_writer = message_writer
-        self._calibrated = CHAINS[taxel.chain](data_sheet(taxel, self._companions), self._functions)
+        self._calibrated = taxel.firmware(data_sheet(taxel, self._companions), self._functions)
         self.control_unit = ControlUnit(
             taxel.id,
             self._calibrated,

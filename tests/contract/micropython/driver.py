@@ -15,7 +15,6 @@ from eskin_sensor_node.firmware.energy import EnergyManager
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.schedule import Schedule
 from eskin_sensor_node.firmware.selftest import SelfTest
-from eskin_sensor_node.firmware.taxel import CHAINS
 
 from tests.contract.micropython.cutting import cut
 from tests.contract.micropython.delivery import deliver
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
     from eskin_sensor_node.firmware.message_writer import Record
+    from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
     Table = Mapping[str, Any]
 
@@ -107,10 +107,16 @@ def reals(table: "Table") -> "dict[str, float]":
     return {name: real(text) for name, text in table.items()}
 
 
+def firmware_class(module: str, name: str) -> "type[Taxel]":
+    """What the control unit knows of a kind of taxel."""
+    found: type[Taxel] = getattr(__import__(module, None, None, (name,)), name)
+    return found
+
+
 def control_unit(taxel: "Table", clock: Clock, message_writer: MessageWriter) -> ControlUnit:
     return ControlUnit(
         taxel["id"],
-        CHAINS[taxel["kind"]](reals(taxel["sheet"])),
+        firmware_class(taxel["module"], taxel["class"])(reals(taxel["sheet"])),
         schedule=Schedule(*taxel["schedule"]),
         coverage=real(taxel["coverage"]),
         prominences=reals(taxel["prominences"]),

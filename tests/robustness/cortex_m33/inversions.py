@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Final, cast
 
 from eskin_sensor_node.firmware import inversion
-from eskin_sensor_node.firmware.inversion.air import UNUSED
-from eskin_sensor_node.firmware.taxel import CHAINS
-from eskin_sensor_node.firmware.taxel.air import SLOTS
+from eskin_sensor_node.firmware.inversion.pad import UNUSED
 from eskin_sensor_node.firmware.taxel.hygrometer import HygrometerTaxel
+from eskin_sensor_node.firmware.taxel.pad import SLOTS
 from eskin_sensor_node.firmware.taxel.thermometer import ThermometerTaxel
 from eskin_sensor_node.machine.data_sheet import data_sheet
 
@@ -67,7 +66,7 @@ def _recorder() -> tuple[Recorder, ModuleType]:
 def _inverted(made: Any, code: int) -> list[Case]:
     """What a taxel does with a run of one code at all its inputs."""
     recorder, functions = _recorder()
-    firmware = CHAINS[made.chain](data_sheet(made), functions)
+    firmware = made.firmware(data_sheet(made), functions)
     bounds = [reals(bytes(8 * RUN)) for _ in range(2 * len(firmware.quantities))]
     firmware.measure([array("i", [code] * RUN) for _ in firmware.inputs], RUN, bounds)
     firmware.separate(RUN, bounds, ())

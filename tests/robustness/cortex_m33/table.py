@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tests.robustness.cortex_m33.inversions import Count
 
-PATH: Final = ROOT / "sensor_node" / "machine" / "instructions.toml"
+PATH: Final = ROOT / "sensor_node" / "eskin_sensor_node" / "machine" / "instructions.toml"
 TOLERANCE: Final = 0.02
 """Relative: what another release of the compiler may change before somebody must look."""
 _PLACES: Final = 1

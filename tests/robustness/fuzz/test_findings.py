@@ -18,9 +18,9 @@ from eskin_cloud.settings import CloudSettings
 from eskin_gateway.settings import GatewaySettings
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
+from eskin_sensor_node.kinds.settings import Rate
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.settings import NodeSettings
-from eskin_sensor_node.taxels.settings import Rate
 from eskin_sensor_node.world.replay.recording import read_recording
 from eskin_sensor_node.world.replay.rows import read_rows
 from eskin_sensor_node.world.scenario import read_scenario

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.firmware.message_writer import MessageWriter
+from eskin_sensor_node.kinds.registry import Taxel
 from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.crystal import Crystal
 from eskin_sensor_node.machine.radio import Radio
@@ -16,7 +17,6 @@ from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.node import Node
 from eskin_sensor_node.profile import Profile
 from eskin_sensor_node.settings import NodeSettings
-from eskin_sensor_node.taxels import Taxel
 from pydantic import TypeAdapter
 
 from tests.unit.sensor_node.flashes import open_flash
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from types import ModuleType
 
     from eskin_sensor_node.firmware.chip import StoredMessage
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.flash.flash import Flash
-    from eskin_sensor_node.taxels import AnyTaxel
 
 START = 1_790_000_000_000_000_000
 SECOND = 1_000_000_000
@@ -53,9 +53,9 @@ def table(kind: str, /, **changes: Any) -> dict[str, Any]:
     return {**Profile.read(profile).taxels[number], **changes}
 
 
-def taxel(kind: str, /, **changes: Any) -> AnyTaxel:
+def taxel(kind: str, /, **changes: Any) -> TaxelSection:
     """A packaged taxel, changed."""
-    found: AnyTaxel = TypeAdapter(Taxel).validate_python(table(kind, **changes))
+    found: TaxelSection = TypeAdapter(Taxel).validate_python(table(kind, **changes))
     return found
 
 

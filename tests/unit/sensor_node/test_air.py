@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import mpmath
 import numpy as np
 import pytest
-from eskin_sensor_node.firmware.inversion.temperature import celsius_bounds
-from eskin_sensor_node.frontend import build_frontend
+from eskin_sensor_node.firmware.inversion.thermometer import celsius_bounds
+from eskin_sensor_node.kinds.registry import build_frontend, build_world
+from eskin_sensor_node.kinds.settings import Companion
 from eskin_sensor_node.machine.data_sheet import coverage
 from eskin_sensor_node.machine.inversion import Inversion
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.physics import build_world
 from eskin_sensor_node.settings import NodeSettings
-from eskin_sensor_node.taxels.companion import Companion
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -27,7 +26,7 @@ from tests.unit.sensor_node.scenario.scripts import HEAD, write
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
 
     from eskin.interval import Floats, Interval
 
@@ -69,7 +68,7 @@ def companions(seed: int, **noise: Any) -> dict[str, Companion]:
 
 
 def measure(
-    design: AnyTaxel, read_along: dict[str, Companion], seed: int, n: int = 1000
+    design: TaxelSection, read_along: dict[str, Companion], seed: int, n: int = 1000
 ) -> tuple[dict[str, Floats], dict[str, Interval]]:
     random = np.random.default_rng(seed)
     world = build_world(design, random)
@@ -178,7 +177,7 @@ def test_tolerance_of_a_slope_is_taken_in(
     assert missed > 5
 
 
-def _codes(design: AnyTaxel, read_along: dict[str, Companion], seed: int) -> Any:
+def _codes(design: TaxelSection, read_along: dict[str, Companion], seed: int) -> Any:
     random = np.random.default_rng(seed)
     world = build_world(design, random)
     frontend = build_frontend(design, random, read_along)

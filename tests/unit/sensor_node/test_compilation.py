@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_sensor_node.firmware import inversion
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.compiled_writer import CompiledWriter
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.unit.sensor_node.designs import Bench, taxel
+from tests.unit.sensor_node.designs import KINDS, Bench, taxel
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,14 +23,15 @@ CODES = st.lists(st.integers(0, 4095), min_size=1, max_size=50)
 
 
 def measured(kind: str, codes: list[int], functions: ModuleType, inl: float) -> list[bytes]:
-    calibrated = CHAINS[kind](data_sheet(taxel(kind, adc_nonlinearity=inl)), functions)
+    design = taxel(kind, adc_nonlinearity=inl)
+    calibrated = design.firmware(data_sheet(design), functions)
     given_codes = [array("q", codes) for _ in calibrated.inputs]
     bounds = [array("d", bytes(8 * len(codes))) for _ in range(2 * len(calibrated.quantities))]
     calibrated.measure(given_codes, len(codes), bounds)
     return [each.tobytes() for each in bounds]
 
 
-@pytest.mark.parametrize("kind", CHAINS)
+@pytest.mark.parametrize("kind", KINDS)
 def test_compiled_gives_the_same_bits(kind: str) -> None:
     @settings(deadline=None)
     @given(CODES, st.sampled_from([0.0, 0.5, 3.0]))

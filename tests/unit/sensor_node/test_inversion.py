@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_sensor_node.frontend import build_frontend
+from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
-from eskin_sensor_node.physics import build_world
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.stats import binom
@@ -17,7 +16,7 @@ from scipy.stats import binom
 from tests.unit.sensor_node.designs import KINDS, taxel
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
 
     from eskin.interval import Floats, Interval
 
@@ -74,7 +73,7 @@ def without_errors(kind: str) -> dict[str, float]:
 
 
 @st.composite
-def designs(draw: st.DrawFn, kind: str) -> AnyTaxel:
+def designs(draw: st.DrawFn, kind: str) -> TaxelSection:
     """A taxel with any tolerances, ADC resolution and bounded noise."""
     changes: dict[str, Any] = {
         f"{name}_tolerance": draw(st.floats(0.0, 0.05)) for name in TOLERANCES[kind]
@@ -90,7 +89,7 @@ def designs(draw: st.DrawFn, kind: str) -> AnyTaxel:
 
 
 def measure(
-    design: AnyTaxel, seed: int, n: int, span: float | None = None
+    design: TaxelSection, seed: int, n: int, span: float | None = None
 ) -> tuple[dict[str, Floats], dict[str, Interval]]:
     """The truth and what the firmware says, at random instants."""
     random = np.random.default_rng(seed)
@@ -113,7 +112,7 @@ def test_intervals_hold_the_truth_under_bounded_noise(kind: str) -> None:
         database=None,
     )
     @given(designs(kind), st.integers(0, 2**32))
-    def check(design: AnyTaxel, seed: int) -> None:
+    def check(design: TaxelSection, seed: int) -> None:
         truth, measured = measure(design, seed, SAMPLES)
         for quantity in design.units:
             holds = measured[quantity].contains(truth[quantity])

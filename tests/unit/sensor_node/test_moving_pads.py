@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from eskin_sensor_node.kinds.pad.physics import PadWorld
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.physics.pad import PadWorld
 from eskin_sensor_node.world.scenario.file import scenario_text
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings

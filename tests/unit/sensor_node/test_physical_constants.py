@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.calibration import EPSILON_0 as EPSILON_0_OF_FIRMWARE
-from eskin_sensor_node.frontend import build_frontend
+from eskin_sensor_node.kinds.parameters import TRUE_VACUUM_PERMITTIVITY
+from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
-from eskin_sensor_node.physics import build_world
-from eskin_sensor_node.physics.parameters import TRUE_VACUUM_PERMITTIVITY
 from scipy import constants as codata
 
 from eskin.constants import VACUUM_PERMITTIVITY
@@ -21,7 +20,7 @@ from eskin.interval import Interval
 from tests.unit.sensor_node.designs import taxel
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
 
 EPSILON_0, _, _UNCERTAINTY = codata.physical_constants["vacuum electric permittivity"]
 NATURE = [EPSILON_0 + k * _UNCERTAINTY for k in (-2.0, 0.0, 2.0)]
@@ -42,7 +41,7 @@ PARTS = {
 }
 
 
-def vacuum(kind: str) -> AnyTaxel:
+def vacuum(kind: str) -> TaxelSection:
     """A taxel of which everything is known; its converter is far finer than 21 parts in 1e6."""
     exact: dict[str, Any] = {f"{part}_tolerance": 0.0 for part in PARTS[kind]}
     exact |= {"adc_gain_error": 0.0, "adc_offset_error": 0.0, "adc_nonlinearity": 0.5}

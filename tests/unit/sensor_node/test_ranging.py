@@ -10,9 +10,9 @@ import pytest
 from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.firmware.adaptation import Adaptation
 from eskin_sensor_node.firmware.autoranging import MOST, Autoranging, Readings
-from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.firmware.taxel.capacitive import CapacitiveTaxel
+from eskin_sensor_node.kinds.converter import Converter
 from eskin_sensor_node.machine.compilation import compiled_inversion
-from eskin_sensor_node.machine.converter import Converter
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, REPEAT_NS
 from eskin_sensor_node.machine.sampling import most_latency, most_repeats
@@ -204,7 +204,7 @@ def test_what_lies_beyond_an_end_is_bounded_by_the_range_that_goes_on_there(
 ) -> None:
     design = taxel("capacitive", **changes)
     sheet = data_sheet(design)
-    made, chosen = CHAINS["capacitive"](sheet), Adaptation(sheet)
+    made, chosen = CapacitiveTaxel(sheet), Adaptation(sheet)
     chosen.gain, chosen.trim = gain, int(share * design.trimmer_steps)
     ranging = Autoranging(made, chosen, MOST)
     made.adjust(chosen.gain, chosen.trim)
@@ -233,7 +233,7 @@ def test_what_lies_beyond_an_end_is_bounded_by_the_range_that_goes_on_there(
 
 def test_end_that_nothing_goes_beyond_is_told_as_it_is() -> None:
     sheet = data_sheet(taxel("capacitive", gain_least=1.0))
-    made = CHAINS["capacitive"](sheet)
+    made = CapacitiveTaxel(sheet)
     readings = Readings([[4095]], [[0]])
     Autoranging(made, Adaptation(sheet), MOST).repeat(
         readings, 0, 0, lambda *_: pytest.fail("asked")

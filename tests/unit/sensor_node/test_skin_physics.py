@@ -7,14 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.selftest import CERTAIN, SelfTest
-from eskin_sensor_node.frontend import build_frontend
+from eskin_sensor_node.kinds.pad.inversion import PadInversion
+from eskin_sensor_node.kinds.pad.physics import Pads
+from eskin_sensor_node.kinds.pad.settings import PadSection
+from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
-from eskin_sensor_node.physics import build_world
-from eskin_sensor_node.physics.pad import Pads
-from eskin_sensor_node.taxels import PadSection
 from eskin_sensor_node.world.scenario import Stage, read_scenario
 from eskin_sensor_node.world.skin import unmix
-from eskin_sensor_node.world.skin.pressing import PadInversion
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
@@ -27,7 +26,7 @@ from tests.unit.sensor_node.scenario.scripts import HEAD, TAP, write
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
 
     from eskin.interval import Floats
 
@@ -55,7 +54,7 @@ def pad_of(scene: str, place: str, **changes: Any) -> PadSection:
     return made
 
 
-def truth(design: AnyTaxel, times: Floats = TIMES) -> dict[str, Floats]:
+def truth(design: TaxelSection, times: Floats = TIMES) -> dict[str, Floats]:
     random = np.random.default_rng(1)
     return build_world(design, random).signals(times, random).truth
 

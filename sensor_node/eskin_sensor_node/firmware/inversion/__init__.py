@@ -7,19 +7,21 @@ Each ``measure_…`` fills buffers sample by sample, as an interrupt's buffer is
 Calibrations are tuples of floats that `eskin_sensor_node.firmware.calibration` makes.
 """
 
-from eskin_sensor_node.firmware.inversion.air import measure_moist, measure_still, measure_warm
-from eskin_sensor_node.firmware.inversion.amplified import measure_amplified
 from eskin_sensor_node.firmware.inversion.capacitive import measure_capacitive
-from eskin_sensor_node.firmware.inversion.eddy import measure_eddy
-from eskin_sensor_node.firmware.inversion.humidity import measure_humidity
+from eskin_sensor_node.firmware.inversion.codes import measure_amplified
+from eskin_sensor_node.firmware.inversion.coil import measure_eddy
+from eskin_sensor_node.firmware.inversion.hygrometer import measure_humidity
 from eskin_sensor_node.firmware.inversion.inductive import measure_inductive
 from eskin_sensor_node.firmware.inversion.pad import (
     measure_felt,
+    measure_moist,
     measure_neighbour,
     measure_nobody,
     measure_pressure,
+    measure_still,
+    measure_warm,
 )
-from eskin_sensor_node.firmware.inversion.temperature import measure_temperature
+from eskin_sensor_node.firmware.inversion.thermometer import measure_temperature
 from eskin_sensor_node.firmware.inversion.touch import measure_touch
 
 TYPE_CHECKING = False

@@ -30,3 +30,20 @@ def scaled(lo: float, hi: float, factor: "Bounds") -> "Bounds":
         down(lo * (factor[0] if lo >= 0.0 else factor[1])),
         up(hi * (factor[1] if hi >= 0.0 else factor[0])),
     )
+
+
+def measure_amplified(
+    codes: "Codes",
+    n: int,
+    last: int,
+    adc: "Adc",
+    reach: float,
+    gain: "Bounds",
+    lo: "Buffer",
+    hi: "Buffer",
+) -> None:
+    """A quantity behind an amplifier: the input divided by the gain."""
+    for k in range(n):
+        v_lo, v_hi = code_bounds(codes[k], last, adc, reach)
+        lo[k] = down(v_lo / (gain[1] if v_lo >= 0.0 else gain[0]))
+        hi[k] = up(v_hi / (gain[0] if v_hi >= 0.0 else gain[1]))

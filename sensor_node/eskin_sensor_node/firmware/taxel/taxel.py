@@ -6,11 +6,15 @@ from eskin_sensor_node.firmware.rounding import down, up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from array import array
     from collections.abc import Mapping, Sequence
     from types import ModuleType
 
     from eskin_sensor_node.firmware.calibration import Bounds, Sheet
     from eskin_sensor_node.firmware.inversion import Buffer, Codes
+
+    Memory = tuple[array[int], array[float], array[float]]
+    """Codes, and the bounds of what each of them means; slot by slot."""
 
 
 class Taxel:

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
     from eskin_sensor_node.firmware.calibration import Bounds, Sheet
     from eskin_sensor_node.firmware.inversion import Buffer, Codes
-    from eskin_sensor_node.firmware.taxel.air import Memory
+    from eskin_sensor_node.firmware.taxel.taxel import Memory
 
 
 class ThermometerTaxel(Taxel):

@@ -20,16 +20,16 @@ import numpy as np
 
 from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.interval import Interval
-from eskin_sensor_node.physics.parameters import TRUE_VACUUM_PERMITTIVITY, draw_part
-from eskin_sensor_node.taxels import PadSection
+from eskin_sensor_node.kinds.parameters import TRUE_VACUUM_PERMITTIVITY, draw_part
 from eskin_sensor_node.world.scenario import Stage, read_scenario
+from eskin_sensor_node.world.scenario.fit import Staged
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from eskin.interval import Floats
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.power.settings import EnergySection
-    from eskin_sensor_node.taxels import AnyTaxel
 
 Value = TypeVar("Value", float, Interval)
 
@@ -80,10 +80,10 @@ class Harvester:
         origin: s of the scenario at which it begins.
     """
 
-    def __init__(self, taxels: Sequence[AnyTaxel], origin: float = 0.0) -> None:
+    def __init__(self, taxels: Sequence[TaxelSection], origin: float = 0.0) -> None:
         pads: dict[str, list[str]] = {}
         for taxel in taxels:
-            if isinstance(taxel, PadSection):
+            if isinstance(taxel, Staged) and taxel.pressed:
                 pads.setdefault(taxel.scenario, []).append(taxel.place)
         self._stages = [Stage(read_scenario(name), places) for name, places in pads.items()]
         self._swings = [_Swings(len(stage.places)) for stage in self._stages]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.interval import Interval
+from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.machine.power.idle import idle_power
 from eskin_sensor_node.machine.power.pulse import pulse_energy
-from eskin_sensor_node.physics.parameters import draw_part
 
 if TYPE_CHECKING:
     import numpy as np

@@ -15,9 +15,9 @@ from eskin_sensor_node.machine.work_counters import WorkCounters
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.machine import Machine
     from eskin_sensor_node.machine.power.settings import EnergySection
-    from eskin_sensor_node.taxels import AnyTaxel
 
 STEP: Final = BILLION // 4
 """ns from one look at the supply to the next."""
@@ -39,7 +39,7 @@ class PowerPlant:
         machine: Machine,
         section: EnergySection,
         *,
-        taxels: Sequence[AnyTaxel],
+        taxels: Sequence[TaxelSection],
         seed: tuple[int, ...],
         watch: Callable[[int, WorkCounters], None],
     ) -> None:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from eskin_sensor_node.machine.converter import Converter
+from eskin_sensor_node.kinds.converter import Converter
+from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.machine.power.loads import Loads
-from eskin_sensor_node.physics.parameters import draw_part
 
 if TYPE_CHECKING:
     from eskin_sensor_node.machine.power.settings import EnergySection

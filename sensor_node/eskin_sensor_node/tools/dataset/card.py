@@ -13,7 +13,7 @@ from eskin_sensor_node.world.scenario import LABELS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.tools.dataset.plan import Plan
     from eskin_sensor_node.tools.dataset.split import Split
 
@@ -129,7 +129,7 @@ def _columns(plan: Plan) -> Iterator[str]:
         yield f"| `{field.name}` | {field.type} | {meta['unit']} | {meta['meaning']} |"
 
 
-def _sheet(taxels: Sequence[AnyTaxel]) -> str:
+def _sheet(taxels: Sequence[TaxelSection]) -> str:
     """The keys of a data sheet, as they would stand in a profile."""
     if not taxels:
         return "none."

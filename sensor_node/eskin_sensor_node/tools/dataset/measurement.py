@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin.interval import Interval
-from eskin_sensor_node.frontend import build_frontend
+from eskin_sensor_node.kinds.pad.inversion import PadInversion
+from eskin_sensor_node.kinds.registry import build_frontend
 from eskin_sensor_node.machine.inversion import Inversion
 from eskin_sensor_node.world.skin import unmix
-from eskin_sensor_node.world.skin.pressing import PadInversion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from eskin.interval import Floats
-    from eskin_sensor_node.taxels import AnyTaxel, PadSection
+    from eskin_sensor_node.kinds.pad.settings import PadSection
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.world.skin.skin import Indices
 
 
@@ -31,7 +32,7 @@ class Chains:
 
     def __init__(
         self,
-        taxels: Sequence[AnyTaxel],
+        taxels: Sequence[TaxelSection],
         parts: Sequence[np.random.Generator],
         noises: Sequence[np.random.Generator],
     ) -> None:

@@ -12,13 +12,11 @@ from pydantic import ValidationError
 from eskin.constants import VACUUM_PERMITTIVITY
 from eskin.errors import ScenarioError
 from eskin.union_bound import union_coverage
-from eskin_sensor_node.taxels import (
-    BioelectricSection,
-    CoilSection,
-    HygrometerSection,
-    PadSection,
-    ThermometerSection,
-)
+from eskin_sensor_node.kinds.bioelectric.settings import BioelectricSection
+from eskin_sensor_node.kinds.coil.settings import CoilSection
+from eskin_sensor_node.kinds.hygrometer.settings import HygrometerSection
+from eskin_sensor_node.kinds.pad.settings import PadSection
+from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
 from eskin_sensor_node.tools.dataset.columns import COIL, PAD, SURROUNDINGS
 from eskin_sensor_node.world.scenario import read_scenario
 from eskin_sensor_node.world.scenario.file import refusal
@@ -26,7 +24,7 @@ from eskin_sensor_node.world.scenario.fit import Staged
 
 if TYPE_CHECKING:
     from eskin.interval import Floats
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.tools.dataset.columns import Quantity
     from eskin_sensor_node.world.scenario import Script
 
@@ -120,7 +118,7 @@ class Plan:
         # What a pad tells of its contacts follows from the air, too.
         air = (self.thermometer, self.hygrometer)
         told = [union_coverage(*(each.coverage for each in (pad, *air))) for pad in self.pads]
-        rest: list[AnyTaxel] = [*self.coils, self.electrode]
+        rest: list[TaxelSection] = [*self.coils, self.electrode]
         return min(told + [taxel.coverage for taxel in rest])
 
 

@@ -8,8 +8,8 @@ import numpy as np
 import pyarrow as pa
 
 from eskin.interval import Interval
-from eskin_sensor_node.physics.coil import Coils
-from eskin_sensor_node.physics.pad import Pads
+from eskin_sensor_node.kinds.coil.physics import Coils
+from eskin_sensor_node.kinds.pad.physics import Pads
 from eskin_sensor_node.tools.dataset.columns import HI, LO, SURROUNDINGS, TRUE, schema
 from eskin_sensor_node.tools.dataset.measurement import Chains, SkinInversion
 from eskin_sensor_node.world.scenario import LABELS, Stage
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from eskin.interval import Floats
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.tools.dataset.plan import Plan
     from eskin_sensor_node.world.scenario import Stimulus
 
@@ -56,7 +56,7 @@ class Run:
             self._coils = Coils(plan.coils, parts, stage=stage, faults=script.fault)
             self._coil_chains = Chains(plan.coils, parts, self._randoms(_COIL_NOISE, n))
         self._broken = broken
-        sensors: list[AnyTaxel] = [plan.thermometer, plan.hygrometer, plan.electrode]
+        sensors: list[TaxelSection] = [plan.thermometer, plan.hygrometer, plan.electrode]
         parts, noises = (self._randoms(each, 3) for each in (_AROUND_PARTS, _AROUND_NOISE))
         self._around = [
             Chains([sensor], [parts[k]], [noises[k]]) for k, sensor in enumerate(sensors)

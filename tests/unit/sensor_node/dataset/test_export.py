@@ -12,7 +12,6 @@ import numpy as np
 import pyarrow.csv
 import pyarrow.parquet
 import pytest
-from eskin_sensor_node.firmware.taxel import CHAINS
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.inversion import Inversion
 from eskin_sensor_node.tools.dataset import Plan, write_dataset
@@ -137,7 +136,7 @@ def test_air_is_what_a_node_s_sensors_tell_of_the_same_codes(tmp_path: Path) -> 
     plan = Plan.of(path, seeds=range(2), test=1, rate=50.0)
     for sensor in (plan.thermometer, plan.hygrometer, plan.electrode):
         # Of the same data sheet as a taxel of a node, so of the same arithmetic.
-        firmware = CHAINS[sensor.chain](data_sheet(sensor))
+        firmware = sensor.firmware(data_sheet(sensor))
         codes = {name: np.arange(0, 4096, 97) for name in firmware.inputs}
         bounds = [array("d", bytes(8 * 43)) for _ in range(2)]
         firmware.measure(

@@ -10,7 +10,7 @@ from eskin_sensor_node.firmware.control_unit import ControlUnit
 from eskin_sensor_node.firmware.energy import EnergyManager
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.selftest import SelfTest
-from eskin_sensor_node.firmware.taxel import CHAINS, Taxel
+from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
 from tests.unit.sensor_node.firmware.answers import Answers
 from tests.unit.sensor_node.firmware.notation import hexadecimal, hexadecimals, text
@@ -39,7 +39,7 @@ class Recorder:
         self._answers: list[Any] = []
         self._again: dict[int, list[tuple[int, int, int, list[Any]]]] = {}
         # By taxel: one that is read along is made within another one.
-        self._sheets: dict[Taxel, tuple[str, Mapping[str, float]]] = {}
+        self._sheets: dict[Taxel, tuple[type[Taxel], Mapping[str, float]]] = {}
         self._watch_making(monkeypatch)
         self._watch_working(monkeypatch)
         self._watch_telling(monkeypatch)
@@ -48,7 +48,6 @@ class Recorder:
         self._watch_self_test(monkeypatch)
 
     def _watch_making(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        kinds = {made: name for name, made in CHAINS.items()}
         make_clock, make_taxel, make_unit = Clock.__init__, Taxel.__init__, ControlUnit.__init__
 
         def clock(made: Clock, reading: int, error: int, drift: int) -> None:
@@ -56,7 +55,7 @@ class Recorder:
             make_clock(made, reading, error, drift)
 
         def taxel(made: Taxel, sheet: Mapping[str, float], *rest: Any) -> None:
-            self._sheets[made] = (kinds[type(made)], sheet)
+            self._sheets[made] = (type(made), sheet)
             make_taxel(made, sheet, *rest)
 
         def unit(made: ControlUnit, name: str, calibrated: Taxel, **given: Any) -> None:
@@ -294,7 +293,8 @@ class Recorder:
         schedule = given["schedule"]
         return {
             "id": name,
-            "kind": kind,
+            "module": kind.__module__,
+            "class": kind.__name__,
             "sheet": hexadecimals(sheet),
             "schedule": [schedule.dt, schedule.block, schedule.burst, schedule.pause],
             "coverage": hexadecimal(given["coverage"]),

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.taxel.pad import PadTaxel
+from eskin_sensor_node.kinds.neighbours import patches
 from eskin_sensor_node.machine.data_sheet import coverage, data_sheet
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.world.neighbours import patches
 from eskin_sensor_node.world.scenario.file import scenario_text
 from eskin_sensor_node.world.skin import Crosstalk, FlatShape, unmix
 from hypothesis import given

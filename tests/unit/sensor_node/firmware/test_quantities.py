@@ -6,11 +6,10 @@ import math
 
 import mpmath
 from eskin_sensor_node.firmware.calibration import signed_part
-from eskin_sensor_node.firmware.inversion.air import change_bounds
-from eskin_sensor_node.firmware.inversion.eddy import lag_bounds, modulus_bounds
-from eskin_sensor_node.firmware.inversion.humidity import humidity_bounds
-from eskin_sensor_node.firmware.inversion.pad import felt_bounds
-from eskin_sensor_node.firmware.inversion.temperature import celsius_bounds
+from eskin_sensor_node.firmware.inversion.coil import lag_bounds, modulus_bounds
+from eskin_sensor_node.firmware.inversion.hygrometer import humidity_bounds
+from eskin_sensor_node.firmware.inversion.pad import change_bounds, felt_bounds
+from eskin_sensor_node.firmware.inversion.thermometer import celsius_bounds
 from eskin_sensor_node.firmware.rounding import INFINITY
 from hypothesis import given
 from hypothesis import strategies as st

@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from eskin_sensor_node.firmware.taxel import CHAINS
+from eskin_sensor_node.kinds.neighbours import measured_around
+from eskin_sensor_node.kinds.registry import KINDS
 from eskin_sensor_node.machine.prices import PRICES
 from eskin_sensor_node.machine.processor import Load, processor_load, require_speed
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.world.neighbours import measured_around
 
 from eskin.errors import SettingsError
 from tests.robustness.cortex_m33.machine import COMPILER, EMULATOR
@@ -36,7 +36,7 @@ def sampled(folder: Path, profile: str = "fingertip", **sampling: Any) -> Load:
 
 def test_every_chain_has_a_counted_price_and_a_sane_one() -> None:
     counted = Table.read().prices
-    assert set(CHAINS) < counted.keys()
+    assert {kind.chain for kind in KINDS.values()} < counted.keys()
     for name, (least, most) in counted.items():
         assert 0 <= least <= most, name
         # An instruction takes a cycle at least, and less than two on the mean.

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_sensor_node.frontend import build_frontend
+from eskin_sensor_node.kinds.recorded import RecordedWorld
+from eskin_sensor_node.kinds.registry import Taxel, build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.physics import build_world
-from eskin_sensor_node.physics.recorded import RecordedWorld
-from eskin_sensor_node.taxels import Taxel
 from pydantic import TypeAdapter
 
 from eskin.errors import RecordingError
@@ -22,7 +20,7 @@ from tests.unit.sensor_node.designs import START, Bench, table
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_sensor_node.taxels import AnyTaxel
+    from eskin_sensor_node.kinds.settings import TaxelSection
 
     from eskin.interval import Interval
 
@@ -40,8 +38,8 @@ def design(path: Path, kind: str = "capacitance", **changes: Any) -> dict[str, A
     return source | own | changes
 
 
-def sheet(path: Path, kind: str = "capacitance", **changes: Any) -> AnyTaxel:
-    made: AnyTaxel = TypeAdapter(Taxel).validate_python(design(path, kind, **changes))
+def sheet(path: Path, kind: str = "capacitance", **changes: Any) -> TaxelSection:
+    made: TaxelSection = TypeAdapter(Taxel).validate_python(design(path, kind, **changes))
     return made
 
 

@@ -1,0 +1,1 @@
+"""Kinds of sensing element: a folder each, and what they share."""
