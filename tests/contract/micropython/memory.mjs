@@ -15,16 +15,18 @@ function used() {
 
 port.runPython('import gc, json, sys; sys.path.append("/")');
 const empty = used();
-for (const name of port.FS.readdir('/sensor_node/eskin_sensor_node/firmware').filter((name) => !name.startsWith('.'))) {
-  if (name !== '__init__.py') port.runPython(`import eskin_sensor_node.firmware.${name.replace('.py', '')}`);
+for (const folder of ['firmware', 'firmware/taxel']) {
+  const names = port.FS.readdir(`/eskin_sensor_node/${folder}`).filter((name) => !name.startsWith('.'));
+  for (const name of names.filter((name) => name !== '__init__.py'))
+    port.runPython(`import eskin_sensor_node.${folder.replace('/', '.')}.${name.replace('.py', '')}`);
 }
 const loaded = used();
-port.runPython('from tests.micropython import driver');
+port.runPython('from tests.contract.micropython import driver');
 port.runPython(`
 with open('/job.json') as file:
     job = json.load(file)
 clock = driver.Clock(int(job['reading']), job['error'], job['drift'])
-scribe = driver.Scribe(job['boot'], driver.Counter())
+scribe = driver.MessageWriter(job['boot'], driver.Counter())
 units = []
 given = iter(job['taxels'])
 taxels = len(job['taxels'])

@@ -10,7 +10,7 @@ import numpy as np
 
 from eskin.errors import RecordingError
 from eskin.interval import Interval
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin.wire.timestamp import SECOND
 from eskin_sensor_node.world.replay.rows import read_rows
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class _Track:
         """Take the next row; refuse one that does not come after the last."""
         if self.times and row.time <= self.times[-1]:
             what = "stands twice" if row.time == self.times[-1] else "runs backwards"
-            reason = f"time {row.time / BILLION:.9g} s of {row.channel} {what}"
+            reason = f"time {row.time / SECOND:.9g} s of {row.channel} {what}"
             raise RecordingError(file, row.place, reason)
         self.times.append(row.time)
         self.lo.append(row.lo)
@@ -136,7 +136,7 @@ class _Track:
     def gaps(self, file: Path, name: str) -> Iterator[RecordingError]:
         """A line about each gap."""
         for k in self._broken():
-            lost = (self.times[k + 1] - self.times[k]) / BILLION
+            lost = (self.times[k + 1] - self.times[k]) / SECOND
             reason = f"gap of {lost:.6g} s in {name} before this; it is kept as a gap"
             yield RecordingError(file, self.places[k + 1], reason)
 

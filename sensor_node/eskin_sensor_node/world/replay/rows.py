@@ -15,13 +15,13 @@ import pyarrow as pa
 import pyarrow.parquet
 
 from eskin.errors import RecordingError, shown
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin.wire.timestamp import SECOND
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-_TIMES: Final = {"time": BILLION, "time_s": BILLION, "time_ns": 1}
+_TIMES: Final = {"time": SECOND, "time_s": SECOND, "time_ns": 1}
 """Column to its nanoseconds."""
 _PLAIN: Final = (
     pa.types.is_integer,
