@@ -125,13 +125,13 @@ static void add(const memory_t *memory, int code, buffer_t k, int sample)
     k.hi[sample] = up(k.hi[sample] + memory->highs[slot]);
 }
 
-void measure_still(int n, bounds_t stated, buffer_t k)
+void measure_permittivity(int n, bounds_t stated, buffer_t k)
 {
     for (int j = 0; j < n; j++)
         k.lo[j] = stated.lo, k.hi[j] = stated.hi;
 }
 
-int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, bounds_t slope,
+int measure_thermal_change(const input_t *in, bounds_t divider, bounds_t tolerance, bounds_t slope,
                  const memory_t *memory, buffer_t k)
 {
     int new = 0;
@@ -147,7 +147,7 @@ int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, bounds
     return new;
 }
 
-int measure_moist(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
+int measure_humidity_change(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
                   double error, bounds_t slope, const memory_t *memory, buffer_t k)
 {
     int new = 0;

@@ -119,25 +119,25 @@ static void humidity(void)
     COUNT(measure_humidity(&in, factor, rest, sensitivity, error, h));
 }
 
-static void still(void)
+static void permittivity(void)
 {
     int n = integer();
     bounds_t stated = bounds();
     buffer_t k = buffer();
-    COUNT(measure_still(n, stated, k));
+    COUNT(measure_permittivity(n, stated, k));
 }
 
-static void warm(void)
+static void thermal_change(void)
 {
     input_t in = input();
     bounds_t divider = bounds(), tolerance = bounds();
     bounds_t slope = bounds();
     memory_t known = memory();
     buffer_t k = buffer();
-    COUNT(measure_warm(&in, divider, tolerance, slope, &known, k));
+    COUNT(measure_thermal_change(&in, divider, tolerance, slope, &known, k));
 }
 
-static void moist(void)
+static void humidity_change(void)
 {
     input_t in = input();
     bounds_t factor = bounds(), rest = bounds(), sensitivity = bounds();
@@ -145,7 +145,7 @@ static void moist(void)
     bounds_t slope = bounds();
     memory_t known = memory();
     buffer_t k = buffer();
-    COUNT(measure_moist(&in, factor, rest, sensitivity, error, slope, &known, k));
+    COUNT(measure_humidity_change(&in, factor, rest, sensitivity, error, slope, &known, k));
 }
 
 static void felt(void)
@@ -158,13 +158,13 @@ static void felt(void)
     COUNT(measure_felt(&in, factor, &pad, c, i, d, p));
 }
 
-static void nobody(void)
+static void unknown(void)
 {
     int n = integer();
     double most = real();
     int missing = integer();
     double *total = reals(), *least = reals();
-    COUNT(measure_nobody(n, most, missing, total, least));
+    COUNT(measure_unknown(n, most, missing, total, least));
 }
 
 static void neighbour(void)
@@ -293,9 +293,11 @@ static const struct {
     {"capacitive", capacitive},   {"touch", touch},
     {"inductive", inductive},     {"eddy", eddy},
     {"temperature", temperature}, {"humidity", humidity},
-    {"still", still},             {"warm", warm},
-    {"moist", moist},             {"felt", felt},
-    {"nobody", nobody},           {"neighbour", neighbour},
+    {"permittivity", permittivity},
+    {"thermal_change", thermal_change},
+    {"humidity_change", humidity_change},
+    {"felt", felt},
+    {"unknown", unknown},         {"neighbour", neighbour},
     {"pressure", pressure},       {"rest", rest},
     {"smoothing", smoothing},     {"peaks", peaks},
     {"encode_f64", encode_f64},   {"encode_f32", encode_f32},

@@ -63,14 +63,14 @@ void measure_eddy(const input_t *in, const int32_t *quadrature, bounds_t modulus
 void measure_temperature(const input_t *in, bounds_t divider, bounds_t tolerance, buffer_t t);
 void measure_humidity(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
                       double error, buffer_t h);
-void measure_still(int n, bounds_t stated, buffer_t k);
-int measure_warm(const input_t *in, bounds_t divider, bounds_t tolerance, bounds_t slope,
+void measure_permittivity(int n, bounds_t stated, buffer_t k);
+int measure_thermal_change(const input_t *in, bounds_t divider, bounds_t tolerance, bounds_t slope,
                  const memory_t *memory, buffer_t k);
-int measure_moist(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
+int measure_humidity_change(const input_t *in, bounds_t factor, bounds_t rest, bounds_t sensitivity,
                   double error, bounds_t slope, const memory_t *memory, buffer_t k);
 void measure_felt(const input_t *in, bounds_t factor, const pad_t *pad, buffer_t c, buffer_t i,
                   buffer_t d, buffer_t p);
-void measure_nobody(int n, double most, int missing, double *total, double *least);
+void measure_unknown(int n, double most, int missing, double *total, double *least);
 void measure_neighbour(int n, double most, const double *felt_lo, const double *felt_hi,
                        double *total, double *least);
 void measure_pressure(int n, bounds_t area, double most, const crosstalk_t *crosstalk, buffer_t a,

@@ -40,7 +40,7 @@ void measure_felt(const input_t *in, bounds_t factor, const pad_t *pad, buffer_t
     }
 }
 
-void measure_nobody(int n, double most, int missing, double *total, double *least)
+void measure_unknown(int n, double most, int missing, double *total, double *least)
 {
     for (int k = 0; k < n; k++)
         total[k] = up(missing * most), least[k] = most;

@@ -81,7 +81,7 @@ def changes() -> list[Change]:
     return found
 
 
-def run(command: Sequence[str | Path], copy: Path, **options: str) -> None:
+def run(command: Sequence[str | Path], copy: Path, given: str = "") -> None:
     """Run a command that finds the copied package before the installed one."""
     path = os.pathsep.join([str(copy / "sensor_node"), str(ROOT)])
     done = subprocess.run(
@@ -91,7 +91,7 @@ def run(command: Sequence[str | Path], copy: Path, **options: str) -> None:
         capture_output=True,
         text=True,
         check=False,
-        **options,
+        input=given,
     )
     assert done.returncode == 0, done.stderr
 
@@ -109,7 +109,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
             (root / path).write_text(text)
         elif language == "diff":
             patch = f"--- a/{path}\n+++ b/{path}\n{text}"
-            run(["git", "apply", "--recount", "--unidiff-zero", "-"], root, input=patch)
+            run(["git", "apply", "--recount", "--unidiff-zero", "-"], root, patch)
     return root
 
 

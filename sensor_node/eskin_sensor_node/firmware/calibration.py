@@ -3,9 +3,6 @@
 A part of value v and tolerance t lies in ``v·[1 - t, 1 + t]``; a sheet is a map of SI values.
 """
 
-from math import sqrt
-
-from eskin_sensor_node.firmware.arctangent import arctangent
 from eskin_sensor_node.firmware.rounding import TWO_PI_HI, TWO_PI_LO, down, up
 
 TYPE_CHECKING = False
@@ -114,49 +111,3 @@ def distance(sheet: "Sheet", steps: int) -> "Bounds":
         step = part(sheet, "actuator_step")
         lo, hi = down(lo + down(steps * step[0])), up(hi + up(steps * step[1]))
     return lo, hi
-
-
-def plate(sheet: "Sheet", steps: int) -> "Bounds":
-    """``ε/d``: a plate's capacitance for each area (eq. 2)."""
-    permittivity = product(EPSILON_0, part(sheet, "relative_permittivity"))
-    return quotient(permittivity, distance(sheet, steps))
-
-
-def half_square(sheet: "Sheet") -> "Bounds":
-    """``½V²``: the energy for each capacitance."""
-    supply = part(sheet, "supply")
-    lo, hi = product(supply, supply)
-    return 0.5 * lo, 0.5 * hi
-
-
-def plates(sheet: "Sheet") -> "Bounds":
-    """``ε0·εr·A``: a capacitance times the distance of its plates (eq. 2)."""
-    permittivity = product(EPSILON_0, part(sheet, "relative_permittivity"))
-    return product(permittivity, part(sheet, "plate_area"))
-
-
-def pressed(sheet: "Sheet", steps: int) -> "tuple[Bounds, Bounds, Bounds]":
-    """A pad: ε0·εr·A, distance at rest, elasticity."""
-    return plates(sheet), distance(sheet, steps), part(sheet, "elasticity")
-
-
-def platinum(sheet: "Sheet") -> "Bounds":
-    """How far a platinum resistor is off: in K, and for each K away from 0 °C.
-
-    At the true t it shows ``s = t ± (a + b·|t|)``, so t is ``s ± (a + b·(|s| + a)/(1 - b))``.
-    """
-    constant, growing = sheet["tolerance_K"], sheet["tolerance_per_K"]
-    growing = up(growing / down(1.0 - growing))
-    return up(constant + up(growing * constant)), growing
-
-
-def empty_coil(sheet: "Sheet") -> "tuple[Bounds, Bounds]":
-    """``|Z0|/(G·V)`` and ``atan(R/(ωL0))`` of a coil without metal."""
-    resistance = part(sheet, "coil_resistance")
-    omega = product((TWO_PI_LO, TWO_PI_HI), part(sheet, "excitation"))
-    reactance = product(omega, part(sheet, "inductance"))
-    r, x = product(resistance, resistance), product(reactance, reactance)
-    modulus = down(sqrt(down(r[0] + x[0]))), up(sqrt(up(r[1] + x[1])))
-    ratio = quotient(resistance, reactance)
-    driven = product(part(sheet, "drive"), part(sheet, "demodulator_gain"))
-    return quotient(modulus, driven), (arctangent(ratio[0])[0], arctangent(ratio[1])[1])

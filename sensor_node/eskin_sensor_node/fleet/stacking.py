@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from eskin_sensor_node.kinds.converter import Converter
-from eskin_sensor_node.kinds.frontend import Amplified
+from eskin_sensor_node.kinds.frontend import Frontend
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -33,7 +33,7 @@ def stacked(alike: Sequence[Kind]) -> Kind:
 
 def _stacked(values: list[Any]) -> Any:
     first = values[0]
-    if isinstance(first, Converter | Amplified):
+    if isinstance(first, Converter | Frontend):
         return stacked(values)
     if isinstance(first, dict):
         return {key: _stacked([value[key] for value in values]) for key in first}

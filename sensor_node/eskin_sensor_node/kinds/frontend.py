@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,23 +29,14 @@ class Digitised:
     held: dict[str, Floats]
 
 
-class Frontend(Protocol):
-    """An analogue chain with its ADC."""
+class Frontend:
+    """An analogue chain with an ADC behind an amplifier; each kind has its own."""
+
+    _converter: Converter
 
     def digitise(self, sensed: Mapping[str, Floats], random: np.random.Generator) -> Digitised:
         """Run the chain on what the sensor gives."""
-
-    def adjust(self, gain: float, trim: int) -> None:
-        """Set the amplifier before the converter, and the trimmer to one of its steps."""
-
-    def repeat(self, held: Floats, gain: float, trim: int) -> Codes:
-        """Codes of what is held, with another gain and step of the trimmer."""
-
-
-class Amplified:
-    """What all chains have: a converter behind an amplifier."""
-
-    _converter: Converter
+        raise NotImplementedError
 
     def adjust(self, gain: float, trim: int) -> None:
         """Set the amplifier before the converter, and the trimmer to one of its steps."""
@@ -60,7 +51,7 @@ class Amplified:
         return Digitised(truth, codes, held)
 
 
-class CompaniedFrontend:
+class CompaniedFrontend(Frontend):
     """A chain, and others with one input each that are sampled at the same instants.
 
     Args:

@@ -9,7 +9,7 @@ from pydantic import ValidationInfo, field_validator
 
 from eskin_sensor_node.firmware.taxel.inductive import InductiveTaxel
 from eskin_sensor_node.kinds.converter import Converter
-from eskin_sensor_node.kinds.frontend import Amplified
+from eskin_sensor_node.kinds.frontend import Frontend
 from eskin_sensor_node.kinds.parameters import draw_noise, draw_part
 from eskin_sensor_node.kinds.settings import Positive, Rate, TaxelSection, Tolerance, above, unit
 
@@ -59,7 +59,7 @@ class LcSection(TaxelSection):
         return above(info, value, "adc_min_V", "adc_min")
 
 
-class LcFrontend(Amplified):
+class LcFrontend(Frontend):
     """L → LC oscillator (eq. 12) → V = f/f_ref → ADC."""
 
     def __init__(self, taxel: LcSection, random: np.random.Generator) -> None:

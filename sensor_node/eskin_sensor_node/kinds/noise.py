@@ -47,4 +47,4 @@ class GaussianNoise(Section):
 
 
 Noise: TypeAlias = Annotated[UniformNoise | GaussianNoise, Field(discriminator="kind")]
-"""One of the two, told apart by ``kind``."""
+"""One of the two, which ``kind`` names."""

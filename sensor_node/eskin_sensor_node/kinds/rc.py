@@ -9,7 +9,7 @@ from pydantic import ValidationInfo, field_validator
 
 from eskin_sensor_node.firmware.taxel.capacitive import CapacitiveTaxel
 from eskin_sensor_node.kinds.converter import Converter
-from eskin_sensor_node.kinds.frontend import Amplified
+from eskin_sensor_node.kinds.frontend import Frontend
 from eskin_sensor_node.kinds.parameters import draw_noise, draw_part
 from eskin_sensor_node.kinds.settings import Positive, Rate, TaxelSection, Tolerance, above, unit
 
@@ -50,7 +50,7 @@ class CapacitanceSection(RcSection):
     current_prominence: Positive | None = unit("current_prominence_A", None)
 
 
-class RcFrontend(Amplified):
+class RcFrontend(Frontend):
     """C → RC oscillator (eq. 6) → V = f/f_ref → I = Gm·V → ADC.
 
     Args:

@@ -85,7 +85,7 @@ class TaxelSection(Section):
 
     id: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,30}$",
-        description="such as t01; one that begins with bio- tells of a person by all it measures",
+        description="such as t01; all that one beginning with bio- measures identifies a person",
     )
     noise: Noise = Field(description="disturbance of the measurement")
     position: tuple[Place, Place] | None = unit(

@@ -14,12 +14,12 @@ from eskin_sensor_node.firmware.inversion.hygrometer import measure_humidity
 from eskin_sensor_node.firmware.inversion.inductive import measure_inductive
 from eskin_sensor_node.firmware.inversion.pad import (
     measure_felt,
-    measure_moist,
+    measure_humidity_change,
     measure_neighbour,
-    measure_nobody,
+    measure_permittivity,
     measure_pressure,
-    measure_still,
-    measure_warm,
+    measure_thermal_change,
+    measure_unknown,
 )
 from eskin_sensor_node.firmware.inversion.thermometer import measure_temperature
 from eskin_sensor_node.firmware.inversion.touch import measure_touch
@@ -35,13 +35,13 @@ __all__ = [
     "measure_eddy",
     "measure_felt",
     "measure_humidity",
+    "measure_humidity_change",
     "measure_inductive",
-    "measure_moist",
     "measure_neighbour",
-    "measure_nobody",
+    "measure_permittivity",
     "measure_pressure",
-    "measure_still",
     "measure_temperature",
+    "measure_thermal_change",
     "measure_touch",
-    "measure_warm",
+    "measure_unknown",
 ]

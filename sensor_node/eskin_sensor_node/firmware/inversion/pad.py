@@ -6,7 +6,7 @@ mean of its neighbours' own a share that is between nothing and its crosstalk. A
 pressure is at most what that one feels; this bound depends on no third pad, so that one pass over
 the neighbours is as good as any iteration.
 
-One capacitance cannot tell a small contact that presses hard from a large one that presses
+One capacitance does not separate a small contact that presses hard from a large one that presses
 lightly. So the contact area is bounded by two statements of the data sheet: no contact presses
 with more than the greatest pressure (from below), and none covers more than the plate.
 
@@ -50,13 +50,13 @@ def change_bounds(lo: float, hi: float, reference: float, slope: "Bounds") -> "B
     )
 
 
-def measure_still(n: int, stated: "Bounds", k_lo: "Buffer", k_hi: "Buffer") -> None:
+def measure_permittivity(n: int, stated: "Bounds", k_lo: "Buffer", k_hi: "Buffer") -> None:
     """Begin with a permittivity over the data sheet's that is the same in all samples."""
     for k in range(n):
         k_lo[k], k_hi[k] = stated
 
 
-def measure_warm(
+def measure_thermal_change(
     codes: "Codes",
     n: int,
     last: int,
@@ -104,7 +104,7 @@ def measure_warm(
     return new
 
 
-def measure_moist(
+def measure_humidity_change(
     codes: "Codes",
     n: int,
     last: int,
@@ -121,7 +121,7 @@ def measure_moist(
     k_lo: "Buffer",
     k_hi: "Buffer",
 ) -> int:
-    """Add to the permittivity what the humidity changes of it; as `measure_warm` otherwise."""
+    """Add what the humidity changes of it; as `measure_thermal_change` otherwise."""
     new = 0
     for k in range(n):
         code = codes[k]
@@ -188,7 +188,7 @@ def measure_felt(
         p_lo[k], p_hi[k] = felt_bounds(lo, hi, rest, elasticity)
 
 
-def measure_nobody(n: int, most: float, missing: int, total: "Buffer", least: "Buffer") -> None:
+def measure_unknown(n: int, most: float, missing: int, total: "Buffer", least: "Buffer") -> None:
     """Begin with neighbours of which nothing is known: each may be pressed as hard as any."""
     for k in range(n):
         total[k], least[k] = up(missing * most), most
@@ -220,7 +220,7 @@ def measure_pressure(
 
     The area's buffers bring the least of what presses a neighbour, and the sum over all of them;
     the pressure's, what is felt. ``crosstalk``: the share that each neighbour hands on; how many of
-    them may be broken, and tell nothing; what all may hand on together, in Pa.
+    them may be broken, and give nothing; what all may hand on together, in Pa.
     """
     share, doubtful, most_handed = crosstalk
     for k in range(n):

@@ -27,7 +27,7 @@ def measure_touch(
 ) -> None:
     """Area ``C·d/ε`` in m², capacitance in F, energy ``½CV²`` in J (eq. 2, 10).
 
-    The noise lies on the plate: ``reaches`` tells how far it moves an area and a capacitance.
+    The noise lies on the plate: ``reaches``: how far it moves an area and a capacitance.
     """
     for k in range(n):
         i_lo, i_hi = code_bounds(codes[k], last, adc, 0.0)

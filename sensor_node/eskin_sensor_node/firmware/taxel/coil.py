@@ -1,13 +1,17 @@
 """A coil of a skin, which sees metal in two ways."""
 
-from eskin_sensor_node.firmware.calibration import converter, empty_coil
+from math import sqrt
+
+from eskin_sensor_node.firmware.arctangent import arctangent
+from eskin_sensor_node.firmware.calibration import converter, part, product, quotient
+from eskin_sensor_node.firmware.rounding import TWO_PI_HI, TWO_PI_LO, down, up
 from eskin_sensor_node.firmware.taxel.inductive import InductiveTaxel
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from eskin_sensor_node.firmware.calibration import Sheet
+    from eskin_sensor_node.firmware.calibration import Bounds, Sheet
     from eskin_sensor_node.firmware.inversion import Buffer, Codes
 
 
@@ -28,7 +32,7 @@ class CoilTaxel(InductiveTaxel):
         own = dict(sheet)
         own["adc_min"], own["adc_max"] = 0.0, sheet["demodulator_max"]
         self._demodulator = converter(own)
-        self._empty = empty_coil(sheet)
+        self._empty = _empty(sheet)
 
     def measure(self, codes: "Sequence[Codes]", n: int, bounds: "Sequence[Buffer]") -> None:
         """Frequency in Hz, inductance in H, distance in m; amplitude, and phase in rad."""
@@ -43,3 +47,15 @@ class CoilTaxel(InductiveTaxel):
             *self._empty,
             *bounds[6:],
         )
+
+
+def _empty(sheet: "Sheet") -> "tuple[Bounds, Bounds]":
+    """``|Z0|/(G·V)`` and ``atan(R/(ωL0))`` of a coil without metal."""
+    resistance = part(sheet, "coil_resistance")
+    omega = product((TWO_PI_LO, TWO_PI_HI), part(sheet, "excitation"))
+    reactance = product(omega, part(sheet, "inductance"))
+    r, x = product(resistance, resistance), product(reactance, reactance)
+    modulus = down(sqrt(down(r[0] + x[0]))), up(sqrt(up(r[1] + x[1])))
+    ratio = quotient(resistance, reactance)
+    driven = product(part(sheet, "drive"), part(sheet, "demodulator_gain"))
+    return quotient(modulus, driven), (arctangent(ratio[0])[0], arctangent(ratio[1])[1])

@@ -28,7 +28,7 @@ class HygrometerTaxel(Taxel):
         self, codes: "Codes", n: int, slope: "Bounds", memory: "Memory", lo: "Buffer", hi: "Buffer"
     ) -> int:
         """Add to a permittivity what the humidity changes; gives how many codes were new."""
-        return self._functions.measure_moist(  # type: ignore[no-any-return]  # of a module
+        return self._functions.measure_humidity_change(  # type: ignore[no-any-return]  # of a module
             codes,
             n,
             self._last,

@@ -3,10 +3,11 @@
 from array import array
 
 from eskin_sensor_node.firmware.calibration import (
+    EPSILON_0,
     distance,
     oscillator,
     part,
-    pressed,
+    product,
     quotient,
     signed_part,
 )
@@ -67,7 +68,7 @@ class Air:
         self, codes: "Sequence[Codes]", n: int, lows: "Buffer", highs: "Buffer"
     ) -> None:
         """Fill buffers with the permittivity over the data sheet's, from the sensors' codes."""
-        self._functions.measure_still(n, self._stated, lows, highs)
+        self._functions.measure_permittivity(n, self._stated, lows, highs)
         for k, (sensor, slope, memory) in enumerate(self._sensors):
             self.inverted[k] += sensor.change(codes[k], n, slope, memory, lows, highs)
 
@@ -98,7 +99,7 @@ class PadTaxel(Taxel):
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)
-        self._pad = pressed(sheet, 0)
+        self._stand(0)
         self._area = part(sheet, "plate_area")
         self._most = sheet["pressure_max"]
         self._doubtful = int(sheet["doubtful_neighbours"])
@@ -107,6 +108,12 @@ class PadTaxel(Taxel):
         self.inverted = self.air.inverted
         self.inputs = tuple(["current"] + self.air.inputs)  # noqa: RUF005 - MicroPython unpacks calls only
 
+    def _stand(self, steps: int) -> None:
+        """Take ε0·εr·A, the distance at rest and the elasticity, with the plates at a step."""
+        permittivity = product(EPSILON_0, part(self.sheet, "relative_permittivity"))
+        plates = product(permittivity, part(self.sheet, "plate_area"))
+        self._pad = plates, distance(self.sheet, steps), part(self.sheet, "elasticity")
+
     def surround(self, neighbours: int) -> None:
         """Sit among so many neighbours in the skin, whether they are measured or not."""
         self._neighbours = neighbours
@@ -114,7 +121,7 @@ class PadTaxel(Taxel):
 
     def move(self, before: int, steps: int) -> "Mapping[str, Bounds]":
         """Calculate with the plates at another step; gives by what quantities change."""
-        self._pad = pressed(self.sheet, steps)
+        self._stand(steps)
         ends = distance(self.sheet, before), distance(self.sheet, steps)
         nearer, farther = quotient(*ends), quotient(ends[1], ends[0])
         return {"capacitance": nearer, "current": farther, "plate_distance": farther}
@@ -142,7 +149,7 @@ class PadTaxel(Taxel):
         if self._doubtful >= len(around):
             around = ()
         missing = self._neighbours - len(around)
-        self._functions.measure_nobody(n, self._most, missing, total, least)
+        self._functions.measure_unknown(n, self._most, missing, total, least)
         for lows, highs in around:
             self._functions.measure_neighbour(n, self._most, lows, highs, total, least)
         handed = up(self.sheet["crosstalk"] * self._most)

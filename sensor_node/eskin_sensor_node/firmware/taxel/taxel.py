@@ -33,7 +33,7 @@ class Taxel:
     """How many of them, the first ones, are behind the amplifier and the trimmer."""
 
     derived: "tuple[str, ...]" = ()
-    """Quantities that are told of a cause, which a broken taxel does not feel any more."""
+    """Quantities of a cause, which a broken taxel does not measure any more."""
     inverted: "Sequence[int]" = ()
     """Of each sensor that is read along, how many codes had to be calculated so far."""
 

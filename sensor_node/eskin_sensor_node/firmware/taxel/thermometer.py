@@ -1,6 +1,6 @@
 """A platinum resistor that measures the temperature."""
 
-from eskin_sensor_node.firmware.calibration import part, platinum
+from eskin_sensor_node.firmware.calibration import part
 from eskin_sensor_node.firmware.rounding import down, up
 from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
@@ -22,13 +22,13 @@ class ThermometerTaxel(Taxel):
     def _calibrate(self, sheet: "Sheet") -> None:
         series, nominal = part(sheet, "series_resistance"), sheet["nominal"]
         self._divider = down(series[0] / nominal), up(series[1] / nominal)
-        self._tolerance = platinum(sheet)
+        self._tolerance = _deviation(sheet)
 
     def change(
         self, codes: "Codes", n: int, slope: "Bounds", memory: "Memory", lo: "Buffer", hi: "Buffer"
     ) -> int:
         """Add to a permittivity what the temperature changes; gives how many codes were new."""
-        return self._functions.measure_warm(  # type: ignore[no-any-return]  # of a module
+        return self._functions.measure_thermal_change(  # type: ignore[no-any-return]  # of a module
             codes,
             n,
             self._last,
@@ -47,3 +47,13 @@ class ThermometerTaxel(Taxel):
         self._functions.measure_temperature(
             codes[0], n, self._last, self._adc, self._reach, self._divider, self._tolerance, *bounds
         )
+
+
+def _deviation(sheet: "Sheet") -> "Bounds":
+    """How far a platinum resistor is off: in K, and for each K away from 0 °C.
+
+    At the true t it shows ``s = t ± (a + b·|t|)``, so t is ``s ± (a + b·(|s| + a)/(1 - b))``.
+    """
+    constant, growing = sheet["tolerance_K"], sheet["tolerance_per_K"]
+    growing = up(growing / down(1.0 - growing))
+    return up(constant + up(growing * constant)), growing

@@ -1,10 +1,11 @@
 """A touch that covers a plate."""
 
 from eskin_sensor_node.firmware.calibration import (
+    EPSILON_0,
     distance,
-    half_square,
     oscillator,
-    plate,
+    part,
+    product,
     quotient,
 )
 from eskin_sensor_node.firmware.rounding import up
@@ -27,11 +28,11 @@ class TouchTaxel(Taxel):
 
     def _calibrate(self, sheet: "Sheet") -> None:
         self._factor = oscillator(sheet)
-        self._energy_factor = half_square(sheet)
+        self._energy_factor = _half_square(sheet)
         self._stand(0)
 
     def _stand(self, steps: int) -> None:
-        per_area = plate(self.sheet, steps)
+        per_area = _per_area(self.sheet, steps)
         self._area_factor = quotient((1.0, 1.0), per_area)
         self._reaches = self._reach, up(per_area[1] * self._reach)
 
@@ -54,3 +55,16 @@ class TouchTaxel(Taxel):
             self._energy_factor,
             *bounds,
         )
+
+
+def _per_area(sheet: "Sheet", steps: int) -> "Bounds":
+    """``ε/d``: a plate's capacitance for each area (eq. 2)."""
+    permittivity = product(EPSILON_0, part(sheet, "relative_permittivity"))
+    return quotient(permittivity, distance(sheet, steps))
+
+
+def _half_square(sheet: "Sheet") -> "Bounds":
+    """``½V²``: the energy for each capacitance."""
+    supply = part(sheet, "supply")
+    lo, hi = product(supply, supply)
+    return 0.5 * lo, 0.5 * hi

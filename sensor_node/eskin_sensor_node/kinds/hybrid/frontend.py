@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin_sensor_node.kinds.converter import Converter
-from eskin_sensor_node.kinds.frontend import Amplified
+from eskin_sensor_node.kinds.frontend import Frontend
 from eskin_sensor_node.kinds.parameters import draw_noise, draw_part
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.hybrid.settings import HybridSection
 
 
-class HybridFrontend(Amplified):
+class HybridFrontend(Frontend):
     """Current and voltage, each through an amplifier to a bipolar ADC."""
 
     def __init__(self, taxel: HybridSection, random: np.random.Generator) -> None:

@@ -48,7 +48,7 @@ class PadInversion:
         self._most = taxel.pressure_max_Pa
         felt = Interval(0.0, self._most) * (1.0 + Interval(taxel.crosstalk))
         self.stated_distance = self._distance / (felt * _EMULATION / self._elasticity + 1.0)
-        """Mean plate distance in m as far as the data sheet alone tells."""
+        """Mean plate distance in m by the data sheet alone."""
 
     def plate_distance(
         self, capacitance: Interval, temperature: Interval, humidity: Interval

@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin_sensor_node.firmware.inversion.thermometer import A, B, C
 from eskin_sensor_node.kinds.converter import Converter
-from eskin_sensor_node.kinds.frontend import Amplified
+from eskin_sensor_node.kinds.frontend import Frontend
 from eskin_sensor_node.kinds.parameters import draw_noise, draw_part
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.thermometer.settings import ThermometerSection
 
 
-class ThermometerFrontend(Amplified):
+class ThermometerFrontend(Frontend):
     """Temperature → platinum resistor (IEC 60751) → divider → ADC."""
 
     def __init__(self, taxel: ThermometerSection, random: np.random.Generator) -> None:
