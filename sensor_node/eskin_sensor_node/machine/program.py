@@ -9,7 +9,7 @@ from eskin.errors import SettingsError
 if TYPE_CHECKING:
     from eskin_sensor_node.settings import NodeSettings
 
-FIRMWARE: Final = 64_863
+FIRMWARE: Final = 64_207
 """Bytes of all modules of the firmware, compiled by mpy-cross 1.27 as they stand."""
 INTERPRETER: Final = 256 * 1024
 """Bytes kept for MicroPython, which "fits and runs within just 256k of code space"."""

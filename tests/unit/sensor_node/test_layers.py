@@ -6,6 +6,7 @@ from pathlib import Path
 import eskin_sensor_node
 
 ROOM = Path(eskin_sensor_node.__file__).parent
+KINDS = {file.parent.name for file in (ROOM / "kinds").glob("*/__init__.py")}
 
 
 def imported_names(path: Path) -> set[str]:
@@ -36,3 +37,24 @@ def test_only_what_senses_knows_the_world() -> None:
         if any("eskin_sensor_node.kinds.registry.build_" in name for name in imported_names(file))
     }
     assert knowing == {"signal_chain.py"}
+
+
+def kinds_named(file: Path) -> set[str]:
+    """Kinds of which a file imports something."""
+    rooms = [name.split(".") for name in imported_names(file)]
+    return {room[2] for room in rooms if room[:2] == ["eskin_sensor_node", "kinds"]} & KINDS
+
+
+def test_no_kind_knows_another_one() -> None:
+    for kind in sorted(KINDS):
+        for file in (ROOM / "kinds" / kind).glob("*.py"):
+            assert kinds_named(file) <= {kind}, file
+
+
+def test_only_registry_and_datasets_name_kinds() -> None:
+    naming = {
+        str(file.relative_to(ROOM).parent)
+        for file in ROOM.rglob("*.py")
+        if file.parent.name not in KINDS and kinds_named(file)
+    }
+    assert naming == {"kinds", "tools/dataset"}
