@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from eskin_sensor_node.kinds.registry import KINDS as REGISTRY
 from eskin_sensor_node.kinds.registry import build_frontend, build_world
 from eskin_sensor_node.machine.inversion import Inversion
 from hypothesis import HealthCheck, given, settings
@@ -34,26 +35,14 @@ NOISES = {
     "hygrometer": st.sampled_from([0.0, 1e-8, 1e-6, 2e-5]),
     "bioelectric": st.sampled_from([0.0, 1e-6, 1e-4, 1e-2]),
 }
+OF_ADJUSTMENT = {"gain_tolerance", "trimmer_tolerance", "actuator_step_tolerance"}
 TOLERANCES = {
-    "capacitive": ("resistance", "reference", "transconductance", "capacitance"),
-    "touch": (
-        *("resistance", "reference", "transconductance", "plate_distance", "supply", "area"),
-        "relative_permittivity",
-    ),
-    "inductive": ("inductance", "inductance_change", "damping", "capacitance", "reference"),
-    "hybrid": ("current_gain", "voltage_gain", "part"),
-    "pad": (
-        *("resistance", "reference", "transconductance", "plate_area", "plate_distance"),
-        *("elasticity", "relative_permittivity"),
-        *("permittivity_per_K", "permittivity_per_percent"),
-    ),
-    "coil": (
-        *("inductance", "inductance_change", "damping", "capacitance", "reference"),
-        *("coil_resistance", "excitation", "drive", "demodulator_gain"),
-    ),
-    "thermometer": ("series_resistance",),
-    "hygrometer": ("resistance", "reference", "transconductance", "capacitance", "sensitivity"),
-    "bioelectric": ("electrode_gain",),
+    kind: [
+        name.removesuffix("_tolerance")
+        for name in REGISTRY[kind].settings.model_fields
+        if name.endswith("_tolerance") and name not in OF_ADJUSTMENT
+    ]
+    for kind in KINDS
 }
 ERRORS = {
     "pad": ("permittivity_per_K", "permittivity_per_percent"),
