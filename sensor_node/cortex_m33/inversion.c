@@ -1,4 +1,5 @@
-/* Plates, touches, coils and amplifiers: sensor_node/eskin_sensor_node/firmware/inversion of the same names. */
+/* capacitive.py, touch.py, inductive.py, coil.py and codes.py of
+ * sensor_node/eskin_sensor_node/firmware/inversion. */
 #include "inversion.h"
 
 bounds_t code_bounds(int code, int last, const adc_t *adc, double reach)
