@@ -50,11 +50,12 @@ test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real cont
 	@services/install_test_packages.sh docker.io docker-compose debootstrap
 	$(BIN)/pytest tests/system/compose -m compose --timeout 1800 $(ARGS)
 
-lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules
+lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules, banned words
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.architecture.prose
 	services/npm.sh $(DASHBOARD) run lint
 
 bench: $(VENV)/.development $(VENV)/.peers $(THINGSBOARD)/.installed $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
