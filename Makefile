@@ -89,9 +89,8 @@ scan: $(VENV)/.scan ## Look the pinned libraries up among known vulnerabilities 
 lock: ## Write requirements.lock anew: all libraries with their files' hashes (ARGS=--upgrade; needs the network)
 	@services/lock.sh $(ARGS)
 
-docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
-	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
-		eskin '!eskin.cli' '!eskin.kernels' $(ARGS)
+docs: $(VENV)/.docs ## Build pages and API reference as one site with search, in build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 
@@ -129,6 +128,11 @@ $(VENV)/.peers: pyproject.toml requirements.lock | $(VENV)/.development
 $(VENV)/.fuzz: pyproject.toml requirements.lock | $(VENV)/.development
 	@echo "Installing the fuzzer …"
 	@services/install.sh $(VENV) fuzz $(ON_ONE_LINE)
+	@touch $@
+
+$(VENV)/.docs: pyproject.toml requirements.lock | $(VENV)/.development
+	@echo "Installing what builds the documentation …"
+	@services/install.sh $(VENV) docs $(ON_ONE_LINE)
 	@touch $@
 
 $(VENV)/.scan: pyproject.toml requirements.lock | $(VENV)/bin/pip
