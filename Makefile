@@ -1,4 +1,4 @@
-# One command for each need; every target is self-sufficient on a fresh machine.
+# Every target is self-sufficient on a fresh machine.
 # Options pass through ARGS, as in: make demo ARGS="--duration 30 --port 8090"
 
 SHELL := /bin/bash
@@ -6,7 +6,7 @@ SHELL := /bin/bash
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
 
-# Images often set it; each of the many processes would then compile all sources again.
+# Images often set it; each process would then compile all sources again.
 unexport PYTHONDONTWRITEBYTECODE
 
 PYTHON ?= python3
@@ -14,7 +14,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 ARGS ?=
 
-# Shows a long command's progress in one line; what it says on standard error stays.
+# Show a long command's progress in one line; standard error stays.
 ON_ONE_LINE := | awk '{ gsub(/[^ -~]/, ""); printf "\r\033[K  %.100s", $$0; fflush() } END { print "\r\033[K  done" }'
 
 DASHBOARD := cloud/dashboard
@@ -22,15 +22,15 @@ DASHBOARD_SOURCES := $(shell find $(DASHBOARD)/src $(DASHBOARD)/public -type f 2
 	$(DASHBOARD)/index.html $(DASHBOARD)/package.json $(DASHBOARD)/package-lock.json
 DASHBOARD_BUILT := cloud/eskin_cloud/dashboard/index.html
 
-# MicroPython, on which the tests run the firmware as it stands.
+# MicroPython, which runs the firmware in tests.
 MICROPYTHON := tests/contract/micropython
 MICROPYTHON_INSTALLED := $(MICROPYTHON)/node_modules/.package-lock.json
 
-# Home Assistant, in an environment of its own: the tests ask it what it makes of our announcements.
+# Home Assistant, in an environment of its own: tests check how it reads our discovery messages.
 HOME_ASSISTANT := $(VENV)/homeassistant
 HOME_ASSISTANT_NEEDS := tests/unit/gateway/homeassistant/requirements.txt
 
-# thingsboard-gateway, in an environment of its own: `make bench` measures the gateway beside it.
+# thingsboard-gateway, in an environment of its own: `make bench` compares the gateway with it.
 THINGSBOARD := $(VENV)/thingsboard
 THINGSBOARD_NEEDS := benchmarks/thingsboard/requirements.txt
 
@@ -50,18 +50,19 @@ test-compose: $(VENV)/.development ## Bring docker-compose.yml up on a real cont
 	@services/install_test_packages.sh docker.io docker-compose debootstrap
 	$(BIN)/pytest tests/system/compose -m compose --timeout 1800 $(ARGS)
 
-lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules
+lint: $(VENV)/.development $(DASHBOARD_BUILT) ## Format, lint, types, import rules, banned words
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.architecture.prose
 	services/npm.sh $(DASHBOARD) run lint
 
 bench: $(VENV)/.development $(VENV)/.peers $(THINGSBOARD)/.installed $(DASHBOARD_BUILT) system ## Measure speed; prints a table, writes build/bench.json
 	@services/install_test_packages.sh influxdb
 	$(BIN)/python -m benchmarks $(ARGS)
 
-soak: $(VENV)/.development ## Watch the real stack's memory under a steady load (ARGS="--duration 3600 --rate 1000")
+soak: $(VENV)/.development ## Measure the stack's memory under a steady load (ARGS="--duration 3600 --rate 1000")
 	@services/install_test_packages.sh mosquitto
 	$(BIN)/python -m benchmarks.soak $(ARGS)
 
@@ -73,29 +74,28 @@ powercut: $(VENV)/.development ## Cut the power of flash, spool and store at any
 	@services/install_test_packages.sh gcc libc6-dev
 	$(BIN)/python -m tests.robustness.powercut $(ARGS)
 
-fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every way in (ARGS="--inputs 100000 --target wire")
+fuzz: $(VENV)/.development $(VENV)/.fuzz ## Hostile inputs to every parser (ARGS="--inputs 100000 --target wire")
 	$(BIN)/python -m tests.robustness.fuzz $(ARGS)
 
 nightly: $(VENV)/.development ## Every long check, one after the other; logs in build/nightly (root; ARGS="--step fuzz --seed 2")
 	$(BIN)/python -m tests.nightly $(ARGS)
 
-scan: $(VENV)/.scan ## Look the pinned libraries up among known vulnerabilities (needs the network)
+scan: $(VENV)/.scan ## Check the pinned libraries for known vulnerabilities (needs the network)
 	@status=0; \
 		$(BIN)/pip-audit --strict --no-deps --disable-pip --requirement requirements.lock $(ARGS) || status=1; \
 		services/scan_npm.sh $(DASHBOARD) || status=1; \
 		exit $$status
 
-lock: ## Write requirements.lock anew: all libraries with their files' hashes (ARGS=--upgrade; needs the network)
+lock: ## Resolve and pin all libraries, with hashes, in requirements.lock (ARGS=--upgrade; needs the network)
 	@services/lock.sh $(ARGS)
 
-docs: $(VENV)/.development ## Write the API reference from the docstrings to build/docs
-	$(BIN)/python -W error -m pdoc --docformat google --output-directory build/docs \
-		eskin '!eskin.cli' '!eskin.kernels' $(ARGS)
+docs: $(VENV)/.docs ## Build pages and API reference as one site with search, in build/docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build $(ARGS)
 
 dashboard: $(DASHBOARD_BUILT) ## Build the dashboard
 
 install: $(VENV)/.runtime ## Make the virtual environment with the command eskin, and compile its kernels
-	@echo "Compiling the kernels, so that no first call waits for it: about a minute, once …"
+	@echo "Compiling the kernels, so no first call waits for it: about a minute, once …"
 	@$(BIN)/eskin warm
 
 system: ## Install the Debian packages that the tests need
@@ -121,13 +121,18 @@ $(VENV)/.development: pyproject.toml requirements.lock | $(VENV)/bin/pip
 	@touch $@ $(VENV)/.runtime
 
 $(VENV)/.peers: pyproject.toml requirements.lock | $(VENV)/.development
-	@echo "Installing the libraries that eskin is measured beside …"
+	@echo "Installing the libraries of the benchmark …"
 	@services/install.sh $(VENV) bench $(ON_ONE_LINE)
 	@touch $@
 
 $(VENV)/.fuzz: pyproject.toml requirements.lock | $(VENV)/.development
 	@echo "Installing the fuzzer …"
 	@services/install.sh $(VENV) fuzz $(ON_ONE_LINE)
+	@touch $@
+
+$(VENV)/.docs: pyproject.toml requirements.lock | $(VENV)/.development
+	@echo "Installing what builds the documentation …"
+	@services/install.sh $(VENV) docs $(ON_ONE_LINE)
 	@touch $@
 
 $(VENV)/.scan: pyproject.toml requirements.lock | $(VENV)/bin/pip
@@ -140,13 +145,13 @@ $(MICROPYTHON_INSTALLED): $(MICROPYTHON)/package.json $(MICROPYTHON)/package-loc
 	@touch $@
 
 $(HOME_ASSISTANT)/.installed: $(HOME_ASSISTANT_NEEDS) | $(VENV)/bin/pip
-	@echo "Installing Home Assistant's MQTT sensor, which announcements are tested against …"
+	@echo "Installing Home Assistant's MQTT sensor, for tests of discovery …"
 	@$(PYTHON) -m venv $(HOME_ASSISTANT)
 	@$(HOME_ASSISTANT)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@
 
 $(THINGSBOARD)/.installed: $(THINGSBOARD_NEEDS) | $(VENV)/bin/pip
-	@echo "Installing thingsboard-gateway, which the gateway is measured beside …"
+	@echo "Installing thingsboard-gateway, for the benchmark …"
 	@$(PYTHON) -m venv $(THINGSBOARD)
 	@$(THINGSBOARD)/bin/pip install --disable-pip-version-check --no-deps --requirement $< $(ON_ONE_LINE)
 	@touch $@

@@ -1,6 +1,6 @@
 #!/bin/sh
-# Install what requirements.lock pins into a virtual environment, each file checked by its hash, then eskin itself,
-# editable, where it is not --only some extras.
+# Install the dependencies that requirements.lock pins into a virtual environment, checked by hash, then eskin itself,
+# editable. With --only, install the extras and not eskin.
 # Usage: services/install.sh VENV [--only] EXTRA...
 set -eu
 cd "$(dirname "$0")/.."

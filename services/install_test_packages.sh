@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Install the Debian packages that tests need, as root or through sudo, if they are not there.
+# Install missing Debian packages for the tests, as root or through sudo.
 # Usage: services/install_test_packages.sh PACKAGE...
 set -euo pipefail
-# The command or file by which a package is known to be there, also where another system installed it.
+# The command or file that shows that a package is installed, also on other systems.
 declare -A command=([mosquitto]=mosquitto [mosquitto-clients]=mosquitto_sub [chromium]=chromium
   [docker.io]=dockerd [docker-compose]=docker-compose [debootstrap]=debootstrap
   [iproute2]=ip [iptables]=iptables [gcc]=gcc [libc6-dev]=/usr/include/stdio.h

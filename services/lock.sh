@@ -1,7 +1,7 @@
 #!/bin/sh
-# Write requirements.lock: each library that pyproject.toml needs, directly or not, with all extras and what
-# builds eskin, as one version with the hashes of its files for every platform and Python.
-# What the lock holds already stays, unless --upgrade or --upgrade-package NAME is given.
+# Write requirements.lock: one version of each direct and indirect dependency of all extras and of the build, with the
+# hashes of its files for every platform and Python.
+# Versions in the lock stay, unless --upgrade or --upgrade-package NAME is given.
 set -eu
 cd "$(dirname "$0")/.."
 env=$(mktemp -d)

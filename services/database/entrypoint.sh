@@ -3,7 +3,7 @@
 set -eu
 data=/var/lib/eskin/data
 if [ ! -d "$data" ]; then
-  # Under its name only once it is whole: a start that is cut off begins anew.
+  # Renamed only when it is complete: an interrupted start begins again.
   rm -rf "$data.new"
   initdb --pgdata "$data.new" --username postgres --auth reject --encoding UTF8 --locale C.UTF-8 \
     --no-instructions

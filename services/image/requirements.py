@@ -2,7 +2,7 @@
 """Print the part of requirements.lock that eskin needs, for ``pip install --require-hashes``.
 
 Arguments name extras of pyproject.toml, whose libraries are added; ``--only`` leaves out all but
-theirs. Without eskin's own code, so that an image installs them anew only when the lock changes.
+theirs. Without eskin's own code, so that an image reinstalls them only when the lock changes.
 """
 
 import re

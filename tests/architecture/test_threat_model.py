@@ -1,4 +1,4 @@
-"""Each threat names a test; that it is there is held for all pages by `test_named_tests`."""
+"""Each threat names a test; `test_pages` checks that it exists."""
 
 from __future__ import annotations
 
