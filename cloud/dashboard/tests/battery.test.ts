@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { EnergyJson } from "../src/api/contract";
-import { batteryText } from "../src/view/node-card";
+import { batteryText } from "../src/view/node-cards";
 
 const energy: EnergyJson = {
   stored: { lo: 0.2, hi: 0.3 },

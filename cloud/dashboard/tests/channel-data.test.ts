@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
 import type { EventItem, SeriesAnswer } from "../src/api/contract";
-import { reduceToColumns } from "../src/chart/columns";
+import { reduceToColumns } from "../src/chart/band";
 import { readValue } from "../src/chart/reading";
 import { missingStretches } from "../src/chart/segments";
 import { ChannelData } from "../src/live/channel-data";

@@ -1,8 +1,8 @@
 import { describe, expect, test } from "vitest";
-import { halfMarkFor, OPEN_BOTTOM, OPEN_TOP, reduceToColumns } from "../src/chart/columns";
-import { groupPeaks, type PeakMark } from "../src/chart/peak-groups";
-import { enclosingBox, xPixel, yPixel, type PlotMap } from "../src/chart/plot-map";
-import { lanesOf, missingStretches, readSegment, withoutPauses, type Segment } from "../src/chart/segments";
+import { halfMarkFor, OPEN_BOTTOM, OPEN_TOP, reduceToColumns } from "../src/chart/band";
+import { groupPeaks, type PeakMark } from "../src/chart/peaks";
+import { enclosingBox, type PlotMap, xPixel, yPixel } from "../src/chart/plot-map";
+import { lanesOf, missingStretches, readSegment, type Segment, withoutPauses } from "../src/chart/segments";
 import { calmRange, finiteExtent } from "../src/chart/value-range";
 import { Timeline } from "../src/time/timeline";
 import type { Entries } from "../src/tube/entries";

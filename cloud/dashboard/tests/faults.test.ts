@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import type { FaultJson } from "../src/api/contract";
-import { faultsText } from "../src/view/node-card";
+import { faultsText } from "../src/view/node-cards";
 
 function fault(taxel: string, dead: FaultJson["dead"], stuck: FaultJson["stuck"]): FaultJson {
   return { taxel, dead, stuck };

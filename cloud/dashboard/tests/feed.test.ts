@@ -1,6 +1,5 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
-import { Feed } from "../src/live/feed";
-import type { StreamMessage } from "../src/live/stream";
+import { Feed, type StreamMessage } from "../src/live/feed";
 
 beforeEach(() => {
   vi.stubGlobal("addEventListener", () => undefined);
@@ -42,12 +41,12 @@ describe("a live feed", () => {
     feed.start();
     await ended;
     expect(asked).toEqual([null, "41", "45"]);
-    expect([told, feed.place]).toEqual([[], "45"]);
+    expect([told, feed.cursor]).toEqual([[], "45"]);
   });
 
   test("goes on where another one is", async () => {
     const { feed, told, asked, ended } = feedOf(["retry: 1\nid: 8\ndata: x\n\n"], "7");
-    expect(feed.place).toBe("7");
+    expect(feed.cursor).toBe("7");
     feed.start();
     await ended;
     expect(asked).toEqual(["7", "8"]);

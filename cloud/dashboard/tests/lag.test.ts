@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { formatLag } from "../src/time/lag";
+import { formatLag } from "../src/time/duration";
 import { formatBytes } from "../src/view/fact";
 
 test("a lag is printed outward", () => {

@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import { address } from "../src/api/client";
 import { LiveEdge } from "../src/live/edge";
-import { StreamParser } from "../src/live/stream";
+import { StreamParser } from "../src/live/feed";
 
 function feed(edge: LiveEdge, pace: number): number[] {
   const shown: number[] = [];

@@ -1,13 +1,13 @@
 import { describe, expect, test } from "vitest";
 import { Client } from "../src/api/client";
 import type { OccupancyAnswer } from "../src/api/contract";
-import { readSums, timeDoubt } from "../src/view/occupancy-answer";
+import { readSums, timeDoubt } from "../src/view/question-parts";
 
 const WINDOW = { x0: -1e6, x1: 2e7 };
 const NONE = { lo: 0, hi: 0 };
 
 function answer(lo: number, hi: number, unknown: number): OccupancyAnswer {
-  return { time_s: { lo, hi }, unknown_s: unknown, samples: NONE, entries: NONE, coverage: 1, time_error: 0 };
+  return { start: "", end: "", unit: "F", time_s: { lo, hi }, unknown_s: unknown, samples: NONE, entries: NONE, coverage: 1, time_error: 0 };
 }
 
 describe("how long a threshold was passed", () => {

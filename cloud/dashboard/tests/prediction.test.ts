@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import { address, Client } from "../src/api/client";
 import type { ModelItem } from "../src/api/contract";
-import { reduceToColumns } from "../src/chart/columns";
+import { reduceToColumns } from "../src/chart/band";
 import { readPrediction } from "../src/chart/predicted";
 import { finiteExtentOf } from "../src/chart/value-range";
 import { parseTyped, printTyped, shortTyped } from "../src/interval/typed";

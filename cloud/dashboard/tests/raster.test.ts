@@ -1,6 +1,5 @@
 import { describe, expect, test } from "vitest";
-import { OPEN_BOTTOM, OPEN_TOP, type Columns } from "../src/chart/columns";
-import { rasterBand } from "../src/chart/paint-band";
+import { type Columns, OPEN_BOTTOM, OPEN_TOP, rasterBand } from "../src/chart/band";
 
 const HEIGHT = 8;
 const INK = { fill: 1, edge: 2, line: 1 };

@@ -1,6 +1,6 @@
 import { describe, expect, it } from "vitest";
 import type { NodeState } from "../src/api/contract";
-import { settingRows } from "../src/state/settings";
+import { settingRows } from "../src/view/node-settings";
 
 function state(desired: NodeState["desired"], reported: NodeState["reported"]): NodeState {
   return {
@@ -19,14 +19,14 @@ describe("settings", () => {
   it("keeps what is desired and what is reported apart", () => {
     const rows = settingRows(state({ t01: { rate: 50 } }, { t01: { rate: 100, gain: 1 } }));
     expect(rows).toEqual([
-      { place: "t01", name: "gain", desired: null, reported: "1", settled: true },
-      { place: "t01", name: "rate", desired: "50", reported: "100", settled: false },
+      { target: "t01", name: "gain", desired: null, reported: "1", settled: true },
+      { target: "t01", name: "rate", desired: "50", reported: "100", settled: false },
     ]);
   });
 
   it("compares what is wished of the whole node with each taxel", () => {
     const rows = settingRows(state({ "*": { rate: 50 }, t02: { rate: 7 } }, { t01: { rate: 50 }, t02: { rate: 7 }, t03: { rate: 9 } }));
-    expect(rows.map((row) => [row.place, row.desired, row.reported, row.settled])).toEqual([
+    expect(rows.map((row) => [row.target, row.desired, row.reported, row.settled])).toEqual([
       ["*", "50", "t01: 50, t03: 9", false],
       ["t01", "50", "50", true],
       ["t02", "7", "7", true],
@@ -36,7 +36,7 @@ describe("settings", () => {
 
   it("shows a wish that no node has answered", () => {
     expect(settingRows(state({ "*": { mode: "peaks" } }, null))).toEqual([
-      { place: "*", name: "mode", desired: "peaks", reported: null, settled: false },
+      { target: "*", name: "mode", desired: "peaks", reported: null, settled: false },
     ]);
     expect(settingRows(state({}, null))).toEqual([]);
   });

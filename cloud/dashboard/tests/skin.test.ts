@@ -1,19 +1,18 @@
 import { expect, test } from "vitest";
 import type { ChannelItem } from "../src/api/contract";
-import { judge, levelOf, quantitiesOf } from "../src/skin/contact";
-import { layOut, PITCH } from "../src/skin/layout";
-import { hullOf } from "../src/skin/present";
+import { hullOf } from "../src/skin/latest-values";
+import { judge, layOut, levelOf, PITCH, quantitiesOf } from "../src/skin/taxels";
 
 function channel(id: string, bounds: ChannelItem["bounds"]): ChannelItem {
   const [taxel = "", quantity = ""] = id.split(".");
-  return { id, taxel, quantity, unit: "F", coverage: 1, dt: 1, blocks: 1, samples: 1, bytes: 4, first: null, last: null, bounds };
+  return { id, taxel, quantity, unit: "F", coverage: 1, dt: 1, blocks: 1, samples: 1, bytes: 4, first: null, last: null, bounds, biometric: false, removed: null };
 }
 
-test("contact is certain above a level, possible across it, and none below", () => {
+test("contact is certain above a level, possible across it, and impossible below", () => {
   expect(judge({ lo: 1.1, hi: 2 }, 1)).toBe("certain");
   expect(judge({ lo: 1, hi: 2 }, 1)).toBe("possible");
   expect(judge({ lo: -Infinity, hi: Infinity }, 1)).toBe("possible");
-  expect(judge({ lo: 0, hi: 1 }, 1)).toBe("none");
+  expect(judge({ lo: 0, hi: 1 }, 1)).toBe("impossible");
   expect(judge({ lo: Number.NaN, hi: Number.NaN }, 1)).toBe("unknown");
   expect(judge(null, 1)).toBe("unknown");
 });

@@ -1,6 +1,6 @@
 import { describe, expect, test } from "vitest";
-import { hullWithin, stopOf, type Entries } from "../src/tube/entries";
-import { thin } from "../src/tube/thin";
+import { type Entries, hullWithin, stopOf } from "../src/tube/entries";
+import { thin } from "../src/tube/join";
 import { random } from "./runs";
 
 const STEP = 10;

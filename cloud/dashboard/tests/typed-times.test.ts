@@ -1,7 +1,6 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
-import { readTypedRange } from "../src/state/typed-range";
 import { parseInstant } from "../src/time/instant";
-import { nameZone, parseTypedInstant, printTypedInstant } from "../src/time/typed-instant";
+import { nameZone, parseTypedInstant, printTypedInstant, readTypedRange } from "../src/time/typed-time";
 
 beforeEach(() => {
   vi.stubEnv("TZ", "Europe/Berlin");

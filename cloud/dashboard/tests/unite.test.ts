@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import { missingStretches } from "../src/chart/segments";
-import { hullWithin, type Entries } from "../src/tube/entries";
-import { thin } from "../src/tube/thin";
+import { type Entries, hullWithin } from "../src/tube/entries";
+import { thin } from "../src/tube/join";
 import { Tube } from "../src/tube/tube";
 import { GAP, random, run } from "./runs";
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 from urllib.parse import parse_qs, urlsplit
 
@@ -36,6 +37,7 @@ ARGUMENTS: Final = (
     "--no-first-run",
 )
 CHART: Final = "[data-testid=chart]"
+SOURCE: Final = Path(__file__).parents[3] / "cloud" / "dashboard" / "src"
 PHONE: Final = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 PATIENCE_MS: Final = 60_000
 """As long as `wait_until` waits: a page takes its time where others need the machine, too."""

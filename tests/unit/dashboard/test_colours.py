@@ -9,11 +9,10 @@ import eskin_cloud
 import numpy as np
 import pytest
 
+from tests.unit.dashboard.browsing import SOURCE
 from tests.unit.dashboard.vision import EYES, Colour, contrast, distance, lab, read_tokens, seen
 
-LIGHT, DARK = read_tokens(
-    Path(__file__).parents[3] / "cloud" / "dashboard" / "src" / "style" / "tokens.css"
-)
+LIGHT, DARK = read_tokens(SOURCE / "style" / "tokens.css")
 THEMES = [pytest.param(LIGHT, id="light"), pytest.param(LIGHT | DARK, id="dark")]
 MARKS = ("band-edge", "certain", "possible", "predicted-edge", "missing")
 """What gives each of a chart's marks its outline, or its lines."""

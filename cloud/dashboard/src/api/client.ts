@@ -1,11 +1,17 @@
-import type {
-  ChannelItem, EventItem, GatewayItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer, SegmentItem,
-  SeriesAnswer, StorageAnswer, TaxelItem,
-} from "./contract";
-import { Failure, isAbort } from "./failure";
 import type { Instant } from "../time/instant";
+import type {
+  ChannelItem, EventItem, GatewayItem, ModelItem, NodeItem, NodeState, OccupancyAnswer, Page, PredictionAnswer,
+  SegmentItem, SeriesAnswer, StorageAnswer, TaxelItem,
+} from "./contract";
+import { ApiError, isAbort } from "./error";
 
 export type Query = Readonly<Record<string, string | number | bigint | readonly string[] | null | undefined>>;
+
+/** A channel of a node. */
+export interface ChannelRef {
+  readonly node: string;
+  readonly channel: string;
+}
 
 export interface EventQuery {
   readonly node?: string | undefined;
@@ -90,25 +96,25 @@ export class Client {
   }
 
   series(
-    place: { node: string; channel: string },
+    target: ChannelRef,
     window: { start: Instant; end: Instant; points: number },
     signal: AbortSignal,
   ): Promise<SeriesAnswer> {
-    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}`, window), signal);
+    return this.get(address(`/series/${part(target.node)}/${part(target.channel)}`, window), signal);
   }
 
   /** The segments of a window in which a threshold is passed; `complete` is false if there were too many. */
   threshold(
-    place: { node: string; channel: string },
+    target: ChannelRef,
     query: ThresholdQuery,
     signal: AbortSignal,
   ): Promise<{ items: SegmentItem[]; complete: boolean }> {
-    return this.all(`/series/${part(place.node)}/${part(place.channel)}/threshold`, { ...query }, signal);
+    return this.all(`/series/${part(target.node)}/${part(target.channel)}/threshold`, { ...query }, signal);
   }
 
   /** For how long a threshold is passed in a window: each sample holds until the next, so it is more than the segments. */
-  thresholdTime(place: { node: string; channel: string }, query: ThresholdQuery, signal: AbortSignal): Promise<OccupancyAnswer> {
-    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}/time`, { ...query }), signal);
+  thresholdTime(target: ChannelRef, query: ThresholdQuery, signal: AbortSignal): Promise<OccupancyAnswer> {
+    return this.get(address(`/series/${part(target.node)}/${part(target.channel)}/time`, { ...query }), signal);
   }
 
   models(signal: AbortSignal): Promise<ModelItem[]> {
@@ -116,28 +122,28 @@ export class Client {
   }
 
   prediction(
-    place: { node: string; channel: string },
+    target: ChannelRef,
     query: PredictionQuery & { points: number },
     signal: AbortSignal,
   ): Promise<PredictionAnswer> {
-    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}/prediction`, { ...query }), signal);
+    return this.get(address(`/series/${part(target.node)}/${part(target.channel)}/prediction`, { ...query }), signal);
   }
 
   /** When a channel is not what a model predicts; `complete` is false if there were too many segments. */
   anomalies(
-    place: { node: string; channel: string },
+    target: ChannelRef,
     query: PredictionQuery,
     signal: AbortSignal,
   ): Promise<{ items: SegmentItem[]; complete: boolean }> {
-    return this.all(`/series/${part(place.node)}/${part(place.channel)}/anomalies`, { ...query }, signal);
+    return this.all(`/series/${part(target.node)}/${part(target.channel)}/anomalies`, { ...query }, signal);
   }
 
   anomaliesTime(
-    place: { node: string; channel: string },
+    target: ChannelRef,
     query: PredictionQuery,
     signal: AbortSignal,
   ): Promise<OccupancyAnswer> {
-    return this.get(address(`/series/${part(place.node)}/${part(place.channel)}/anomalies/time`, { ...query }), signal);
+    return this.get(address(`/series/${part(target.node)}/${part(target.channel)}/anomalies/time`, { ...query }), signal);
   }
 
   events(query: EventQuery, signal: AbortSignal): Promise<Page<EventItem>> {
@@ -188,13 +194,13 @@ export class Client {
       answer = await this.options.fetch(path, { headers, credentials: "same-origin", signal });
     } catch (error) {
       if (isAbort(error)) throw error;
-      throw new Failure("The cloud cannot be reached. Check the network and that the cloud is running.", null);
+      throw new ApiError("The cloud cannot be reached. Check the network and that the cloud is running.", null);
     }
     if (answer.status === 401) {
       this.options.onUnauthorised();
-      throw new Failure("The session is over. Sign in again.", 401);
+      throw new ApiError("The session is over. Sign in again.", 401);
     }
-    if (!answer.ok) throw await Failure.fromAnswer(answer, path);
+    if (!answer.ok) throw await ApiError.fromAnswer(answer, path);
     return (await answer.json()) as Answer;
   }
 }

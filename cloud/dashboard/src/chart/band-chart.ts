@@ -1,23 +1,19 @@
 import uPlot from "uplot";
 import type { Range } from "../state/window";
 import type { Timeline } from "../time/timeline";
-import { leastSpacing, NOTHING, type Entries } from "../tube/entries";
+import { type Entries, leastSpacing, NOTHING } from "../tube/entries";
 import { element, setText } from "../view/element";
-import { makeAxes, type Ticks } from "./axes";
-import { AxisLabels } from "./axis-labels";
-import { halfMarkFor, reduceToColumns } from "./columns";
+import { AxisLabels, makeAxes, type Ticks } from "./axes";
+import { BandPainter, type Canvas, halfMarkFor, reduceToColumns } from "./band";
+import { DataAttributes } from "./data-attributes";
 import { Gestures } from "./gestures";
-import { BandPainter, type Canvas } from "./paint-band";
 import type { Palette } from "./palette";
-import { PeakOverlay } from "./peak-overlay";
-import type { PeakMark } from "./peak-groups";
-import { paintPeaks, paintRegions, placePeaks, type PlacedPeak } from "./peaks";
-import { Placard } from "./placard";
+import { paintPeaks, paintRegions, type PeakMark, PeakOverlay, type PlacedPeak, placePeaks } from "./peaks";
 import type { PlotMap } from "./plot-map";
 import { paintPredicted } from "./predicted";
-import { describeHull, nextKnown, readPeakText, readValue, type ChannelFacts } from "./reading";
+import { type ChannelFacts, describeHull, nextKnown, readPeakText, readValue } from "./reading";
 import {
-  missingStretches, paintMissing, paintSegments, paintThreshold, withoutPauses, type Segment, type Stretch,
+  missingStretches, paintMissing, paintSegments, paintThreshold, type Segment, type Stretch, withoutPauses,
 } from "./segments";
 import { Tooltip } from "./tooltip";
 import { calmRange, finiteExtentOf, type ValueRange } from "./value-range";
@@ -59,7 +55,7 @@ export class BandChart {
   private readonly labels: AxisLabels;
   private readonly band = new BandPainter();
   private hovered = false;
-  private readonly placard: Placard;
+  private readonly attributes: DataAttributes;
   private readonly resizing: ResizeObserver;
   private entries: Entries = NOTHING;
   private marks: Marks = { ...NO_ANSWERS, peaks: [], gaps: [] };
@@ -72,7 +68,7 @@ export class BandChart {
   constructor(private readonly options: ChartOptions) {
     const { root } = options;
     this.facts = options.facts;
-    this.placard = new Placard(root, options.timeline);
+    this.attributes = new DataAttributes(root, options.timeline);
     this.labels = new AxisLabels(options.timeline, (unit) => setText(this.unitLabel, unit));
     root.append(this.host, this.unitLabel);
     this.plot = new uPlot(this.plotOptions(), [[0], [null]], this.host);
@@ -232,7 +228,7 @@ export class BandChart {
     if (this.marks.threshold !== null) paintThreshold(canvas, map, this.marks.threshold);
     paintPeaks(canvas, map, this.placed);
     context.restore();
-    this.placard.publish({ map, corner, ratio, entries: this.entries, predicted: this.marks.predicted });
+    this.attributes.publish({ map, corner, ratio, entries: this.entries, predicted: this.marks.predicted });
   }
 
   private resize(): void {

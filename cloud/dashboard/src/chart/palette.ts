@@ -1,5 +1,5 @@
 import { element } from "../view/element";
-import { Stamps } from "./stamps";
+import { TextCache } from "./text-cache";
 
 const NAMES = [
   "axis", "grid", "band", "band-edge", "certain", "certain-fill", "possible", "missing", "text", "plot",
@@ -14,7 +14,7 @@ export class Palette {
   private readonly hatches = new Map<string, CanvasPattern>();
   private readonly pixels = new Map<Colour, number>();
   /** Texts in these colours. */
-  readonly stamps = new Stamps();
+  readonly texts = new TextCache();
 
   constructor(private readonly root: HTMLElement) {
     this.refresh();
@@ -26,7 +26,7 @@ export class Palette {
     this.colours = new Map(NAMES.map((name) => [name, style.getPropertyValue(`--chart-${name}`).trim()]));
     this.hatches.clear();
     this.pixels.clear();
-    this.stamps.clear();
+    this.texts.clear();
   }
 
   colour(name: Colour): string {

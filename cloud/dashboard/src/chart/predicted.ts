@@ -1,12 +1,11 @@
 import type { PredictionAnswer } from "../api/contract";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
-import { HULL_REACH, type Entries } from "../tube/entries";
-import type { Columns } from "./columns";
-import { paintFill, type Canvas } from "./paint-band";
+import { type Entries, HULL_REACH } from "../tube/entries";
+import { type Canvas, type Columns, paintFill } from "./band";
 
 /** Reads a predicted tube: each entry encloses all that is predicted over its width; null is unbounded. */
-export function readPrediction(answer: PredictionAnswer, timeline: Timeline): Entries {
+export function readPrediction(answer: Pick<PredictionAnswer, "t0" | "t" | "lo" | "hi" | "dt">, timeline: Timeline): Entries {
   const start = timeline.toX(parseInstant(answer.t0));
   return {
     t: Float64Array.from(answer.t, (offset) => start + offset),

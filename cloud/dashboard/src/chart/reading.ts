@@ -3,8 +3,8 @@ import { readInterval } from "../interval/interval";
 import { formatDuration } from "../time/duration";
 import { decimalsFor, parseInstant, printClock } from "../time/instant";
 import type { Timeline } from "../time/timeline";
-import { firstAtOrAfter, firstReaching, hullWithin, type Entries } from "../tube/entries";
-import type { PeakMark } from "./peak-groups";
+import { type Entries, firstAtOrAfter, firstReaching, hullWithin } from "../tube/entries";
+import type { PeakMark } from "./peaks";
 import type { TipLine, TipText } from "./tooltip";
 import { finiteExtent } from "./value-range";
 

@@ -1,9 +1,9 @@
 import type { SegmentItem, Verdict } from "../api/contract";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
-import { firstReaching, type Entries } from "../tube/entries";
-import type { Canvas } from "./paint-band";
-import { leftColumn, rightColumn, yPixel, type PlotMap } from "./plot-map";
+import { type Entries, firstReaching } from "../tube/entries";
+import type { Canvas } from "./band";
+import { leftColumn, type PlotMap, rightColumn, yPixel } from "./plot-map";
 
 /** A stretch of time with an answer to a threshold question. */
 export interface Segment {
@@ -21,7 +21,7 @@ export interface Lanes {
 }
 
 /** Reads a segment as the cloud tells it. */
-export function readSegment({ start, end, verdict, time_error }: SegmentItem, timeline: Timeline): Segment {
+export function readSegment({ start, end, verdict, time_error }: Omit<SegmentItem, "coverage">, timeline: Timeline): Segment {
   const [x0, x1] = [timeline.toX(parseInstant(start)), timeline.toX(parseInstant(end))];
   return { x0, x1, verdict, error: time_error + timeline.slip(Math.max(Math.abs(x0), Math.abs(x1))) };
 }

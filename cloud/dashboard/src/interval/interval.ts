@@ -1,17 +1,13 @@
+import type { IntervalDocument } from "../api/schema";
+
 /** An interval that encloses a truth. An unbounded side is an infinity; NaN on both sides means missing. */
 export interface Interval {
   readonly lo: number;
   readonly hi: number;
 }
 
-/** The cloud's JSON form: null is an unbounded side. */
-export interface IntervalJson {
-  readonly lo: number | null;
-  readonly hi: number | null;
-}
-
-/** Reads the JSON form, in which a null side is unbounded. */
-export function readInterval(json: IntervalJson): Interval {
+/** Reads the cloud's JSON form, in which null is an unbounded side. */
+export function readInterval(json: IntervalDocument): Interval {
   return { lo: json.lo ?? -Infinity, hi: json.hi ?? Infinity };
 }
 

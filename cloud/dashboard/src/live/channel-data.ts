@@ -1,14 +1,14 @@
 import type { Client } from "../api/client";
 import type { ChannelItem, EventItem, SeriesAnswer } from "../api/contract";
-import { readPeak, type PeakMark } from "../chart/peak-groups";
+import { type PeakMark, readPeak } from "../chart/peaks";
 import type { ChannelFacts } from "../chart/reading";
 import type { Stretch } from "../chart/segments";
 import type { Range } from "../state/window";
 import { parseInstant } from "../time/instant";
 import type { Timeline } from "../time/timeline";
 import { readSeries } from "../tube/decode";
-import { clipEnd, copyOf, endOf, NOTHING, type Entries } from "../tube/entries";
-import { thin } from "../tube/thin";
+import { clipEnd, copyOf, endOf, type Entries, NOTHING } from "../tube/entries";
+import { thin } from "../tube/join";
 import { Tube } from "../tube/tube";
 import type { LiveEdge } from "./edge";
 

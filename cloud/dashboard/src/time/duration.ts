@@ -1,4 +1,5 @@
-import { printUnits, roundToUnits, type Direction } from "../interval/decimal";
+import type { LagJson } from "../api/contract";
+import { type Direction, printUnits, roundToUnits } from "../interval/decimal";
 
 const STEPS: readonly (readonly [string, number, number])[] = [
   ["d", 86_400e9, 0],
@@ -36,4 +37,14 @@ export function formatDuration(ns: number, direction: Direction | "nearest" = "n
     return `${Math.floor(parts / per)} ${symbol}${rest ? ` ${rest} ${lower}` : ""}`;
   }
   return printShort(ns, direction);
+}
+
+/** How long after its last sample a block was stored, rounded outward: `12–15 ms`, `≤ 15 ms`, or `–`. */
+export function formatLag(lag: LagJson | null): string {
+  if (lag === null) return "–";
+  const [least, most] = [formatDuration(lag.lo_ns, "down"), formatDuration(lag.hi_ns, "up")];
+  if (lag.lo_ns <= 0) return `≤ ${most}`;
+  if (least === most) return least;
+  const [low = "", ...unit] = least.split(" ");
+  return unit.join(" ") === most.split(" ").slice(1).join(" ") ? `${low}–${most}` : `${least} – ${most}`;
 }

@@ -1,6 +1,8 @@
 import type { Range } from "../state/window";
-import { byColumn, COLUMNS, copyOf, endOf, firstAtOrAfter, firstBeyond, goesOn, part, stopOf, type Column, type Entries } from "./entries";
-import { unite } from "./unite";
+import {
+  byColumn, type Column, COLUMNS, copyOf, endOf, type Entries, firstAtOrAfter, firstBeyond, goesOn, part, stopOf,
+} from "./entries";
+import { unite } from "./join";
 
 const FIRST_SIZE = 512;
 

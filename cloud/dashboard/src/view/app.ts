@@ -1,22 +1,33 @@
 import type { Client } from "../api/client";
-import { isAbort, messageOf } from "../api/failure";
 import type { NodeItem } from "../api/contract";
+import { isAbort, messageOf } from "../api/error";
 import type { Palette } from "../chart/palette";
-import { Ticker } from "../live/ticker";
-import { printPlace, readPlace, type Place } from "../state/place";
+import { FrameLoop } from "../live/frame-loop";
+import { type Route, printRoute, parseRoute } from "../state/route";
 import type { ThemeChoice } from "../state/theme";
 import type { Range } from "../state/window";
-import { Beat } from "../time/beat";
+import { Throttle } from "../time/throttle";
 import type { Timeline } from "../time/timeline";
 import type { Context } from "./context";
 import { button, element, icon, setText } from "./element";
-import { legend } from "./legend";
 import { LiveStatus } from "./live-status";
-import { NodeStrip } from "./node-strip";
-import { StackStrip } from "./stack-strip";
+import { NodeStrip } from "./node-cards";
 import { Page } from "./page";
-import { ICONS } from "./symbol";
+import { StackStrip } from "./stack-cards";
+import { ICONS, verdictSymbol } from "./symbol";
 import { Timebar } from "./timebar";
+
+/** One line that explains how to read a chart. */
+export function legend(): HTMLElement {
+  return element(
+    "p",
+    { class: "legend", "data-testid": "legend" },
+    element("span", { class: "key" }, element("i", { class: "swatch band" }), element("b", {}, "band"), " encloses the true value at every sample"),
+    element("span", { class: "key" }, verdictSymbol("certain"), element("b", {}, "certain"), " holds for every value in the band"),
+    element("span", { class: "key" }, verdictSymbol("possible"), element("b", {}, "possible"), " holds for some; 0–3 is how many"),
+    element("span", { class: "key" }, element("i", { class: "swatch missing" }), element("b", {}, "hatched"), " nothing known"),
+  );
+}
 
 export interface AppOptions {
   readonly root: HTMLElement;
@@ -32,7 +43,7 @@ const STATUS_PAUSE_MS = 300;
 
 /** The whole dashboard: header, nodes, and the page that the address names. */
 export class App {
-  private place: Place = readPlace(location.hash);
+  private route: Route = parseRoute(location.hash);
   private page: Page | null = null;
   private nodes: readonly NodeItem[] | null = null;
   private dragPans = false;
@@ -41,7 +52,7 @@ export class App {
   /** Which poll was answered last, of those that count. */
   private heard = 0;
   private reachable = true;
-  private readonly seconds = new Beat(1_000);
+  private readonly seconds = new Throttle(1_000);
   private readonly status = new LiveStatus();
   private readonly strip: NodeStrip;
   private readonly stack = new StackStrip();
@@ -57,8 +68,8 @@ export class App {
       timeline,
       palette,
       onUnauthorised,
-      place: () => this.place,
-      go: (place, how) => this.go(place, how ?? "push"),
+      route: () => this.route,
+      go: (route, how) => this.go(route, how ?? "push"),
       showRange: (range) => this.showRange(range),
       dragPans: () => this.dragPans,
       announce: (text) => this.announce(text),
@@ -78,9 +89,9 @@ export class App {
   start(): void {
     const overview = element("div", { class: "overview" }, this.strip.root, this.stack.root);
     this.options.root.replaceChildren(this.header(), this.banner, overview, this.announcer);
-    addEventListener("hashchange", () => this.show(readPlace(location.hash)));
-    this.show(this.place);
-    new Ticker((at) => this.frame(at)).start();
+    addEventListener("hashchange", () => this.show(parseRoute(location.hash)));
+    this.show(this.route);
+    new FrameLoop((at) => this.frame(at)).start();
   }
 
   /** Paints everything again, after a change of theme. */
@@ -94,35 +105,35 @@ export class App {
     const brand = element("a", { class: "brand", href: "#/" }, element("i", { class: "mark" }), "eskin");
     brand.addEventListener("click", (event) => {
       event.preventDefault();
-      this.go({ ...this.place, node: null, channel: null, question: null }, "push");
+      this.go({ ...this.route, node: null, channel: null, question: null }, "push");
     });
     const tools = element("span", { class: "tools" }, theme, logout);
     const bar = element("div", { class: "bar" }, brand, this.status.root, this.timebar.root, tools);
     return element("header", { class: "top" }, bar, this.timebar.form.root, legend());
   }
 
-  private go(place: Place, how: "push" | "replace"): void {
-    const hash = printPlace(place);
+  private go(route: Route, how: "push" | "replace"): void {
+    const hash = printRoute(route);
     if (how === "push") history.pushState(null, "", hash);
     else history.replaceState(null, "", hash);
-    this.show(place);
+    this.show(route);
   }
 
   private showRange(range: Range): void {
     const { timeline } = this.options;
     const view = { kind: "history", from: timeline.toInstant(range.x0), to: timeline.toInstant(Math.ceil(range.x1)) } as const;
-    const how = this.place.view.kind === "live" ? "push" : "replace";
+    const how = this.route.view.kind === "live" ? "push" : "replace";
     if (how === "push") this.announce("History. Choose Live to follow the newest data again.");
-    this.go({ ...this.place, view }, how);
+    this.go({ ...this.route, view }, how);
   }
 
-  private show(place: Place): void {
-    const before = this.place;
-    this.place = place;
-    document.title = [place.channel, place.node, "eskin"].filter(Boolean).join(" · ");
-    document.body.dataset["mode"] = place.view.kind;
-    this.timebar.apply(place.view);
-    if (this.page && before.node === place.node && before.channel === place.channel) this.page.apply(place);
+  private show(route: Route): void {
+    const before = this.route;
+    this.route = route;
+    document.title = [route.channel, route.node, "eskin"].filter(Boolean).join(" · ");
+    document.body.dataset["mode"] = route.view.kind;
+    this.timebar.apply(route.view);
+    if (this.page && before.node === route.node && before.channel === route.channel) this.page.apply(route);
     else this.openPage();
     this.showStrip();
   }
@@ -160,7 +171,7 @@ export class App {
     const turn = this.polls;
     try {
       const signal = AbortSignal.timeout(10_000);
-      if (this.place.node === null) void this.stack.load(this.options.client, signal).then(() => this.showStrip());
+      if (this.route.node === null) void this.stack.load(this.options.client, signal).then(() => this.showStrip());
       const nodes = await this.options.client.nodes(signal);
       if (!this.counts(turn)) return;
       this.nodes = nodes;
@@ -189,7 +200,7 @@ export class App {
   private showStrip(): void {
     const now = BigInt(Date.now()) * 1_000_000n;
     if (this.nodes) this.strip.show(this.nodes, now, this.reachable);
-    this.stack.root.hidden = this.place.node !== null;
+    this.stack.root.hidden = this.route.node !== null;
     if (!this.stack.root.hidden) this.stack.show(now, this.reachable);
   }
 

@@ -1,7 +1,7 @@
 import type { ChannelItem } from "../api/contract";
 import { formatCoverage, formatInterval } from "../interval/format";
 import { readInterval } from "../interval/interval";
-import { printPlace } from "../state/place";
+import { printRoute } from "../state/route";
 import { formatDuration } from "../time/duration";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import type { Context } from "./context";
@@ -16,12 +16,12 @@ function moment(text: string | null): string {
 
 /** The way back from a channel to its node and to all nodes. */
 export function crumbs(context: Context, node: string, channel: string): HTMLElement {
-  const place = { ...context.place(), channel: null, question: null };
+  const route = { ...context.route(), channel: null, question: null };
   return element(
     "nav",
     { class: "crumbs", "aria-label": "path" },
-    element("a", { href: printPlace({ ...place, node: null }) }, "All nodes"),
-    element("a", { href: printPlace({ ...place, node }) }, node),
+    element("a", { href: printRoute({ ...route, node: null }) }, "All nodes"),
+    element("a", { href: printRoute({ ...route, node }) }, node),
     element("span", { "aria-current": "page" }, channel),
   );
 }

@@ -1,5 +1,5 @@
-import { Failure, messageOf } from "../api/failure";
-import { printClock, printDay, type Instant } from "../time/instant";
+import { ApiError, messageOf } from "../api/error";
+import { type Instant, printClock, printDay } from "../time/instant";
 import { element } from "./element";
 import { NoticeBoard } from "./notice";
 
@@ -7,7 +7,7 @@ const RETRY_MS = 5_000;
 
 /** Whether the same question may be answered later: the cloud is away, busy or broken, and not the question wrong. */
 function passes(error: unknown): boolean {
-  return !(error instanceof Failure) || error.status === null || error.status === 429 || error.status >= 500;
+  return !(error instanceof ApiError) || error.status === null || error.status === 429 || error.status >= 500;
 }
 
 /**

@@ -1,22 +1,63 @@
-import { isAbort } from "../api/failure";
 import type { ChannelItem, SeriesAnswer } from "../api/contract";
-import { Turns } from "../api/turns";
-import { BandChart, NO_ANSWERS, type Answers } from "../chart/band-chart";
-import type { PeakMark } from "../chart/peak-groups";
-import { formatInterval } from "../interval/format";
+import { isAbort } from "../api/error";
+import { LatestRequest } from "../api/latest-request";
+import { type Answers, BandChart, NO_ANSWERS } from "../chart/band-chart";
+import type { PeakMark } from "../chart/peaks";
 import { describeHull } from "../chart/reading";
+import { formatCoverage, formatInterval } from "../interval/format";
+import { Backfill } from "../live/backfill";
 import { ChannelData } from "../live/channel-data";
 import type { LiveEdge } from "../live/edge";
-import { Filler } from "../live/filler";
-import type { View } from "../state/place";
+import { printRoute, type View } from "../state/route";
 import type { Range } from "../state/window";
-import { Beat, TEXT_MS } from "../time/beat";
+import { Throttle, TEXT_MS } from "../time/throttle";
 import { hullWithin } from "../tube/entries";
 import { ChannelNotices } from "./channel-notices";
 import type { Context } from "./context";
-import { element, setText, setTitle } from "./element";
-import { operateByKeys } from "./keys";
-import { chartRoot, panelHead } from "./panel-head";
+import { element, icon, setText, setTitle } from "./element";
+import { addShortcuts } from "./shortcuts";
+import { ICONS } from "./symbol";
+
+export interface PanelHeadOptions {
+  readonly context: Context;
+  readonly node: string;
+  readonly channel: ChannelItem;
+  readonly alone: boolean;
+  /** Where the panel writes its interval. */
+  readonly value: HTMLElement;
+}
+
+function channelLink(options: PanelHeadOptions, name: readonly HTMLElement[]): HTMLElement {
+  const { context, node, channel } = options;
+  const href = (): string => printRoute({ ...context.route(), node, channel: channel.id, question: null });
+  const link = element("a", { href: href(), "data-testid": "channel-link" }, ...name, icon(ICONS.open));
+  for (const type of ["pointerenter", "focus", "click"]) {
+    // The window may have changed since the link was written.
+    link.addEventListener(type, () => link.setAttribute("href", href()));
+  }
+  return element("h3", {}, link);
+}
+
+/** A panel's title, present interval and coverage. */
+export function panelHead(options: PanelHeadOptions): HTMLElement {
+  const { channel, alone, value } = options;
+  const name = [
+    element("span", { class: "taxel" }, channel.taxel),
+    element("span", {}, channel.quantity.replaceAll("_", " ")),
+  ];
+  const title = alone ? element("h2", {}, ...name) : channelLink(options, name);
+  const meaning = "How often the interval encloses the truth, for each sample";
+  const coverage = element("span", { class: "coverage", title: meaning }, `coverage ${formatCoverage(channel.coverage)}`);
+  return element("header", { class: "panel-head" }, title, value, coverage);
+}
+
+/** What a panel's chart stands in, and is worked through by keys. */
+export function chartRoot(node: string, channel: string): HTMLElement {
+  const keys = "Arrows pan, plus and minus zoom, comma and full stop read values, L goes live.";
+  const label = `Chart of ${node} ${channel}. ${keys}`;
+  const data = { "data-testid": "chart", "data-node": node, "data-channel": channel };
+  return element("div", { class: "chart", tabindex: 0, role: "group", "aria-label": label, ...data });
+}
 
 export interface PanelOptions {
   readonly context: Context;
@@ -41,11 +82,11 @@ export class ChannelPanel {
   private readonly notices = new ChannelNotices();
   private view: View;
   private visible = false;
-  private readonly filler: Filler;
-  private readonly turns = new Turns({ ask: (signal) => this.load(signal), onIdle: () => this.settle(), now: () => performance.now() });
+  private readonly backfill: Backfill;
+  private readonly requests = new LatestRequest({ ask: (signal) => this.load(signal), onIdle: () => this.settle(), now: () => performance.now() });
   private drawnEdge = Number.NaN;
   private dirty = true;
-  private readonly texts = new Beat(TEXT_MS);
+  private readonly texts = new Throttle(TEXT_MS);
   private reloadAt = 0;
   /** Whether the stream told of the past that is shown, since it was asked for. */
   private outdated = false;
@@ -54,9 +95,9 @@ export class ChannelPanel {
   constructor(private readonly options: PanelOptions) {
     const { context, node, channel, edge } = options;
     this.chartRoot = chartRoot(node, channel.id);
-    this.view = context.place().view;
+    this.view = context.route().view;
     this.data = new ChannelData({ client: context.client, timeline: context.timeline, node, channel, edge });
-    this.filler = new Filler({
+    this.backfill = new Backfill({
       data: this.data,
       edge,
       width: () => this.chart.width,
@@ -77,9 +118,9 @@ export class ChannelPanel {
       onRange: (range) => context.showRange(range),
       onPeak: options.onPeak,
     });
-    operateByKeys(this.chartRoot, {
+    addShortcuts(this.chartRoot, {
       context,
-      place: { node, channel: channel.id },
+      target: { node, channel: channel.id },
       range: () => this.range(),
       step: (by) => this.chart.step(by),
     });
@@ -98,7 +139,7 @@ export class ChannelPanel {
       return;
     }
     if (before.kind === "live") {
-      this.filler.stop();
+      this.backfill.stop();
       this.data.freeze();
     }
     this.look();
@@ -111,7 +152,7 @@ export class ChannelPanel {
     if (this.view.kind === "live") {
       this.dirty = true;
       this.notices.arrived();
-      if (hole) this.filler.fillHole(hole, this.view.span);
+      if (hole) this.backfill.fillHole(hole, this.view.span);
     } else if (range && this.touchesView(range)) this.outdated = true;
   }
 
@@ -124,7 +165,7 @@ export class ChannelPanel {
   frame(at: number): void {
     if (!this.visible) return;
     if (this.notices.retryDue(at)) this.again();
-    if (this.view.kind === "history" && this.outdated && !this.turns.busy && at - this.reloadAt > REFRESH_MS) {
+    if (this.view.kind === "history" && this.outdated && !this.requests.busy && at - this.reloadAt > REFRESH_MS) {
       this.reloadAt = at;
       this.ask();
     }
@@ -162,8 +203,8 @@ export class ChannelPanel {
 
   destroy(): void {
     this.watcher.disconnect();
-    this.turns.stop();
-    this.filler.stop();
+    this.requests.stop();
+    this.backfill.stop();
     this.chart.destroy();
   }
 
@@ -181,8 +222,8 @@ export class ChannelPanel {
   }
 
   private stopLive(): void {
-    this.turns.stop();
-    this.filler.stop();
+    this.requests.stop();
+    this.backfill.stop();
     this.settle();
     this.data.clear();
     this.drawnEdge = Number.NaN;
@@ -200,7 +241,7 @@ export class ChannelPanel {
       return;
     }
     this.notices.loading();
-    this.filler.fillWindow(this.view.span);
+    this.backfill.fillWindow(this.view.span);
   }
 
   private showHistory(): void {
@@ -217,7 +258,7 @@ export class ChannelPanel {
   private look(): void {
     const range = this.range();
     if (range !== null && this.data.holds(range)) {
-      this.turns.stop();
+      this.requests.stop();
       this.settle();
       this.present(range);
     } else {
@@ -242,7 +283,7 @@ export class ChannelPanel {
   /** Asks the store for the window. */
   private ask(): void {
     this.root.classList.add("busy");
-    this.turns.ask();
+    this.requests.ask();
   }
 
   private async load(signal: AbortSignal): Promise<void> {
@@ -292,7 +333,7 @@ export class ChannelPanel {
 
   /** Asks again for what could not be had. */
   private again(): void {
-    if (this.view.kind === "live") this.filler.fillWindow(this.view.span);
+    if (this.view.kind === "live") this.backfill.fillWindow(this.view.span);
     else this.ask();
   }
 }

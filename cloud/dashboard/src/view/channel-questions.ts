@@ -1,8 +1,8 @@
 import type { Answers } from "../chart/band-chart";
 import { readInterval } from "../interval/interval";
-import type { Question } from "../state/place";
-import type { Context } from "./context";
+import type { Question } from "../state/route";
 import type { ChannelPanel } from "./channel-panel";
+import type { Context } from "./context";
 import { element } from "./element";
 import { ModelForm } from "./model-form";
 import { ThresholdForm } from "./threshold-form";
@@ -16,20 +16,20 @@ export class ChannelQuestions {
   constructor(context: Context, node: string, private readonly panel: ChannelPanel) {
     const { channel } = panel.data;
     const bounds = channel.bounds && readInterval(channel.bounds);
-    const place = { context, node, channel: channel.id, unit: channel.unit, range: () => panel.range() };
+    const common = { context, node, channel: channel.id, unit: channel.unit, range: () => panel.range() };
     this.threshold = new ThresholdForm({
-      ...place,
+      ...common,
       magnitude: Math.max(0, ...[bounds?.lo ?? 0, bounds?.hi ?? 0].map(Math.abs).filter(Number.isFinite)),
       onSegments: (segments) => this.mark({ segments }),
     });
     this.model = new ModelForm({
-      ...place,
+      ...common,
       bounds,
       points: () => panel.width,
       onAnswer: (predicted, segments) => this.mark({ predicted, segments }),
     });
     this.root.append(this.threshold.root, this.model.root);
-    this.apply(context.place().question);
+    this.apply(context.route().question);
   }
 
   apply(question: Question | null): void {

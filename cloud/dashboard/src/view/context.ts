@@ -1,6 +1,6 @@
 import type { Client } from "../api/client";
 import type { Palette } from "../chart/palette";
-import type { Place } from "../state/place";
+import type { Route } from "../state/route";
 import type { Range } from "../state/window";
 import type { Timeline } from "../time/timeline";
 
@@ -9,9 +9,9 @@ export interface Context {
   readonly client: Client;
   readonly timeline: Timeline;
   readonly palette: Palette;
-  readonly place: () => Place;
-  /** Goes to a place; `replace` leaves no step to go back to (while zooming and panning). */
-  readonly go: (place: Place, how?: "push" | "replace") => void;
+  readonly route: () => Route;
+  /** Navigates; `replace` adds no entry to the browser's history (while zooming and panning). */
+  readonly go: (route: Route, how?: "push" | "replace") => void;
   readonly showRange: (range: Range) => void;
   readonly dragPans: () => boolean;
   /** Says something to people, and to screen readers. */

@@ -1,12 +1,80 @@
 import type { EventItem } from "../api/contract";
-import { isAbort, messageOf } from "../api/failure";
-import { printPlace } from "../state/place";
-import { Beat, TEXT_MS } from "../time/beat";
-import { parseInstant } from "../time/instant";
+import { isAbort, messageOf } from "../api/error";
+import { formatCount, formatInterval } from "../interval/format";
+import { readInterval } from "../interval/interval";
+import { printRoute } from "../state/route";
+import { formatDuration } from "../time/duration";
+import { parseInstant, printClock, printDay } from "../time/instant";
+import { Throttle, TEXT_MS } from "../time/throttle";
 import type { Context } from "./context";
-import { button, element, setText } from "./element";
-import { eventRow, type EventScope } from "./event-row";
+import { button, element, icon, setText } from "./element";
 import { NoticeBoard } from "./notice";
+import { ICONS, verdictSymbol } from "./symbol";
+
+/** What a list of events is limited to. */
+export interface EventScope {
+  readonly node: string | null;
+  readonly channel: string | null;
+}
+
+/** A gap that tells of a broken taxel; what it spans is when that was found. */
+const FAULT = / certainly (stuck|dead)/;
+
+function symbol(event: EventItem): SVGSVGElement {
+  if (event.kind === "peak" && event.verdict) return verdictSymbol(event.verdict);
+  const made = icon(event.kind === "gap" ? ICONS.gap : event.kind === "command" ? ICONS.command : ICONS.status);
+  made.classList.add("kind", event.kind);
+  return made;
+}
+
+function what(event: EventItem): string {
+  if (event.kind === "gap") {
+    if (event.detail && FAULT.test(event.detail)) return event.detail;
+    const length = Number(parseInstant(event.time.hi) - parseInstant(event.time.lo));
+    return [`gap of ${formatDuration(length, "up")}`, event.detail].filter(Boolean).join(": ");
+  }
+  if (event.kind !== "peak") return event.detail ?? event.kind;
+  const height = event.height ? formatInterval(readInterval(event.height), event.unit ?? "") : "";
+  const count = event.count ? formatCount(readInterval(event.count)) : "1";
+  return `${height}${count === "1" ? "" : ` × ${count}`}`;
+}
+
+function when(event: EventItem, now: bigint): string {
+  const begin = parseInstant(event.time.lo);
+  const distance = now > begin ? now - begin : begin - now;
+  const far = distance > 43_200_000_000_000n;
+  return `${far ? `${printDay(begin)} ` : ""}${printClock(begin, far ? 0 : 3)}`;
+}
+
+/** Where an event was, without what the list's scope says already. */
+function where(event: EventItem, scope: EventScope): string {
+  const channel = scope.channel === null ? event.channel : null;
+  return [scope.node === null ? event.node : null, channel].filter((part) => part !== null).join(" · ");
+}
+
+/** One event: its symbol, what it says, where and when. The row opens the place of the event. */
+export function eventRow(event: EventItem, scope: EventScope, now: bigint, href: string): HTMLElement {
+  const kind = event.verdict ? `${event.verdict} ${event.kind}` : event.kind;
+  const location = where(event, scope);
+  const link = element(
+    "a",
+    { href, class: "event", title: `${kind}\n${event.time.lo} to ${event.time.hi}` },
+    symbol(event),
+    element("span", { class: "event-kind" }, kind),
+    element("time", { datetime: event.time.lo }, when(event, now)),
+    element("span", { class: "event-what" }, what(event)),
+    element("span", { class: "event-place", title: location }, location),
+  );
+  const attributes = {
+    "data-testid": "event",
+    "data-id": event.id,
+    "data-kind": event.kind,
+    "data-verdict": event.verdict,
+    "data-node": event.node,
+    "data-channel": event.channel,
+  };
+  return element("li", attributes, link);
+}
 
 interface Filter {
   kind: string;
@@ -29,7 +97,7 @@ export class EventList {
   private readonly filter: Filter = { kind: "", verdict: "" };
   private readonly known = new Set<string>();
   private waiting: EventItem[] = [];
-  private readonly beat = new Beat(TEXT_MS);
+  private readonly beat = new Throttle(TEXT_MS);
   private cursor: string | null = null;
   private loading = new AbortController();
   /** Whether the rows are to be replaced: then what comes in waits, or it would be replaced, too. */
@@ -130,7 +198,7 @@ export class EventList {
     const to = parseInstant(event.time.hi);
     const room = to - from > AROUND ? to - from : AROUND;
     const view = { kind: "history", from: from - room / 2n, to: to + room / 2n } as const;
-    return printPlace({ node: event.node, channel: event.channel ?? this.scope.channel, view, question: null });
+    return printRoute({ node: event.node, channel: event.channel ?? this.scope.channel, view, question: null });
   }
 
   private trim(): void {

@@ -1,18 +1,17 @@
 import type { PredictionQuery } from "../api/client";
 import type { ModelItem } from "../api/contract";
-import { isAbort, messageOf } from "../api/failure";
+import { isAbort, messageOf } from "../api/error";
 import { readPrediction } from "../chart/predicted";
 import { readSegment, type Segment } from "../chart/segments";
-import { readInterval, type Interval } from "../interval/interval";
-import { printGiven, type Given, type ModelQuestion } from "../state/place";
+import { type Interval, readInterval } from "../interval/interval";
+import { type Given, type ModelQuestion, printGiven } from "../state/route";
 import type { Range } from "../state/window";
-import { NS_PER_SECOND, parseInstant, printInstant, type Instant } from "../time/instant";
-import { NOTHING, type Entries } from "../tube/entries";
-import { AskClock } from "./ask-clock";
+import { type Instant, NS_PER_SECOND, parseInstant, printInstant } from "../time/instant";
+import { type Entries, NOTHING } from "../tube/entries";
 import type { Context } from "./context";
 import { button, element } from "./element";
 import { IntervalField } from "./interval-field";
-import { occupancyAnswer, type Wording } from "./occupancy-answer";
+import { RequestTimer, occupancyAnswer, type Wording } from "./question-parts";
 
 export interface ModelFormOptions {
   readonly context: Context;
@@ -51,7 +50,7 @@ export class ModelForm {
   private readonly parameters = element("div", { class: "parameters" });
   private readonly origin = element("input", { type: "text", class: "origin", autocomplete: "off", spellcheck: "false", "aria-label": "time 0 of the model, RFC 3339", placeholder: "start of the window", "data-testid": "model-origin" });
   private readonly answer = element("p", { class: "answer", role: "status", "data-testid": "model-answer" });
-  private readonly clock = new AskClock();
+  private readonly clock = new RequestTimer();
   private readonly loading = new AbortController();
   private models: readonly ModelItem[] | null = null;
   private fields: readonly IntervalField[] = [];
@@ -98,7 +97,7 @@ export class ModelForm {
 
   frame(at: number): void {
     if (this.applied === null || this.complaining) return;
-    if (!this.clock.isDue(at, this.options.context.place().view)) return;
+    if (!this.clock.isDue(at, this.options.context.route().view)) return;
     const range = this.options.range();
     if (range === null) return;
     this.clock.ask(at);
@@ -213,7 +212,7 @@ export class ModelForm {
   private go(question: ModelQuestion | null): void {
     const { context } = this.options;
     if (question !== null) this.answer.textContent = "Asking…";
-    context.go({ ...context.place(), question }, "replace");
+    context.go({ ...context.route(), question }, "replace");
   }
 
   private async ask(question: ModelQuestion, range: Range): Promise<void> {
@@ -223,7 +222,7 @@ export class ModelForm {
     const asking = new AbortController();
     this.asking = asking;
     const { signal } = asking;
-    const place = { node, channel };
+    const target = { node, channel };
     const query: PredictionQuery = {
       model: question.model,
       origin: question.origin,
@@ -231,13 +230,13 @@ export class ModelForm {
       start: timeline.toInstant(range.x0),
       end: timeline.toInstant(Math.ceil(range.x1)),
     };
-    const ahead = context.place().view.kind === "live" ? AHEAD : 0n;
+    const ahead = context.route().view.kind === "live" ? AHEAD : 0n;
     let predicted = NOTHING;
     try {
-      const tube = await client.prediction(place, { ...query, end: query.end + ahead, points: points() }, signal);
+      const tube = await client.prediction(target, { ...query, end: query.end + ahead, points: points() }, signal);
       predicted = readPrediction(tube, timeline);
       this.mark(predicted, this.anomalies);
-      const [segments, time] = await Promise.all([client.anomalies(place, query, signal), client.anomaliesTime(place, query, signal)]);
+      const [segments, time] = await Promise.all([client.anomalies(target, query, signal), client.anomaliesTime(target, query, signal)]);
       this.mark(predicted, segments.items.map((item) => readSegment(item, timeline)));
       this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: WORDING, complete: segments.complete }));
     } catch (error) {

@@ -1,8 +1,8 @@
 import type { ChannelItem, EventItem, LiveBlock } from "../api/contract";
-import { isAbort, messageOf } from "../api/failure";
-import type { PeakMark } from "../chart/peak-groups";
+import { isAbort, messageOf } from "../api/error";
+import type { PeakMark } from "../chart/peaks";
 import { LiveEdge } from "../live/edge";
-import { printPlace, type View } from "../state/place";
+import { printRoute, type View } from "../state/route";
 import type { Range } from "../state/window";
 import { ChannelPanel } from "./channel-panel";
 import type { Context } from "./context";
@@ -39,7 +39,7 @@ export class NodeSection {
 
   constructor(private readonly options: SectionOptions) {
     const { context, node, channel } = options;
-    const href = printPlace({ ...context.place(), node, channel: null, question: null });
+    const href = printRoute({ ...context.route(), node, channel: null, question: null });
     this.picture = channel === null ? new SkinPicture(context, node, this.edge) : null;
     const head = channel === null ? element("h2", { class: "section-head" }, element("a", { href }, node)) : null;
     this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.picture?.root, this.grid);
@@ -75,7 +75,7 @@ export class NodeSection {
   }
 
   takeEvent(event: EventItem): void {
-    const live = this.options.context.place().view.kind === "live";
+    const live = this.options.context.route().view.kind === "live";
     for (const [channel, panel] of this.panels) {
       if (event.channel !== null && event.channel !== channel) continue;
       panel.data.takeEvent(event, live ? null : panel.range());

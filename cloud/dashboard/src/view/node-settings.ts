@@ -1,15 +1,59 @@
-import type { NodeState } from "../api/contract";
-import { isAbort, messageOf } from "../api/failure";
-import { settingRows, type SettingRow } from "../state/settings";
+import type { NodeState, Setting } from "../api/contract";
+import { isAbort, messageOf } from "../api/error";
 import { parseInstant, printClock, printDay } from "../time/instant";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 
+/** One setting of one target, as it should be and as the node says that it is; null where nobody said. */
+export interface SettingRow {
+  readonly target: string;
+  readonly name: string;
+  readonly desired: string | null;
+  readonly reported: string | null;
+  readonly settled: boolean;
+}
+
+/** The target of what holds for all taxels. */
+const WHOLE_NODE = "*";
+
+function shown(value: Setting | undefined): string | null {
+  return value === undefined ? null : String(value);
+}
+
+/** What a node reports of a setting that is wished of all its taxels at once. */
+function reportedOfAll(state: NodeState, name: string): string | null {
+  const own = state.reported?.[WHOLE_NODE]?.[name];
+  if (own !== undefined) return shown(own);
+  const found = Object.entries(state.reported ?? {})
+    .filter(([target]) => state.desired[target]?.[name] === undefined)
+    .map(([target, settings]) => [target, shown(settings[name])] as const)
+    .filter(([, value]) => value !== null);
+  const values = new Set(found.map(([, value]) => value));
+  if (values.size <= 1) return [...values][0] ?? null;
+  return found.map(([target, value]) => `${target}: ${value}`).join(", ");
+}
+
+/** All settings that are desired or reported, by target and name. */
+export function settingRows(state: NodeState): SettingRow[] {
+  const rows: SettingRow[] = [];
+  const targets = new Set([...Object.keys(state.desired), ...Object.keys(state.reported ?? {})]);
+  for (const target of [...targets].toSorted()) {
+    const wished = state.desired[target] ?? {};
+    const told = state.reported?.[target] ?? {};
+    for (const name of [...new Set([...Object.keys(wished), ...Object.keys(told)])].toSorted()) {
+      const desired = shown(wished[name] ?? state.desired[WHOLE_NODE]?.[name]);
+      const reported = target === WHOLE_NODE ? reportedOfAll(state, name) : shown(told[name]);
+      rows.push({ target, name, desired, reported, settled: desired === null || desired === reported });
+    }
+  }
+  return rows;
+}
+
 const REFRESH_MS = 5_000;
 const SOON_MS = 200;
 
-function place(row: SettingRow): string {
-  return row.place === "*" ? "whole node" : row.place;
+function targetLabel(row: SettingRow): string {
+  return row.target === "*" ? "whole node" : row.target;
 }
 
 function tableRow(row: SettingRow): HTMLElement {
@@ -17,7 +61,7 @@ function tableRow(row: SettingRow): HTMLElement {
   return element(
     "tr",
     attributes,
-    element("th", { scope: "row" }, place(row)),
+    element("th", { scope: "row" }, targetLabel(row)),
     element("td", {}, row.name),
     element("td", {}, row.desired ?? "–"),
     element("td", {}, row.reported ?? "–", row.settled ? null : element("span", { class: "mark-waits" }, "not yet")),

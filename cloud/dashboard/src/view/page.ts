@@ -1,13 +1,12 @@
-import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
 import { address } from "../api/client";
-import { isAbort } from "../api/failure";
-import type { PeakMark } from "../chart/peak-groups";
-import { Feed, type FeedState } from "../live/feed";
-import type { StreamMessage } from "../live/stream";
-import type { Place } from "../state/place";
+import type { EventItem, LiveBlock, NodeItem } from "../api/contract";
+import { isAbort } from "../api/error";
+import type { PeakMark } from "../chart/peaks";
+import { Feed, type FeedState, type StreamMessage } from "../live/feed";
+import type { Route } from "../state/route";
 import type { Range } from "../state/window";
-import { Beat, TEXT_MS } from "../time/beat";
 import { parseInstant, printClock, printDay } from "../time/instant";
+import { Throttle, TEXT_MS } from "../time/throttle";
 import { channelFacts, crumbs } from "./channel-detail";
 import { ChannelQuestions } from "./channel-questions";
 import type { Context } from "./context";
@@ -51,26 +50,26 @@ export class Page {
   private eventLoading = new AbortController();
   /** Of which kinds there are too many events to mark, and since when they are marked. */
   private unmarked: { readonly kind: string; readonly since: number }[] = [];
-  private readonly texts = new Beat(TEXT_MS);
+  private readonly texts = new Throttle(TEXT_MS);
   private timer: ReturnType<typeof setTimeout> | null = null;
 
   constructor(private readonly options: PageOptions) {
     const { context } = options;
-    const place = context.place();
-    this.scope = { node: place.node, channel: place.channel };
-    this.root.setAttribute("aria-label", [place.node ?? "All nodes", place.channel].filter(Boolean).join(" "));
+    const route = context.route();
+    this.scope = { node: route.node, channel: route.channel };
+    this.root.setAttribute("aria-label", [route.node ?? "All nodes", route.channel].filter(Boolean).join(" "));
     this.list = new EventList(context, this.scope);
     this.root.append(this.column, this.list.root);
-    if (place.node !== null) this.addSection(place.node);
+    if (route.node !== null) this.addSection(route.node);
     else this.notices.say("loading", "Loading nodes…", "");
-    if (place.node !== null && place.channel !== null) {
-      this.column.prepend(crumbs(context, place.node, place.channel));
+    if (route.node !== null && route.channel !== null) {
+      this.column.prepend(crumbs(context, route.node, route.channel));
     }
-    if (place.node !== null && place.channel === null) {
-      this.settings = new NodeSettings(context, place.node);
+    if (route.node !== null && route.channel === null) {
+      this.settings = new NodeSettings(context, route.node);
       this.column.prepend(this.settings.root);
     }
-    this.apply(place);
+    this.apply(route);
   }
 
   /** Takes over how the nodes are; the overview shows all of them, a page of one node keeps to it. */
@@ -90,9 +89,9 @@ export class Page {
   }
 
   /** Takes over a change of the window or the question. */
-  apply(place: Place): void {
-    for (const section of this.sections.values()) section.apply(place.view);
-    this.questions?.apply(place.question);
+  apply(route: Route): void {
+    for (const section of this.sections.values()) section.apply(route.view);
+    this.questions?.apply(route.question);
     this.connect();
     if (this.timer !== null) clearTimeout(this.timer);
     this.timer = setTimeout(() => void this.loadEvents(), SETTLE_MS);
@@ -112,7 +111,7 @@ export class Page {
 
   /** The window shown now. */
   range(): Range | null {
-    const { view } = this.options.context.place();
+    const { view } = this.options.context.route();
     const { timeline } = this.options.context;
     if (view.kind === "history") return { x0: timeline.toX(view.from), x1: timeline.toX(view.to) };
     for (const section of this.sections.values()) {
@@ -194,16 +193,16 @@ export class Page {
   private connect(): void {
     const { context, onFeed } = this.options;
     const { node, channel } = this.scope;
-    const { view } = context.place();
+    const { view } = context.route();
     const span = view.kind === "live" ? view.span : 10e9;
     // No finer than half a pixel of the widest chart there can be, and the same for windows of about one length.
     const grain = 2 ** Math.floor(Math.log2(Math.max(1, span / screen.width / 2)));
-    const place = channel === null ? { node } : { channel: `${node}/${channel}` };
-    const url = address("/live", { ...place, points: POINTS, grain });
+    const scope = channel === null ? { node } : { channel: `${node}/${channel}` };
+    const url = address("/live", { ...scope, points: POINTS, grain });
     if (url === this.feedUrl) return;
     this.feedUrl = url;
     // What comes between the two feeds is told by the second.
-    const after = this.feed?.place ?? null;
+    const after = this.feed?.cursor ?? null;
     this.feed?.stop();
     this.feed = new Feed({
       url,
@@ -253,7 +252,7 @@ export class Page {
 
   /** The window that events are asked for: the one shown, or the newest data. */
   private eventWindow(): Range | null {
-    const { view } = this.options.context.place();
+    const { view } = this.options.context.route();
     const extent = this.extent();
     if (view.kind === "history") return this.range();
     return extent && { x0: extent.x1 - 1.5 * view.span, x1: extent.x1 + view.span };

@@ -1,18 +1,88 @@
 import type { ChannelItem, LiveBlock, TaxelItem } from "../api/contract";
-import { isAbort } from "../api/failure";
+import { isAbort } from "../api/error";
+import { decimalExponent } from "../interval/decimal";
 import { formatInterval } from "../interval/format";
 import type { Interval } from "../interval/interval";
+import { parseTyped, shortTyped } from "../interval/typed";
+import { choosePrefix, findUnit } from "../interval/unit";
 import type { LiveEdge } from "../live/edge";
-import { judge, levelOf, quantitiesOf, type Contact } from "../skin/contact";
-import { layOut, PITCH } from "../skin/layout";
-import { hullOf, Present } from "../skin/present";
-import { printPlace, type View } from "../state/place";
-import { Beat, TEXT_MS } from "../time/beat";
+import { hullOf, LatestValues } from "../skin/latest-values";
+import { type Contact, judge, layOut, levelOf, PITCH, quantitiesOf } from "../skin/taxels";
+import { printRoute, type View } from "../state/route";
 import { formatDuration } from "../time/duration";
+import { Throttle, TEXT_MS } from "../time/throttle";
 import type { Context } from "./context";
 import { element, setText } from "./element";
-import { LevelField } from "./level-field";
-import { drawing, taxelMark } from "./taxel-mark";
+
+/** A level that people type in the prefix of its magnitude. */
+export class LevelField {
+  readonly root: HTMLElement;
+  value = 0;
+  private exponent = 0;
+  private readonly input = element("input", { type: "text", inputmode: "decimal", autocomplete: "off", "aria-label": "level", "data-testid": "skin-level" });
+  private readonly unit = element("span", { class: "unit" });
+
+  constructor(onChange: () => void) {
+    this.root = element("span", { class: "with-unit" }, this.input, this.unit);
+    this.input.addEventListener("input", () => {
+      const typed = parseTyped(this.input.value, this.exponent);
+      this.input.setAttribute("aria-invalid", String(typed === null));
+      if (typed === null) return;
+      this.value = typed;
+      onChange();
+    });
+  }
+
+  /** Shows a level in its unit. */
+  set(level: number, code: string): void {
+    const unit = findUnit(code);
+    const prefix = choosePrefix(unit, level === 0 ? 0 : decimalExponent(Math.abs(level)));
+    this.exponent = prefix.exponent;
+    // Three digits are shown, and those are meant.
+    const { text, value } = shortTyped(level, prefix.exponent, 3);
+    this.value = value;
+    this.input.value = text;
+    this.input.setAttribute("aria-invalid", "false");
+    this.unit.textContent = `${prefix.symbol}${unit.symbol}`;
+  }
+}
+
+const SPACE = "http://www.w3.org/2000/svg";
+
+function svgElement(tag: string, attributes: Readonly<Record<string, string | number>>): SVGElement {
+  const made = document.createElementNS(SPACE, tag) as SVGElement;
+  for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, String(value));
+  return made;
+}
+
+/** An empty picture of a skin. */
+export function drawing(width: number, height: number): SVGSVGElement {
+  const svg = svgElement("svg", { viewBox: `0 0 ${width} ${height}`, class: "skin-map", role: "group" });
+  svg.style.aspectRatio = `${width} / ${height}`;
+  return svg as SVGSVGElement;
+}
+
+/**
+ * A taxel: a disc when its contact is certain, a dashed ring with a dot when it is possible, a small
+ * ring when there is none, a cross when nothing is known. The style sheet shows one shape of them.
+ */
+export function taxelMark(taxel: string, at: { x: number; y: number; radius: number }): SVGElement {
+  const { x, y, radius } = at;
+  const mark = svgElement("a", { class: "taxel-mark" });
+  mark.dataset["testid"] = "taxel";
+  mark.dataset["taxel"] = taxel;
+  const cross = 0.35 * radius;
+  mark.append(
+    svgElement("title", {}),
+    svgElement("circle", { class: "ground", cx: x, cy: y, r: radius }),
+    svgElement("circle", { class: "shape certain", cx: x, cy: y, r: 0.86 * radius }),
+    svgElement("circle", { class: "shape possible", cx: x, cy: y, r: 0.74 * radius }),
+    svgElement("circle", { class: "shape possible dot", cx: x, cy: y, r: 0.28 * radius }),
+    svgElement("circle", { class: "shape impossible", cx: x, cy: y, r: 0.3 * radius }),
+    svgElement("path", { class: "shape unknown", d: `M${x - cross} ${y - cross} l${2 * cross} ${2 * cross} m0 ${-2 * cross} l${-2 * cross} ${2 * cross}` }),
+  );
+  return mark;
+}
 
 const REPAINT_MS = 100;
 const RETRY_MS = 4_000;
@@ -28,7 +98,7 @@ export class SkinPicture {
   private readonly summary = element("figcaption", { class: "skin-summary", "data-testid": "skin-summary" });
   private readonly choice = element("select", { "aria-label": "quantity", "data-testid": "skin-quantity" });
   private readonly level: LevelField;
-  private readonly present: Present;
+  private readonly present: LatestValues;
   /** What was measured at the end of a window in the past. */
   private readonly past = new Map<string, Interval>();
   private readonly marks = new Map<string, SVGElement>();
@@ -37,14 +107,14 @@ export class SkinPicture {
   private loading = new AbortController();
   private timer: ReturnType<typeof setTimeout> | null = null;
   private retry: ReturnType<typeof setTimeout> | null = null;
-  private readonly beat = new Beat(REPAINT_MS);
-  private readonly texts = new Beat(TEXT_MS);
+  private readonly beat = new Throttle(REPAINT_MS);
+  private readonly texts = new Throttle(TEXT_MS);
   private view: View;
 
   constructor(private readonly context: Context, private readonly node: string, edge: LiveEdge) {
-    this.view = context.place().view;
+    this.view = context.route().view;
     this.root.setAttribute("aria-label", `skin of ${node}`);
-    this.present = new Present(context.timeline, edge);
+    this.present = new LatestValues(context.timeline, edge);
     this.level = new LevelField(() => this.paint());
     this.choice.addEventListener("change", () => this.choose());
     void this.load();
@@ -122,7 +192,7 @@ export class SkinPicture {
       const mark = taxelMark(taxel, { x, y, radius: 0.42 * PITCH });
       mark.addEventListener("click", (event) => {
         event.preventDefault();
-        this.context.go({ ...this.context.place(), node: this.node, channel: this.channelOf(taxel), question: null });
+        this.context.go({ ...this.context.route(), node: this.node, channel: this.channelOf(taxel), question: null });
       });
       this.marks.set(taxel, mark);
       svg.append(mark);
@@ -151,7 +221,7 @@ export class SkinPicture {
   }
 
   private paint(texts = true): void {
-    const counts: Record<Contact, number> = { certain: 0, possible: 0, none: 0, unknown: 0 };
+    const counts: Record<Contact, number> = { certain: 0, possible: 0, impossible: 0, unknown: 0 };
     const now = performance.now();
     const live = this.view.kind === "live";
     const unit = this.channels.find(({ quantity }) => quantity === this.choice.value)?.unit ?? "1";
@@ -162,7 +232,7 @@ export class SkinPicture {
       counts[contact] += 1;
       if (mark.dataset["contact"] !== contact) mark.dataset["contact"] = contact;
       if (!texts) continue;
-      const href = printPlace({ ...this.context.place(), node: this.node, channel, question: null });
+      const href = printRoute({ ...this.context.route(), node: this.node, channel, question: null });
       if (mark.getAttribute("href") !== href) mark.setAttribute("href", href);
       const text = `${taxel}: ${contact}${interval ? `, ${formatInterval(interval, unit)}` : ""}`;
       if (mark.getAttribute("aria-label") !== text) {
@@ -173,6 +243,6 @@ export class SkinPicture {
     const unknown = counts.unknown > 0 ? `, ${counts.unknown} unknown` : "";
     const { age } = this.present;
     const late = live && age !== null ? ` What comes was measured at least ${formatDuration(age, "down")} ago.` : "";
-    setText(this.summary, `Contact: ${counts.certain} certain, ${counts.possible} possible, ${counts.none} none${unknown}.${late}`);
+    setText(this.summary, `Contact: ${counts.certain} certain, ${counts.possible} possible, ${counts.impossible} impossible${unknown}.${late}`);
   }
 }

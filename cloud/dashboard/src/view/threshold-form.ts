@@ -1,15 +1,14 @@
 import type { ThresholdQuery } from "../api/client";
-import { isAbort, messageOf } from "../api/failure";
+import { isAbort, messageOf } from "../api/error";
 import { readSegment, type Segment } from "../chart/segments";
 import { decimalExponent } from "../interval/decimal";
 import { parseTyped, printTyped } from "../interval/typed";
 import { choosePrefix, findUnit } from "../interval/unit";
-import type { ThresholdQuestion } from "../state/place";
+import type { ThresholdQuestion } from "../state/route";
 import type { Range } from "../state/window";
-import { AskClock } from "./ask-clock";
 import type { Context } from "./context";
 import { button, element } from "./element";
-import { occupancyAnswer, type Wording } from "./occupancy-answer";
+import { RequestTimer, occupancyAnswer, type Wording } from "./question-parts";
 
 export interface ThresholdOptions {
   readonly context: Context;
@@ -37,7 +36,7 @@ export class ThresholdForm {
   private readonly prefix: number;
   private asking: AbortController | null = null;
   private applied: ThresholdQuestion | null = null;
-  private readonly clock = new AskClock();
+  private readonly clock = new RequestTimer();
 
   constructor(private readonly options: ThresholdOptions) {
     const unit = findUnit(options.unit);
@@ -88,7 +87,7 @@ export class ThresholdForm {
 
   frame(at: number): void {
     if (this.applied === null || this.invalid) return;
-    if (!this.clock.isDue(at, this.options.context.place().view)) return;
+    if (!this.clock.isDue(at, this.options.context.route().view)) return;
     const range = this.options.range();
     if (range === null) return;
     this.clock.ask(at);
@@ -122,7 +121,7 @@ export class ThresholdForm {
       this.answer.textContent = INTRODUCTION;
       if (this.applied === null) return;
     }
-    context.go({ ...context.place(), question }, "replace");
+    context.go({ ...context.route(), question }, "replace");
   }
 
   private async ask(question: ThresholdQuestion, range: Range): Promise<void> {
@@ -131,11 +130,11 @@ export class ThresholdForm {
     const asking = new AbortController();
     this.asking = asking;
     const { signal } = asking;
-    const place = { node, channel };
+    const target = { node, channel };
     const side = question.side === "above" ? { above: question.level } : { below: question.level };
     const query: ThresholdQuery = { ...side, start: context.timeline.toInstant(range.x0), end: context.timeline.toInstant(Math.ceil(range.x1)) };
     try {
-      const [segments, time] = await Promise.all([context.client.threshold(place, query, signal), context.client.thresholdTime(place, query, signal)]);
+      const [segments, time] = await Promise.all([context.client.threshold(target, query, signal), context.client.thresholdTime(target, query, signal)]);
       this.options.onSegments(segments.items.map((item) => readSegment(item, context.timeline)));
       this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: this.wording(question), complete: segments.complete }));
     } catch (error) {

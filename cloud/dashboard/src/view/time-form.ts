@@ -1,8 +1,7 @@
-import type { View } from "../state/place";
-import { readTypedRange, type RangeComplaint, type TypedRange } from "../state/typed-range";
+import type { View } from "../state/route";
 import type { Range } from "../state/window";
 import { NS_PER_SECOND } from "../time/instant";
-import { nameZone, printTypedInstant } from "../time/typed-instant";
+import { nameZone, printTypedInstant, type RangeComplaint, readTypedRange, type TypedRange } from "../time/typed-time";
 import type { Context } from "./context";
 import { button, element } from "./element";
 
@@ -74,7 +73,7 @@ export class TimeForm {
   }
 
   private shown(): TypedRange | null {
-    const { view } = this.options.context.place();
+    const { view } = this.options.context.route();
     if (view.kind === "history") return view;
     const range = this.options.range();
     if (range === null) return null;
@@ -110,7 +109,7 @@ export class TimeForm {
     const { context } = this.options;
     this.edited = false;
     // Straight to these instants, with a step to go back to, as to a peak that is opened.
-    context.go({ ...context.place(), view: { kind: "history", from, to } });
+    context.go({ ...context.route(), view: { kind: "history", from, to } });
     context.announce(`Showing ${printTypedInstant(from)} to ${printTypedInstant(to)}.`);
   }
 

@@ -1,8 +1,8 @@
-import { SPANS, type View } from "../state/place";
-import { pan, zoom, type Range } from "../state/window";
-import { Beat, TEXT_MS } from "../time/beat";
+import { SPANS, type View } from "../state/route";
+import { pan, type Range, zoom } from "../state/window";
 import { formatDuration } from "../time/duration";
 import { decimalsFor, printClock, printDay } from "../time/instant";
+import { Throttle, TEXT_MS } from "../time/throttle";
 import type { Context } from "./context";
 import { button, element, icon, setText } from "./element";
 import { ICONS } from "./symbol";
@@ -25,7 +25,7 @@ export class Timebar {
   private readonly text = element("span", { class: "window-text", "data-testid": "window-text" });
   private readonly panMode: HTMLButtonElement;
   private lastSpan = 10e9;
-  private readonly texts = new Beat(TEXT_MS);
+  private readonly texts = new Throttle(TEXT_MS);
 
   constructor(private readonly options: TimebarOptions) {
     for (const { label, ns } of SPANS) this.span.append(element("option", { value: ns }, label));
@@ -71,10 +71,10 @@ export class Timebar {
   }
 
   private describe(range: Range): string {
-    const { timeline, place } = this.options.context;
+    const { timeline, route } = this.options.context;
     const length = range.x1 - range.x0;
     const [from, to] = [timeline.toInstant(range.x0), timeline.toInstant(range.x1)];
-    const live = place().view.kind === "live";
+    const live = route().view.kind === "live";
     const decimals = live ? 0 : decimalsFor(length / 20);
     const day = printDay(from);
     const end = printDay(to) === day ? "" : `${printDay(to)} `;
@@ -95,7 +95,7 @@ export class Timebar {
 
   private goLive(): void {
     const { context } = this.options;
-    context.go({ ...context.place(), view: { kind: "live", span: this.lastSpan } });
+    context.go({ ...context.route(), view: { kind: "live", span: this.lastSpan } });
   }
 
   private togglePan(): void {

@@ -1,0 +1,311 @@
+/* Written by `python -m docs.tools.openapi --typescript`: do not edit. */
+
+export interface BoundsDocument {
+  readonly lo: readonly (number | null)[];
+  readonly hi: readonly (number | null)[];
+}
+
+export interface ChannelDocument {
+  readonly id: string;
+  readonly taxel: string;
+  readonly quantity: string;
+  readonly unit: string;
+  readonly coverage: number;
+  readonly dt: number;
+  readonly blocks: number | null;
+  readonly samples: number | null;
+  readonly bytes: number | null;
+  readonly first: string | null;
+  readonly last: string | null;
+  readonly bounds: IntervalDocument | null;
+  readonly biometric: boolean;
+  readonly removed: RemovedDocument | null;
+}
+
+export interface ClockDocument {
+  readonly verdict: "certain" | "possible" | "impossible";
+  readonly offset: OffsetDocument;
+  readonly references_agree: boolean;
+}
+
+export interface CommandDocument {
+  readonly id: number;
+  readonly node: string;
+  readonly name: "calibrate" | "set" | "reset";
+  readonly arguments: Readonly<Record<string, number | string>>;
+  readonly state: "pending" | "delivered" | "done" | "refused" | "expired";
+  readonly reason: string | null;
+  readonly issued: string;
+  readonly expires: string;
+  readonly delivered: string | null;
+  readonly answered: TimeDocument | null;
+}
+
+export interface CountDocument {
+  readonly lo: number;
+  readonly hi: number;
+}
+
+export interface DeedDocument {
+  readonly id: number;
+  readonly time: string;
+  readonly actor: string;
+  readonly address: string;
+  readonly action: string;
+  readonly target: string;
+  readonly detail: string;
+  readonly digest: string;
+}
+
+export interface EnergyDocument {
+  readonly stored: IntervalDocument;
+  readonly charge: IntervalDocument;
+  readonly self_sustaining: "certain" | "possible" | "impossible";
+  readonly shedding: "none" | "adaptive" | "peaks" | "sleep";
+}
+
+export interface EventDocument {
+  readonly id: string;
+  readonly node: string;
+  readonly channel: string | null;
+  readonly kind: "peak" | "gap" | "status" | "command" | "conflict";
+  readonly verdict: "certain" | "possible" | null;
+  readonly time: TimeDocument;
+  readonly height: IntervalDocument | null;
+  readonly prominence: IntervalDocument | null;
+  readonly count: IntervalDocument | null;
+  readonly unit: string | null;
+  readonly coverage: number | null;
+  readonly boot: number;
+  readonly detail: string | null;
+}
+
+export interface FaultDocument {
+  readonly taxel: string;
+  readonly dead: "certain" | "possible" | "impossible";
+  readonly stuck: "certain" | "possible" | "impossible";
+}
+
+export interface GatewayDocument {
+  readonly id: string;
+  readonly site: string;
+  readonly health: "online" | "late" | "offline";
+  readonly first_heard: string;
+  readonly last_heard: string;
+  readonly nodes: number | null;
+  readonly spool: SpoolDocument | null;
+  readonly stored: number | null;
+  readonly duplicate: number | null;
+  readonly rejected: number | null;
+  readonly latest: string | null;
+  readonly lag: LagDocument | null;
+}
+
+export interface HealthDocument {
+  readonly status?: "ok";
+}
+
+export interface IntervalDocument {
+  readonly lo: number | null;
+  readonly hi: number | null;
+}
+
+export interface LagDocument {
+  readonly lo_ns: number;
+  readonly hi_ns: number;
+}
+
+export interface MissingDocument {
+  readonly messages: number;
+  readonly since: string;
+  readonly ranges: readonly MissingRangeDocument[];
+}
+
+export interface MissingRangeDocument {
+  readonly boot: number;
+  readonly first: number;
+  readonly last: number;
+}
+
+export interface ModelDocument {
+  readonly id: string;
+  readonly unit: string | null;
+  readonly description: string;
+  readonly parameters: readonly ParameterDocument[];
+}
+
+export interface NewTokenDocument {
+  readonly id: string;
+  readonly token: string;
+}
+
+export interface NodeDocument {
+  readonly id: string;
+  readonly health: "online" | "late" | "offline";
+  readonly last_seen: string;
+  readonly boot: number;
+  readonly sequence: number | null;
+  readonly profile: string | null;
+  readonly description: string | null;
+  readonly uptime_ns: number | null;
+  readonly outbox: OutboxDocument | null;
+  readonly gaps: number;
+  readonly energy: EnergyDocument | null;
+  readonly faults: readonly FaultDocument[] | null;
+  readonly channels: number;
+  readonly lag: LagDocument | null;
+  readonly clock: ClockDocument | null;
+  readonly missing: MissingDocument | null;
+}
+
+export interface OccupancyDocument {
+  readonly start: string;
+  readonly end: string;
+  readonly unit: string;
+  readonly time_s: IntervalDocument;
+  readonly unknown_s: number;
+  readonly samples: CountDocument;
+  readonly entries: CountDocument;
+  readonly coverage: number;
+  readonly time_error: number;
+}
+
+export interface OffsetDocument {
+  readonly lo_ns: number | null;
+  readonly hi_ns: number | null;
+}
+
+export interface OutboxDocument {
+  readonly messages: number;
+  readonly bytes: number;
+  readonly capacity_bytes: number;
+}
+
+export interface ParameterDocument {
+  readonly name: string;
+  readonly unit: string | null;
+  readonly required: boolean;
+  readonly usual: IntervalDocument | null;
+}
+
+export interface PredictionDocument {
+  readonly node: string;
+  readonly channel: string;
+  readonly model: string;
+  readonly unit: string;
+  readonly origin: string;
+  readonly t0: string;
+  readonly t: readonly number[];
+  readonly lo: readonly (number | null)[];
+  readonly hi: readonly (number | null)[];
+  readonly dt: number;
+}
+
+export interface RemovedDocument {
+  readonly messages: number;
+  readonly before: string;
+}
+
+export interface SegmentDocument {
+  readonly id: string;
+  readonly start: string;
+  readonly end: string;
+  readonly verdict: "certain" | "possible";
+  readonly coverage: number;
+  readonly time_error: number;
+}
+
+export interface SeriesDocument {
+  readonly node: string;
+  readonly channel: string;
+  readonly unit: string;
+  readonly coverage: number;
+  readonly resolution: "sample" | "hull";
+  readonly t0: string;
+  readonly t: readonly number[];
+  readonly lo: readonly (number | null)[];
+  readonly hi: readonly (number | null)[];
+  readonly mean: BoundsDocument | null;
+  readonly dt: number;
+  readonly time_error: number;
+}
+
+export interface SessionDocument {
+  readonly id: string;
+  readonly name: string;
+  readonly scopes: readonly ("read" | "operate" | "admin" | "biometric")[];
+  readonly expires: string;
+}
+
+export interface SpoolDocument {
+  readonly told: string;
+  readonly messages: number;
+  readonly bytes: number;
+  readonly capacity_bytes: number;
+  readonly oldest_ns: number | null;
+  readonly dead_letters: number;
+}
+
+export interface StandingDocument {
+  readonly start: string;
+  readonly end: string;
+  readonly unit: string;
+  readonly time_s: IntervalDocument;
+  readonly unknown_s: number;
+  readonly entries: CountDocument;
+  readonly coverage: number;
+}
+
+export interface StateDocument {
+  readonly node: string;
+  readonly desired: Readonly<Record<string, Readonly<Record<string, number | string>>>>;
+  readonly desired_at: string | null;
+  readonly desired_by: number | null;
+  readonly reported: Readonly<Record<string, Readonly<Record<string, number | string>>>> | null;
+  readonly reported_at: TimeDocument | null;
+  readonly reported_by: number | null;
+  readonly settled: boolean;
+}
+
+export interface StorageDocument {
+  readonly bytes: number;
+  readonly free_bytes: number;
+  readonly samples: number;
+  readonly bytes_per_sample: number | null;
+}
+
+export interface StretchDocument {
+  readonly id: string;
+  readonly start: string;
+  readonly end: string;
+  readonly verdict: "certain" | "possible";
+  readonly coverage: number;
+}
+
+export interface SubjectDocument {
+  readonly id: string;
+  readonly site: string;
+  readonly nodes: readonly string[];
+  readonly messages: number;
+  readonly erased: string | null;
+}
+
+export interface TaxelDocument {
+  readonly id: string;
+  readonly position_m: readonly [number, number];
+}
+
+export interface TimeDocument {
+  readonly lo: string;
+  readonly hi: string;
+}
+
+export interface TokenDocument {
+  readonly id: string;
+  readonly name: string;
+  readonly scopes: readonly ("read" | "operate" | "admin" | "biometric")[];
+  readonly state: "good" | "expired" | "revoked";
+  readonly created: string;
+  readonly expires: string | null;
+  readonly revoked: string | null;
+}

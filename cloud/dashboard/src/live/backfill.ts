@@ -1,0 +1,60 @@
+import type { Range } from "../state/window";
+import type { ChannelData } from "./channel-data";
+import type { LiveEdge } from "./edge";
+
+export interface BackfillOptions {
+  readonly data: ChannelData;
+  readonly edge: LiveEdge;
+  /** How many pixels a window is wide. */
+  readonly width: () => number;
+  readonly onFilled: () => void;
+  readonly onFailure: (error: unknown) => void;
+}
+
+/** Fills a channel's live window from the store. After a failure, only the whole of it. */
+export class Backfill {
+  private asking = new AbortController();
+  private failed = false;
+
+  constructor(private readonly options: BackfillOptions) {}
+
+  /** Fills a stretch, as far as a window of `span` ns shows it. */
+  fillHole(stretch: Range, span: number): void {
+    if (!this.failed) this.load(stretch, span);
+  }
+
+  /** Fills a whole window that ends with what is known. */
+  fillWindow(span: number): void {
+    this.stop();
+    const { end } = this.options.data;
+    if (end !== null) this.load({ x0: end - span, x1: end }, span);
+  }
+
+  /** Gives up what is under way. */
+  stop(): void {
+    this.asking.abort();
+    this.asking = new AbortController();
+    this.failed = false;
+  }
+
+  private load(stretch: Range, span: number): void {
+    const { data, edge, width, onFilled } = this.options;
+    const { signal } = this.asking;
+    const range = { x0: Math.max(stretch.x0, stretch.x1 - span), x1: stretch.x1 };
+    const points = Math.max(2, Math.ceil((width() * (range.x1 - range.x0)) / span));
+    data.backfill(range, points, signal).then(() => {
+      if (signal.aborted) return;
+      edge.observe(range.x1, performance.now());
+      onFilled();
+    }, (error: unknown) => {
+      if (!signal.aborted) this.fail(error);
+    });
+  }
+
+  /** What else is under way would say that all is there. */
+  private fail(error: unknown): void {
+    this.stop();
+    this.failed = true;
+    this.options.onFailure(error);
+  }
+}

@@ -1,0 +1,113 @@
+import type { OccupancyAnswer } from "../api/contract";
+import { formatCount } from "../interval/format";
+import type { View } from "../state/route";
+import type { Range } from "../state/window";
+import { formatDuration } from "../time/duration";
+import { element } from "./element";
+
+const LIVE_PAUSE_MS = 2_000;
+const SETTLE_MS = 200;
+/** An answer that takes longer will not come any more. */
+const PATIENCE_MS = 30_000;
+
+/**
+ * When a question is to be asked: once the window has settled, and every other second while it moves; but what was
+ * asked is answered first, or a slow cloud would never come to answer.
+ */
+export class RequestTimer {
+  private askedAt = 0;
+  private waiting = false;
+  private due: number | null = null;
+
+  /** The window or the question has changed: ask once no more changes come. */
+  settle(): void {
+    this.due = performance.now() + SETTLE_MS;
+  }
+
+  /** Nothing is asked any more. */
+  stop(): void {
+    this.due = null;
+  }
+
+  isDue(at: number, view: View): boolean {
+    const live = view.kind === "live" && at - this.askedAt > (this.waiting ? PATIENCE_MS : LIVE_PAUSE_MS);
+    return live || (this.due !== null && at >= this.due);
+  }
+
+  /** It is asked now. */
+  ask(at: number): void {
+    this.due = null;
+    this.askedAt = at;
+    this.waiting = true;
+  }
+
+  /** What was asked last is answered, or given up. */
+  answered(): void {
+    this.waiting = false;
+  }
+}
+
+const SECOND = 1e9;
+
+/** How an answer is put in words. */
+export interface Wording {
+  /** Which state it is about, such as "above 5 pF". */
+  readonly state: string;
+  /** What is said, in bold and after it, where no sample may be in that state. */
+  readonly never: string;
+  readonly because: (window: string) => string;
+  /** How the sums are called for tests: `total-certain`, … */
+  readonly name: string;
+}
+
+/** In ns: for how long certainly, possibly at most, and for how long nobody knows. */
+export interface Sums {
+  readonly certain: number;
+  readonly atMost: number;
+  readonly unknown: number;
+}
+
+/** Seconds, of whole nanoseconds, in nanoseconds. */
+function nanoseconds(seconds: number): number {
+  return Math.round(seconds * SECOND);
+}
+
+/** The cloud's sums in ns; null where nothing is known of the whole window. */
+export function readSums({ time_s, unknown_s }: Pick<OccupancyAnswer, "time_s" | "unknown_s">, { x0, x1 }: Range): Sums | null {
+  const unknown = nanoseconds(unknown_s);
+  // A window's ends are asked for in whole nanoseconds.
+  if (unknown >= x1 - x0 - 1) return null;
+  return { certain: nanoseconds(time_s.lo ?? 0), atMost: time_s.hi === null ? x1 - x0 : nanoseconds(time_s.hi), unknown };
+}
+
+/** Says how far the moments of an answer may be wrong, if they may. */
+export function timeDoubt({ time_error }: Pick<OccupancyAnswer, "time_error">): string {
+  return time_error > 0 ? ` Its moments are known to ± ${formatDuration(time_error, "up")}.` : "";
+}
+
+/** Says for how long a channel was in a state: certainly, possibly at most, and how long nobody knows. */
+export function occupancyAnswer(
+  found: OccupancyAnswer,
+  range: Range,
+  { wording, complete }: { wording: Wording; complete: boolean },
+): readonly (HTMLElement | string)[] {
+  const sums = readSums(found, range);
+  if (sums === null) return ["Nothing is known in this window, so there is no answer."];
+  const { certain, atMost, unknown } = sums;
+  const window = formatDuration(range.x1 - range.x0);
+  const rest = unknown > 0 ? `, unknown for ${formatDuration(unknown, "up")}` : "";
+  const silent = element("strong", { "data-testid": `${wording.name}-unknown`, "data-ns": unknown }, rest);
+  const doubt = element("span", { "data-testid": `${wording.name}-error`, "data-ns": found.time_error }, timeDoubt(found));
+  if (found.samples.hi === 0) return [element("strong", {}, wording.never), `: ${wording.because(window)}`, silent, ".", doubt];
+  const times = formatCount(found.entries);
+  return [
+    `${wording.state}: `,
+    element("strong", { "data-testid": `${wording.name}-certain`, "data-ns": certain }, `certainly ${formatDuration(certain, "down")}`),
+    ", ",
+    element("strong", { "data-testid": `${wording.name}-possible`, "data-ns": atMost }, `possibly up to ${formatDuration(atMost, "up")}`),
+    silent,
+    `, of ${window}; it began ${times} ${times === "1" ? "time" : "times"}.`,
+    doubt,
+    complete ? "" : element("span", { class: "warn" }, " Too many segments to show all: zoom in."),
+  ];
+}

@@ -1,0 +1,69 @@
+import { describe, expect, test } from "vitest";
+import { Client } from "../src/api/client";
+import { Backfill } from "../src/live/backfill";
+import { ChannelData } from "../src/live/channel-data";
+import { LiveEdge } from "../src/live/edge";
+import { Timeline } from "../src/time/timeline";
+import { channel, MS, ORIGIN, series } from "./channels";
+
+const SPAN = 1000 * MS;
+
+function hole(from: number, to: number): { x0: number; x1: number } {
+  return { x0: from * MS, x1: to * MS };
+}
+
+/** A backfill, what it says, and a cloud that answers its questions when it is told to. */
+function slowly(): { backfill: Backfill; said: string[]; answers: ((answer: Response) => Promise<void>)[] } {
+  const said: string[] = [];
+  const answers: ((answer: Response) => Promise<void>)[] = [];
+  const fetch = (): Promise<Response> => new Promise((resolve) => {
+    answers.push((answer) => {
+      resolve(answer);
+      return new Promise((done) => { setTimeout(done, 10); });
+    });
+  });
+  const client = new Client({ fetch, onUnauthorised: () => undefined });
+  const edge = new LiveEdge();
+  const data = new ChannelData({ client, timeline: new Timeline(ORIGIN), node: "n", channel: channel(1000), edge });
+  const backfill = new Backfill({ data, edge, width: () => 100, onFilled: () => said.push("filled"), onFailure: () => said.push("failed") });
+  return { backfill, said, answers };
+}
+
+function away(): Response {
+  return new Response("", { status: 503 });
+}
+
+describe("filling a live window", () => {
+  test("is not done by one stretch that came, where another one did not", async () => {
+    const { backfill, said, answers } = slowly();
+    backfill.fillHole(hole(100, 200), SPAN);
+    backfill.fillHole(hole(300, 400), SPAN);
+    await answers[0]!(away());
+    await answers[1]!(Response.json(series(300, 400)));
+    expect(said).toEqual(["failed"]);
+    backfill.fillHole(hole(500, 600), SPAN);
+    expect(answers.length).toBe(2);
+  });
+
+  test("asks for what is missing behind the window that it asks for again", async () => {
+    const { backfill, said, answers } = slowly();
+    backfill.fillWindow(SPAN);
+    await answers[0]!(away());
+    backfill.fillWindow(SPAN);
+    backfill.fillHole(hole(1100, 1200), SPAN);
+    expect(answers.length).toBe(3);
+    await answers[1]!(Response.json(series(0, 1000)));
+    await answers[2]!(Response.json(series(1100, 1200)));
+    expect(said).toEqual(["failed", "filled", "filled"]);
+  });
+
+  test("says no more once it was given up", async () => {
+    const { backfill, said, answers } = slowly();
+    backfill.fillWindow(SPAN);
+    backfill.fillHole(hole(100, 200), SPAN);
+    backfill.stop();
+    await answers[0]!(away());
+    await answers[1]!(Response.json(series(100, 200)));
+    expect(said).toEqual([]);
+  });
+});
