@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Final, cast
 
@@ -77,19 +78,21 @@ def _type(schema: dict[str, Any]) -> str:
     if name := _name(schema):
         return name
     if "anyOf" in schema:
-        return " | ".join(_type(each) for each in schema["anyOf"])
-    if "const" in schema:
-        return json.dumps(schema["const"])
-    if "enum" in schema:
-        return " | ".join(json.dumps(each) for each in schema["enum"])
+        return " | ".join(map(_type, schema["anyOf"]))
+    if constants := schema.get("enum", [schema["const"]] if "const" in schema else []):
+        return " | ".join(map(json.dumps, constants))
+    return _container(schema) or _SCALARS[schema["type"]]
+
+
+def _container(schema: dict[str, Any]) -> str | None:
     if "prefixItems" in schema:
-        return f"readonly [{', '.join(_type(each) for each in schema['prefixItems'])}]"
+        return f"readonly [{', '.join(map(_type, schema['prefixItems']))}]"
     if schema["type"] == "array":
         item = _type(schema["items"])
         return f"readonly ({item})[]" if "|" in item else f"readonly {item}[]"
     if schema["type"] == "object":
         return f"Readonly<Record<string, {_type(schema['additionalProperties'])}>>"
-    return _SCALARS[schema["type"]]
+    return None
 
 
 def main() -> None:
@@ -98,7 +101,7 @@ def main() -> None:
     parser.add_argument("--typescript", action="store_true", help="types of answers instead")
     typescript = parser.parse_args().typescript
     found = describe()
-    print(write_typescript(found) if typescript else json.dumps(found, indent=2), end="")
+    sys.stdout.write(write_typescript(found) if typescript else json.dumps(found, indent=2) + "\n")
 
 
 if __name__ == "__main__":

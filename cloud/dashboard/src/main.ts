@@ -13,7 +13,7 @@ import { App } from "./view/app";
 
 let leaving = false;
 
-/** Leaves for the login, once: many requests may hear of the session's end together. */
+/** Goes to the login, once: several requests may be refused at a time. */
 function toLogin(): void {
   if (leaving) return;
   leaving = true;

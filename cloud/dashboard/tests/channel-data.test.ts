@@ -37,7 +37,7 @@ describe("the seam between store and stream", () => {
     expect(data.take(series(2000, 2250), 0, 0).hole).toEqual({ x0: 1250 * MS, x1: 2000 * MS });
   });
 
-  test("blocks that came while nobody looked are left to the store", () => {
+  test("blocks that arrive while the chart is hidden are loaded later", () => {
     const data = dataOf(channel(1000), []);
     data.take(series(1000, 1250), 0, null);
     expect(data.rolling.t.length).toBe(0);

@@ -164,7 +164,7 @@ describe("answers to a question", () => {
     expect(possible[132]! + possible[151]!).toBe(0);
   });
 
-  test("are possible where nobody knows when they were, and certain in a column that holds all of that", () => {
+  test("are possible within their time error, and certain in a column that holds all of it", () => {
     const short = [told(500, 502, "certain", 50)];
     const fine = lanesOf(MAP, short);
     expect([touched(fine.certain), touched(fine.possible).length]).toEqual([[], 22]);

@@ -47,7 +47,7 @@ describe("questions of which only the newest counts", () => {
     expect(idle()).toBe(1);
   });
 
-  test("after a stop nothing is asked, until somebody asks again", async () => {
+  test("sends nothing after a stop until the next request", async () => {
     const { requests, asked, answer, idle } = stand();
     requests.ask();
     requests.ask();

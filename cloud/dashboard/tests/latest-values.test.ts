@@ -107,7 +107,7 @@ describe("the present of a node that comes back", () => {
 });
 
 describe("the present, by doubtful times and clocks", () => {
-  test("is unknown by hulls of long stretches, of which nobody says that they are old", () => {
+  test("is unknown by hulls of long stretches, whose age is not known", () => {
     const present = presentOf();
     const long = { ...block(1, touched), resolution: "hull", t: [0], lo: [5], hi: [6], dt: 10e9 } as const;
     present.take(stored(long, 10_031), 500_000);
@@ -118,7 +118,7 @@ describe("the present, by doubtful times and clocks", () => {
     expect(present.age).toBe(7_030e6);
   });
 
-  test("is unknown where a block's moments may be wrong by as much, and nobody says that it is old", () => {
+  test("is unknown where a block's times may be wrong by as much, and its age is not known", () => {
     const present = presentOf();
     present.take({ ...stored(block(6_000, touched), 6_031), time_error: 5e9 }, 500_000);
     expect([present.of("c", 500_010), present.age]).toEqual([null, null]);

@@ -25,7 +25,7 @@ describe("how long a threshold was passed", () => {
   });
 
   test("comes with how far its moments may be wrong", () => {
-    expect(timeDoubt({ ...answer(0, 0, 0), time_error: 2_000_001 })).toBe(" Its moments are known to ± 2.001 ms.");
+    expect(timeDoubt({ ...answer(0, 0, 0), time_error: 2_000_001 })).toBe(" Times are known to ± 2.001 ms.");
     expect(timeDoubt(answer(0, 0, 0))).toBe("");
   });
 

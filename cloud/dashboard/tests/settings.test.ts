@@ -24,7 +24,7 @@ describe("settings", () => {
     ]);
   });
 
-  it("compares what is wished of the whole node with each taxel", () => {
+  it("compares what is desired of the whole node with each taxel", () => {
     const rows = settingRows(state({ "*": { rate: 50 }, t02: { rate: 7 } }, { t01: { rate: 50 }, t02: { rate: 7 }, t03: { rate: 9 } }));
     expect(rows.map((row) => [row.target, row.desired, row.reported, row.settled])).toEqual([
       ["*", "50", "t01: 50, t03: 9", false],
@@ -34,7 +34,7 @@ describe("settings", () => {
     ]);
   });
 
-  it("shows a wish that no node has answered", () => {
+  it("shows a desired setting that no node has reported", () => {
     expect(settingRows(state({ "*": { mode: "peaks" } }, null))).toEqual([
       { target: "*", name: "mode", desired: "peaks", reported: null, settled: false },
     ]);

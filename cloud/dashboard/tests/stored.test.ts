@@ -1,9 +1,9 @@
 import { expect, test } from "vitest";
 import { storedText } from "../src/view/channel-detail";
 
-test("bytes of a channel are told whole and for each sample, rounded up", () => {
-  expect(storedText({ bytes: 2_097_152, samples: 1_000_000 })).toBe("2 MiB · 2.10 B a sample");
-  expect(storedText({ bytes: 301, samples: 100 })).toBe("301 B · 3.01 B a sample");
+test("size of a channel is shown whole and per sample, rounded up", () => {
+  expect(storedText({ bytes: 2_097_152, samples: 1_000_000 })).toBe("2 MiB · 2.10 B per sample");
+  expect(storedText({ bytes: 301, samples: 100 })).toBe("301 B · 3.01 B per sample");
 });
 
 test("what is empty takes nothing, and of what is sealed nothing is told", () => {

@@ -153,7 +153,7 @@ class Visit:
 
     def window(self) -> tuple[int, int] | None:
         """The stretch of time (ns since 1970) that the address names; a live one has none."""
-        # Asked of the page itself: `page.url` follows events that nobody pumps while we wait.
+        # Asked of the page itself: `page.url` is not updated while we wait.
         query = parse_qs(self.page.evaluate("location.hash").partition("?")[2])
         if "from" not in query:
             return None

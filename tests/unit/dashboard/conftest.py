@@ -1,9 +1,13 @@
-"""One demo and one browser for all tests of the dashboard."""
+"""One recording, one demo and one browser for all tests of the dashboard.
+
+Most tests open the recording (``visit``); those of sign-in, pixels, sums and silence open a demo
+(``live_visit``).
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 import pytest
 from playwright.sync_api import sync_playwright
@@ -11,13 +15,19 @@ from playwright.sync_api import sync_playwright
 from eskin.wire.timestamp import parse_timestamp
 from tests.support.demos import RunningDemo
 from tests.unit.dashboard.browsing import Visit, launch, visiting
+from tests.unit.dashboard.record import LENGTH_NS, NODES
+from tests.unit.dashboard.replay import Replay
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from playwright.sync_api import Browser
 
-NODES = ("fingertip", "palm", "forearm")
+DEFAULTS: Final = {
+    "viewport": {"width": 1000, "height": 800},
+    "color_scheme": "light",
+    "reduced_motion": "reduce",  # charts move twice a second
+}
 
 
 @dataclass(frozen=True)
@@ -73,23 +83,45 @@ def options() -> dict[str, Any]:
     return {}
 
 
-@pytest.fixture
-def visit(
-    demo: RunningDemo, browser: Browser, session: Session, options: dict[str, Any]
-) -> Iterator[Visit]:
-    """A page, signed in; afterwards nothing may have gone wrong in it."""
-    defaults = {"viewport": {"width": 1000, "height": 800}, "color_scheme": "light"}
-    # Charts then move twice a second, which spares the machine that the demo runs on, too.
-    calm = {"reduced_motion": "reduce", "storage_state": session.state}
-    with visiting(browser, demo.access["url"], **{**defaults, **calm, **options}) as opened:
+@pytest.fixture(scope="package")
+def replay() -> Iterator[Replay]:
+    """A cloud with recorded answers."""
+    with Replay() as running:
+        yield running
+
+
+def watched(browser: Browser, url: str, options: dict[str, Any]) -> Iterator[Visit]:
+    """A page; afterwards nothing may have gone wrong in it."""
+    with visiting(browser, url, **{**DEFAULTS, **options}) as opened:
         yield opened
         assert opened.troubles == []
         assert opened.hosts == {"127.0.0.1"}
 
 
+@pytest.fixture
+def visit(replay: Replay, browser: Browser, options: dict[str, Any]) -> Iterator[Visit]:
+    """A page of the recording."""
+    yield from watched(browser, replay.url, options)
+
+
+@pytest.fixture
+def live_visit(
+    demo: RunningDemo, browser: Browser, session: Session, options: dict[str, Any]
+) -> Iterator[Visit]:
+    """A page of the demo, signed in."""
+    signed_in = {"storage_state": session.state, **options}
+    yield from watched(browser, demo.access["url"], signed_in)
+
+
 @pytest.fixture(scope="package")
-def recorded(demo: RunningDemo) -> int:
-    """An instant (ns) before which every node has 4 s of data at least."""
+def recorded(replay: Replay) -> int:
+    """An instant (ns) before which every node of the recording has 20 s of data."""
+    return replay.start + 4 * LENGTH_NS
+
+
+@pytest.fixture(scope="package")
+def live_recorded(demo: RunningDemo) -> int:
+    """An instant (ns) before which every node of the demo has 4 s of data at least."""
 
     def spans() -> list[tuple[int, int]]:
         channels = [c for node in NODES for c in demo.get(f"/nodes/{node}/channels")["items"]]

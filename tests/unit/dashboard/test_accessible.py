@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import CHART, history, visiting
-from tests.unit.dashboard.conftest import NODES
+from tests.unit.dashboard.record import NODES
 from tests.unit.dashboard.spoken import listen, listen_until, nameless
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
+    from tests.unit.dashboard.replay import Replay
     from tests.unit.dashboard.spoken import Spoken
 
 SECOND = 1_000_000_000
@@ -37,9 +38,9 @@ SPOKEN = """
 """
 
 
-def test_everything_in_the_overview_has_a_name(demo: RunningDemo, visit: Visit) -> None:
-    (gateway,) = demo.get("/gateways")["items"]
-    channels = [one for node in NODES for one in demo.get(f"/nodes/{node}/channels")["items"]]
+def test_everything_in_the_overview_has_a_name(replay: Replay, visit: Visit) -> None:
+    (gateway,) = replay.get("/gateways")["items"]
+    channels = [one for node in NODES for one in replay.get(f"/nodes/{node}/channels")["items"]]
 
     def are_online(heard: list[Spoken]) -> bool:
         links = [one.name for one in heard if one.role == "link"]
@@ -72,7 +73,7 @@ def test_everything_on_a_node_has_a_name(visit: Visit) -> None:
     taxels = [one.name.split(": ") for one in heard if one.role == "link" and ": " in one.name]
     assert [name for name, *_ in taxels if name.startswith("t0")] == ["t01", "t02", "t03"]
     words = {told.split(",")[0] for name, told, *_ in taxels if name.startswith("t0")}
-    assert words <= {"certain", "possible", "none", "unknown"}
+    assert words <= {"certain", "possible", "impossible", "unknown"}
     assert any(one.name == "The skin of fingertip: 3 taxels" for one in heard)
 
 
@@ -235,7 +236,7 @@ def test_escape_takes_the_box_away_that_covers_the_picture(visit: Visit) -> None
 
 
 def test_comma_and_full_stop_step_through_samples_and_read_them_out(
-    demo: RunningDemo, visit: Visit, recorded: int
+    replay: Replay, visit: Visit, recorded: int
 ) -> None:
     visit.open(history(CHANNEL, recorded - 60 * MS, recorded))
     facts = visit.wait_for_chart(mode="history", resolution="sample")
@@ -253,7 +254,7 @@ def test_comma_and_full_stop_step_through_samples_and_read_them_out(
     clocks = [text.split(", at ")[1].split(",")[0] for text in later]
     assert clocks == sorted(set(clocks))
     assert [press(",") for _ in range(3)] == later[-2::-1]
-    series = demo.get(f"/series/{CHANNEL}", start=facts["xMin"], end=facts["xMax"], points=20_000)
+    series = replay.get(f"/series/{CHANNEL}", start=facts["xMin"], end=facts["xMax"], points=20_000)
     step = 1e-9 * series["dt"]
     seconds = [float(clock.rsplit(":", 1)[1]) for clock in clocks]
     apart = {round((two - one) % 60 / step) for one, two in pairwise(seconds)}

@@ -11,8 +11,8 @@ from tests.unit.dashboard.browsing import CHART, history, without_events
 from tests.unit.dashboard.pixels import FINE, read_plot, samples_of
 
 if TYPE_CHECKING:
-    from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
+    from tests.unit.dashboard.replay import Replay
 
 MS = 1_000_000
 LIVELY = {"reduced_motion": "no-preference"}
@@ -57,13 +57,13 @@ PICTURES = """
     ],
 )
 def test_painted_pixels_enclose_the_samples(
-    demo: RunningDemo, visit: Visit, recorded: int, channel: str, length: int, resolution: str
+    replay: Replay, visit: Visit, recorded: int, channel: str, length: int, resolution: str
 ) -> None:
     visit.page.route("**/api/v1/events*", without_events)
     visit.open(history(channel, recorded - length, recorded))
     visit.wait_for_chart(mode="history", resolution=resolution)
     plot = read_plot(visit)
-    series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
+    series = replay.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
     samples = [one for one in samples_of(series) if plot.start <= one[0] < plot.end]
     assert len(samples) >= 10
     assert [sample for sample in samples if not plot.encloses(*sample)] == []
@@ -123,7 +123,7 @@ def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
     visit.page.locator(CHART).focus()
 
     def press(key: str) -> tuple[int, int]:
-        # Asked of the page itself: `page.url` follows events that nobody pumps while we wait.
+        # Asked of the page itself: `page.url` is not updated while we wait.
         before = visit.page.evaluate("location.href")
         visit.page.keyboard.press(key)
         wait_until(
@@ -144,7 +144,7 @@ def test_keys_move_and_zoom_the_window(visit: Visit) -> None:
 
 
 def test_samples_that_are_known_are_shown_without_a_question(
-    demo: RunningDemo, visit: Visit, recorded: int
+    replay: Replay, visit: Visit, recorded: int
 ) -> None:
     visit.page.route("**/api/v1/events*", without_events)
     visit.open(history("palm/t01.energy", recorded - 150 * MS, recorded - 20 * MS))
@@ -159,7 +159,7 @@ def test_samples_that_are_known_are_shown_without_a_question(
     near = visit.wait_for_chart(resolution="sample")
     assert visit.asked("/series/") == known
     plot = read_plot(visit)
-    series = demo.get("/series/palm/t01.energy", start=plot.start, end=plot.end, points=20_000)
+    series = replay.get("/series/palm/t01.energy", start=plot.start, end=plot.end, points=20_000)
     samples = [one for one in samples_of(series) if plot.start <= one[0] < plot.end]
     assert len(samples) >= 20
     assert [one for one in samples if not plot.encloses(*one)] == []

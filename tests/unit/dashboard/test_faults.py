@@ -64,15 +64,15 @@ def test_session_that_ends_leads_to_the_login(
         assert visit.page.evaluate("location.pathname") == "/login"
 
 
-def test_stranger_comes_to_the_wanted_view_after_signing_in(
+def test_login_leads_to_the_requested_view(
     demo: RunningDemo, browser: Browser
 ) -> None:
-    with visiting(browser, demo.access["url"]) as stranger:
-        stranger.page.goto(f"{demo.access['url']}/#/palm/t01.area?live=30s")
-        stranger.page.locator("input[name=token]").fill(demo.access["token"])
-        stranger.page.keyboard.press("Enter")
-        stranger.page.locator(CHART).first.wait_for()
-        assert stranger.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
+    with visiting(browser, demo.access["url"]) as visit:
+        visit.page.goto(f"{demo.access['url']}/#/palm/t01.area?live=30s")
+        visit.page.locator("input[name=token]").fill(demo.access["token"])
+        visit.page.keyboard.press("Enter")
+        visit.page.locator(CHART).first.wait_for()
+        assert visit.page.evaluate("location.hash") == "#/palm/t01.area?live=30s"
 
 
 def test_page_that_comes_back_from_the_login_can_leave_again(

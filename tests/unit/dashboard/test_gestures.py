@@ -13,8 +13,8 @@ from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import PHONE, history, without_events
 
 if TYPE_CHECKING:
-    from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
+    from tests.unit.dashboard.replay import Replay
 
 SECOND = 1_000_000_000
 CHANNEL = "palm/t01.energy"
@@ -167,8 +167,8 @@ def test_pan_button_makes_a_drag_pan_until_it_is_released(visit: Visit, recorded
     assert visit.wait_for_window(after) == cut(after, plot.share(0.3), plot.share(0.6))
 
 
-def test_live_picture_stands_still_while_somebody_selects_from_it(
-    demo: RunningDemo, visit: Visit
+def test_live_chart_stands_still_during_a_drag(
+    replay: Replay, visit: Visit
 ) -> None:
     visit.page.route("**/api/v1/events*", without_events)
     visit.open(f"{CHANNEL}?live=10s")
@@ -183,7 +183,7 @@ def test_live_picture_stands_still_while_somebody_selects_from_it(
     held = int(facts["xMin"]), int(facts["xMax"])
 
     def stored() -> int:
-        (channel,) = (c for c in demo.get("/nodes/palm/channels")["items"] if c["id"] in CHANNEL)
+        (channel,) = (c for c in replay.get("/nodes/palm/channels")["items"] if c["id"] in CHANNEL)
         return parse_timestamp(channel["last"])
 
     before = stored()
@@ -211,12 +211,12 @@ def test_button_moves_the_window(
 
 
 def test_all_shows_everything_and_live_goes_back(
-    demo: RunningDemo, visit: Visit, recorded: int
+    replay: Replay, visit: Visit, recorded: int
 ) -> None:
     before = opened(visit, recorded)
     visit.page.get_by_test_id("show-all").click()
     start, end = visit.wait_for_window(before)
-    (channel,) = (c for c in demo.get("/nodes/palm/channels")["items"] if c["id"] in CHANNEL)
+    (channel,) = (c for c in replay.get("/nodes/palm/channels")["items"] if c["id"] in CHANNEL)
     assert start == parse_timestamp(channel["first"])
     assert end >= recorded
     visit.page.get_by_test_id("go-live").click()

@@ -12,17 +12,17 @@ from tests.unit.dashboard.pixels import read_plot
 if TYPE_CHECKING:
     from playwright.sync_api import Request, Route
 
-    from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
+    from tests.unit.dashboard.replay import Replay
 
 SECOND = 1_000_000_000
 CHANNEL = "palm/t01.energy"
 QUICK = "fingertip/t01.capacitance"
 
 
-def newest(demo: RunningDemo) -> int:
+def newest(replay: Replay) -> int:
     """Where the data of the quick channel end."""
-    items = demo.get("/nodes/fingertip/channels")["items"]
+    items = replay.get("/nodes/fingertip/channels")["items"]
     (channel,) = (item for item in items if item["id"] in QUICK)
     return parse_timestamp(channel["last"])
 
@@ -44,16 +44,16 @@ def test_stream_of_another_window_goes_on_after_the_one_before(visit: Visit) -> 
 
 
 def test_window_that_was_not_over_shows_all_of_it_in_the_end(
-    visit: Visit, demo: RunningDemo, recorded: int
+    visit: Visit, replay: Replay, recorded: int
 ) -> None:
     visit.open(history(QUICK, recorded - SECOND, recorded))
     visit.wait_for_chart(mode="history")
-    begin = newest(demo)
+    begin = newest(replay)
     # Sooner over than the page asks again.
     end = begin + SECOND * 3 // 2
     place = history(QUICK, begin - SECOND, end)
     visit.evaluate("(place) => { location.hash = `#/${place}`; }", place)
-    wait_until(lambda: newest(demo) > end, "the window is over")
+    wait_until(lambda: newest(replay) > end, "the window is over")
 
     def is_whole() -> bool:
         painted = read_plot(visit).painted

@@ -8,7 +8,7 @@ import pytest
 
 from tests.support.processes import wait_until
 from tests.unit.dashboard.browsing import PHONE, visiting
-from tests.unit.dashboard.conftest import NODES
+from tests.unit.dashboard.record import NODES
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Route
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
     from tests.unit.dashboard.conftest import Session
+    from tests.unit.dashboard.replay import Replay
 
 PANELS = """
 () => [...document.querySelectorAll("[data-testid=channel]")].map((panel) => {
@@ -63,9 +64,9 @@ def test_login_url_opens_the_dashboard(demo: RunningDemo, session: Session) -> N
 
 def test_login_url_opens_once(demo: RunningDemo, browser: Browser, session: Session) -> None:
     assert session.nodes
-    with visiting(browser, demo.access["url"]) as stranger:
-        stranger.page.goto(demo.login_url)
-        assert "used already" in stranger.page.locator("body").inner_text()
+    with visiting(browser, demo.access["url"]) as visit:
+        visit.page.goto(demo.login_url)
+        assert "used already" in visit.page.locator("body").inner_text()
 
 
 def test_nodes_are_shown_online(visit: Visit) -> None:
@@ -77,9 +78,9 @@ def test_nodes_are_shown_online(visit: Visit) -> None:
         wait_until(lambda lag=lag: any(map(str.isdigit, lag.inner_text())), "its lag is told")  # type: ignore[misc]  # mypy infers no lambda defaults
 
 
-def test_gateway_and_store_are_shown_beside_all_nodes(demo: RunningDemo, visit: Visit) -> None:
+def test_gateway_and_store_are_shown_beside_all_nodes(replay: Replay, visit: Visit) -> None:
     visit.open("")
-    (known,) = demo.get("/gateways")["items"]
+    (known,) = replay.get("/gateways")["items"]
     card = visit.page.locator(f"[data-gateway='{known['id']}']")
     card.get_by_text("online", exact=True).wait_for()
     assert known["spool"]["capacity_bytes"] > known["spool"]["bytes"]
@@ -117,11 +118,11 @@ def test_card_of_a_node_tells_its_battery_and_its_gaps(visit: Visit) -> None:
 
 
 @pytest.mark.parametrize("options", [TALL])
-def test_every_channel_has_a_live_chart_that_moves(demo: RunningDemo, visit: Visit) -> None:
+def test_every_channel_has_a_live_chart_that_moves(replay: Replay, visit: Visit) -> None:
     channels = [
         f"{node}/{channel['id']}"
         for node in NODES
-        for channel in demo.get(f"/nodes/{node}/channels")["items"]
+        for channel in replay.get(f"/nodes/{node}/channels")["items"]
     ]
 
     def panels() -> dict[str, dict[str, str]]:

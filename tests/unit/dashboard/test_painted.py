@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
     from tests.unit.dashboard.pixels import Plot
+    from tests.unit.dashboard.replay import Replay
 
 MS = 1_000_000
 SECOND = 1000 * MS
@@ -44,17 +45,18 @@ CERTAIN_LANE, POSSIBLE_LANE = -9, -1
     [({}, GENTLE, "10s"), ({}, "palm/t01.energy", "5s"), (FINE, "forearm/t01.distance", "5s")],
 )
 def test_live_pixels_enclose_the_samples(
-    demo: RunningDemo, visit: Visit, channel: str, span: str
+    demo: RunningDemo, live_visit: Visit, channel: str, span: str
 ) -> None:
-    visit.page.route("**/api/v1/events*", without_events)
-    visit.open(f"{channel}?live={span}")
-    begin = int(visit.wait_for_chart(mode="live")["xMax"])
+    live_visit.page.route("**/api/v1/events*", without_events)
+    live_visit.open(f"{channel}?live={span}")
+    begin = int(live_visit.wait_for_chart(mode="live")["xMax"])
     wait_until(
-        lambda: int(visit.chart()["xMax"]) > begin + 2 * SECOND, "the stream has followed the store"
+        lambda: int(live_visit.chart()["xMax"]) > begin + 2 * SECOND,
+        "the stream has followed the store",
     )
 
     def encloses() -> bool:
-        plot, band = read_plots(visit, COVERED, BAND)
+        plot, band = read_plots(live_visit, COVERED, BAND)
         assert plot.newest is not None
         series = demo.get(f"/series/{channel}", start=plot.start, end=plot.end, points=20_000)
         told = range(plot.start, min(plot.newest - UNTOLD, plot.end))
@@ -69,11 +71,11 @@ def test_live_pixels_enclose_the_samples(
     for _ in range(3):
         # What a slow page has not been told yet is blank until the store has told it.
         wait_until(encloses, "each sample is painted over")
-        visit.page.wait_for_timeout(700)
+        live_visit.page.wait_for_timeout(700)
 
 
 def test_certain_and_possible_answers_are_painted_in_lanes_of_their_own(
-    demo: RunningDemo, visit: Visit, recorded: int
+    replay: Replay, visit: Visit, recorded: int
 ) -> None:
     visit.page.route("**/api/v1/events*", without_events)
     window = history("palm/t01.energy", recorded - 3 * SECOND, recorded)
@@ -88,7 +90,7 @@ def test_certain_and_possible_answers_are_painted_in_lanes_of_their_own(
     wait_until(lambda: any(lane(lanes()[0], CERTAIN_LANE)), "the answer is painted")
     certain, possible = lanes()
     question = {"above": "5e-12", "start": certain.start, "end": certain.end}
-    answer = demo.get("/series/palm/t01.energy/threshold", **question)
+    answer = replay.get("/series/palm/t01.energy/threshold", **question)
     assert answer["next"] is None
     certainly = stretches_of(answer, "certain", -1)
     around = stretches_of(answer, "certain", 1) + stretches_of(answer, "possible", 1)
@@ -132,9 +134,9 @@ def columns_of(plot: Plot, stretches: list[tuple[int, int]], slack: int) -> set[
     ("mode", "told_by"), [("history", "samples"), ("history", "event"), ("live", "samples")]
 )
 def test_gap_is_painted_as_a_gap_and_never_as_band(
-    demo: RunningDemo, visit: Visit, mode: str, told_by: str
+    replay: Replay, visit: Visit, mode: str, told_by: str
 ) -> None:
-    channels = {one["id"]: one for one in demo.get("/nodes/fingertip/channels")["items"]}
+    channels = {one["id"]: one for one in replay.get("/nodes/fingertip/channels")["items"]}
     last = parse_timestamp(channels["t01.capacitance"]["last"])
     gap = range(last - 3500 * MS, last - 1500 * MS)
     held: list[Route] = []
@@ -158,7 +160,7 @@ def test_gap_is_painted_as_a_gap_and_never_as_band(
     assert [column for column in inside if band.painted[column]] == []
     assert [column for column in inside if not missing.painted[column]] == []
     around = {"start": max(band.start, gap.start - SECOND), "end": gap.stop + SECOND}
-    series = demo.get(f"/series/{GENTLE}", points=20_000, **around)
+    series = replay.get(f"/series/{GENTLE}", points=20_000, **around)
     known = [sample for sample in samples_of(series) if not near(sample[0], gap)]
     assert len(known) > 100
     assert [sample for sample in known if not band.encloses(*sample)] == []

@@ -15,8 +15,8 @@ from tests.unit.dashboard.browsing import CHART, history
 if TYPE_CHECKING:
     from playwright.sync_api import APIResponse, Route
 
-    from tests.support.demos import RunningDemo
     from tests.unit.dashboard.browsing import Visit
+    from tests.unit.dashboard.replay import Replay
 
 HALF = 1_300_000_000
 """Half of a window, ns."""
@@ -53,13 +53,13 @@ PAINT = """
 """
 
 
-def window_of_both(demo: RunningDemo) -> tuple[int, int]:
+def window_of_both(replay: Replay) -> tuple[int, int]:
     """A stretch of time with a certain and a possible peak, each of them apart from others."""
     place = {"node": "palm", "channel": "t01.energy", "kind": "peak", "limit": 200}
     found: list[int] = []
 
     def look() -> bool:
-        items: list[dict[str, Any]] = demo.get("/events", **place)["items"]
+        items: list[dict[str, Any]] = replay.get("/events", **place)["items"]
         begins = sorted((parse_timestamp(item["time"]["lo"]), item["verdict"]) for item in items)
         moments = [begin for begin, _ in begins]
         lone = [
@@ -78,8 +78,8 @@ def window_of_both(demo: RunningDemo) -> tuple[int, int]:
     return found[0] - HALF, found[0] + HALF
 
 
-def test_certain_and_possible_peaks_carry_different_shapes(demo: RunningDemo, visit: Visit) -> None:
-    visit.open(history("palm/t01.energy", *window_of_both(demo)))
+def test_certain_and_possible_peaks_carry_different_shapes(replay: Replay, visit: Visit) -> None:
+    visit.open(history("palm/t01.energy", *window_of_both(replay)))
     visit.wait_for_chart(mode="history")
     peak = visit.page.get_by_test_id("peak")
     peak.and_(visit.page.locator("[data-verdict=possible]")).first.wait_for()
@@ -93,13 +93,13 @@ def test_certain_and_possible_peaks_carry_different_shapes(demo: RunningDemo, vi
 
 
 @pytest.mark.parametrize("options", [{"viewport": {"width": 700, "height": 800}}])
-def test_what_lies_over_peaks_goes_with_them_when_the_window_gets_another_size(
-    demo: RunningDemo, visit: Visit
+def test_peak_buttons_follow_their_peaks_on_resize(
+    replay: Replay, visit: Visit
 ) -> None:
     held: list[Route] = []
     # Whatever comes in has the chart painted anew, and all of it put in its place.
     visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
-    visit.open(history("palm/t01.energy", *window_of_both(demo)))
+    visit.open(history("palm/t01.energy", *window_of_both(replay)))
     visit.wait_for_chart(mode="history")
     wait_until(lambda: len(visit.evaluate(TRIANGLES)) > 1, "peaks are placed")
     visit.wait_for_answers()
@@ -112,7 +112,7 @@ def test_what_lies_over_peaks_goes_with_them_when_the_window_gets_another_size(
 
 
 @pytest.mark.parametrize("options", [{"reduced_motion": "no-preference"}])
-def test_what_lies_over_peaks_moves_with_them_where_somebody_points(visit: Visit) -> None:
+def test_peak_buttons_follow_their_peaks_under_the_pointer(visit: Visit) -> None:
     visit.open("palm/t01.energy?live=10s")
     visit.wait_for_chart(mode="live")
     visit.page.locator(CHART).hover(position={"x": 3, "y": 3})
@@ -137,7 +137,7 @@ def test_listed_events_carry_different_symbols(visit: Visit) -> None:
     assert symbols["possible"]["dash"] != "none"
 
 
-def test_event_that_is_told_while_the_list_is_loaded_stays_in_it(visit: Visit) -> None:
+def test_event_that_arrives_during_loading_stays_listed(visit: Visit) -> None:
     asked: list[tuple[Route, APIResponse]] = []
     visit.page.route(
         "**/api/v1/events?*limit=50&*", lambda route: asked.append((route, route.fetch()))
@@ -161,7 +161,7 @@ def test_event_that_is_told_while_the_list_is_loaded_stays_in_it(visit: Visit) -
     wait_until(lambda: stored | told <= set(visit.evaluate(LISTED)), "the list holds all of them")
 
 
-def test_page_says_from_when_on_peaks_are_marked(visit: Visit) -> None:
+def test_page_notes_since_when_peaks_are_marked(visit: Visit) -> None:
     def endless(route: Route) -> None:
         url = urlsplit(route.request.url)
         asked = {name: value for name, value in parse_qsl(url.query) if name != "cursor"}

@@ -39,15 +39,15 @@ def asked(demo: RunningDemo, path: str, **parameters: Any) -> Any:
 
 
 @pytest.mark.parametrize("options", [{"device_scale_factor": 1.5}])
-def test_painted_tube_encloses_what_is_predicted(visit: Visit, recorded: int) -> None:
-    end = recorded - 3600 * SECOND  # nothing was measured then that could be painted over it
+def test_painted_tube_encloses_what_is_predicted(live_visit: Visit, live_recorded: int) -> None:
+    end = live_recorded - 3600 * SECOND  # nothing was measured then that could be painted over it
     origin = format_timestamp(end - 3 * SECOND)
     question = "&".join(f"parameter={':'.join(each)}" for each in PARAMETERS)
     window = history(CHANNEL, end - 2 * SECOND, end)
-    visit.open(f"{window}&model=touch.energy&origin={origin}&{question}")
-    wait_until(lambda: int(visit.chart().get("predicted", 0)) > 100, "the tube is there")
-    visit.wait_for_chart(mode="history")
-    plot = read_plot(visit, PREDICTED)
+    live_visit.open(f"{window}&model=touch.energy&origin={origin}&{question}")
+    wait_until(lambda: int(live_visit.chart().get("predicted", 0)) > 100, "the tube is there")
+    live_visit.wait_for_chart(mode="history")
+    plot = read_plot(live_visit, PREDICTED)
     moments = plot.start + np.linspace(0, plot.end - plot.start - 1, 500).astype(np.int64)
     tube = eskin.models.touch(
         (moments - parse_timestamp(origin)) / SECOND,
@@ -59,27 +59,29 @@ def test_painted_tube_encloses_what_is_predicted(visit: Visit, recorded: int) ->
     assert area.count("1") < 0.8 * len(area), "a plot that is painted all over tells nothing"
 
 
-def test_anomalies_are_marked_and_summed_up(demo: RunningDemo, visit: Visit, recorded: int) -> None:
-    start, end = recorded - 3 * SECOND, recorded
-    visit.open(history(CHANNEL, start, end))
-    visit.wait_for_chart(mode="history")
-    visit.page.locator("[data-testid=compare] summary").focus()
-    visit.page.keyboard.press("Enter")
-    visit.page.get_by_label("model", exact=True).select_option("constant")
-    visit.page.get_by_label("value, lower bound").fill("0")
-    visit.page.get_by_label("value, upper bound").fill("5")
-    visit.page.keyboard.press("Enter")
+def test_anomalies_are_marked_and_summed_up(
+    demo: RunningDemo, live_visit: Visit, live_recorded: int
+) -> None:
+    start, end = live_recorded - 3 * SECOND, live_recorded
+    live_visit.open(history(CHANNEL, start, end))
+    live_visit.wait_for_chart(mode="history")
+    live_visit.page.locator("[data-testid=compare] summary").focus()
+    live_visit.page.keyboard.press("Enter")
+    live_visit.page.get_by_label("model", exact=True).select_option("constant")
+    live_visit.page.get_by_label("value, lower bound").fill("0")
+    live_visit.page.get_by_label("value, upper bound").fill("5")
+    live_visit.page.keyboard.press("Enter")
     shown = []
     for name in ("anomalous-certain", "anomalous-possible"):
-        total = visit.page.get_by_test_id(name)
+        total = live_visit.page.get_by_test_id(name)
         total.wait_for()
         shown.append(int(total.get_attribute("data-ns") or -1))
     question = {"model": "constant", "parameter": "value:0:5e-12", "start": start, "end": end}
     time = asked(demo, "anomalies/time", **question)["time_s"]
     assert 0 < time["lo"] < time["hi"] < 3
     assert shown == [round(time["lo"] * SECOND), round(time["hi"] * SECOND)]
-    assert "model=constant" in visit.page.evaluate("location.href")
-    assert "parameter=value%3A0%3A5e-12" in visit.page.evaluate("location.href")
+    assert "model=constant" in live_visit.page.evaluate("location.href")
+    assert "parameter=value%3A0%3A5e-12" in live_visit.page.evaluate("location.href")
 
     items = asked(demo, "anomalies", **question)["items"]
     # A shorter one is certain nowhere, as its moments may be wrong.
@@ -92,9 +94,9 @@ def test_anomalies_are_marked_and_summed_up(demo: RunningDemo, visit: Visit, rec
     middles = [(start + end) // 2 for start, end in spans]
 
     def lane() -> list[bool]:
-        return [column[-9] == "1" for column in read_plot(visit, CERTAIN).columns]
+        return [column[-9] == "1" for column in read_plot(live_visit, CERTAIN).columns]
 
-    columns = [read_plot(visit).column(middle) for middle in middles]
+    columns = [read_plot(live_visit).column(middle) for middle in middles]
     wait_until(lambda: all(lane()[column] for column in columns), "all certain ones are marked")
     assert sum(lane()) / len(lane()) == pytest.approx(time["lo"] / 3, abs=0.1)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from docs.tools.openapi import describe, write_typescript
-
 from tests.unit.dashboard.browsing import SOURCE
 
 

@@ -24,22 +24,22 @@ def totals(demo: RunningDemo, start: int, end: int) -> list[int]:
 
 
 def test_threshold_totals_equal_the_answer_of_the_api(
-    demo: RunningDemo, visit: Visit, recorded: int
+    demo: RunningDemo, live_visit: Visit, live_recorded: int
 ) -> None:
-    start, end = recorded - 3 * SECOND, recorded
-    visit.open(history("palm/t01.energy", start, end))
-    visit.wait_for_chart(mode="history")
-    visit.page.get_by_test_id("threshold-level").fill("5")
-    visit.page.get_by_test_id("threshold-ask").click()
+    start, end = live_recorded - 3 * SECOND, live_recorded
+    live_visit.open(history("palm/t01.energy", start, end))
+    live_visit.wait_for_chart(mode="history")
+    live_visit.page.get_by_test_id("threshold-level").fill("5")
+    live_visit.page.get_by_test_id("threshold-ask").click()
     shown = []
     for name in ("total-certain", "total-possible"):
-        total = visit.page.get_by_test_id(name)
+        total = live_visit.page.get_by_test_id(name)
         total.wait_for()
         shown.append(int(total.get_attribute("data-ns") or -1))
     certain, at_most = totals(demo, start, end)
     assert 0 < certain < at_most < end - start
     assert shown == [certain, at_most]
-    assert "above=5e-12" in visit.page.evaluate("location.href")
+    assert "above=5e-12" in live_visit.page.evaluate("location.href")
 
 
 def test_complaint_about_a_level_outlasts_live_answers(visit: Visit) -> None:
@@ -105,12 +105,11 @@ def test_complaint_stays_while_the_window_moves_and_goes_with_its_question(
     assert level.get_attribute("aria-invalid") is None
 
 
-def test_answer_tells_how_often_it_began(demo: RunningDemo, visit: Visit, recorded: int) -> None:
-    assert demo.samples()["palm"] > 0
+def test_answer_tells_how_often_it_began(visit: Visit, recorded: int) -> None:
     start, end = recorded - 3 * SECOND, recorded
     visit.open(history("palm/t01.energy", start, end))
     visit.wait_for_chart(mode="history")
     visit.page.get_by_test_id("threshold-level").fill("0")
     visit.page.get_by_test_id("threshold-ask").click()
     visit.page.get_by_test_id("total-certain").wait_for()
-    assert "it began 1 time." in visit.page.get_by_test_id("threshold-answer").inner_text()
+    assert "it began 1 time" in visit.page.get_by_test_id("threshold-answer").inner_text()

@@ -1,8 +1,8 @@
 import type { Problem } from "./contract";
 
-/** A request that did not bring what was asked for, with what a person needs to know about it. */
+/** A failed request, with a message for the user. */
 export class ApiError extends Error {
-  /** @param status the HTTP status, or null when the cloud could not be reached at all */
+  /** @param status the HTTP status, or null where the cloud could not be reached */
   constructor(
     message: string,
     readonly status: number | null,
@@ -11,18 +11,18 @@ export class ApiError extends Error {
     this.name = "ApiError";
   }
 
-  /** Reads RFC 9457 problem details from an answer, or makes do with its status line. */
+  /** Reads RFC 9457 problem details from an answer, or falls back to its status line. */
   static async fromAnswer(answer: Response, path: string): Promise<ApiError> {
     let problem: Problem = {};
     if (answer.headers.get("content-type")?.includes("json")) {
       problem = (await answer.json().catch(() => ({}))) as Problem;
     }
-    const said = [problem.title, problem.detail].filter(Boolean).join(": ");
-    return new ApiError(said || `${path} answered ${answer.status} ${answer.statusText}`.trim(), answer.status);
+    const text = [problem.title, problem.detail].filter(Boolean).join(": ");
+    return new ApiError(text || `${path} answered ${answer.status} ${answer.statusText}`.trim(), answer.status);
   }
 }
 
-/** Tells a request that was given up on purpose from one that failed. */
+/** Whether a request was aborted on purpose. */
 export function isAbort(error: unknown): boolean {
   return error instanceof DOMException && error.name === "AbortError";
 }

@@ -1,17 +1,17 @@
-/** A question that takes longer is given up for a newer one. */
+/** A request that takes longer is aborted for a newer one. */
 const PATIENCE_MS = 250;
 
 export interface LatestRequestOptions {
-  /** Asks, as things are by then; it takes its failures itself. */
+  /** Sends the request; handles its own failures. */
   readonly ask: (signal: AbortSignal) => Promise<void>;
-  /** Called when all is answered. */
+  /** Called when no request is left. */
   readonly onIdle: () => void;
   readonly now: () => number;
 }
 
 /**
- * Questions of which only the newest counts, as many as there are gestures: the first is asked at once, and
- * while it is answered the latest waits its turn.
+ * Sends only the newest of many requests, such as those of a gesture: the first goes at once, and the newest of the
+ * others follows when it is answered.
  */
 export class LatestRequest {
   private running: AbortController | null = null;
@@ -20,7 +20,7 @@ export class LatestRequest {
 
   constructor(private readonly options: LatestRequestOptions) {}
 
-  /** Whether something is asked for. */
+  /** Whether a request is running. */
   get busy(): boolean {
     return this.running !== null;
   }
@@ -32,7 +32,7 @@ export class LatestRequest {
     void this.run();
   }
 
-  /** Gives up what is under way. */
+  /** Aborts the running request. */
   stop(): void {
     this.waiting = false;
     this.running?.abort();

@@ -20,7 +20,7 @@ export interface Ticks {
 export interface AxesOptions {
   readonly palette: Palette;
   readonly timeline: Timeline;
-  /** Where the axes leave their ticks, for whoever labels them. */
+  /** The axes write their ticks here, for the labels. */
   readonly ticks: Ticks;
 }
 

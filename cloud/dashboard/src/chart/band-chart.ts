@@ -110,7 +110,7 @@ export class BandChart {
     return Math.max(1, this.plot.bbox.width / uPlot.pxRatio);
   }
 
-  /** Whether somebody points at the chart, or has the focus in it. */
+  /** Whether the pointer or the focus is in the chart. */
   private get attended(): boolean {
     return this.hovered || this.options.root.contains(document.activeElement);
   }
@@ -200,7 +200,7 @@ export class BandChart {
   }
 
   private paint(plot: uPlot): void {
-    // Before the first window is shown nobody knows which values the pixels would stand for.
+    // Before the first window is shown, the pixels have no values.
     if (this.values === null) return;
     const map = this.plotMap(plot, this.values);
     // Before the page is laid out, or in a window too small for its axes, there is nowhere to paint.
@@ -235,7 +235,7 @@ export class BandChart {
     const { clientWidth, clientHeight } = this.host;
     if (clientWidth < 40 || clientHeight < 40) return;
     this.plot.batch(() => this.plot.setSize({ width: clientWidth, height: clientHeight }));
-    // A window of the past is not painted again before somebody moves it.
+    // A history window is not painted again until it moves.
     this.overlay.sync(this.placed, uPlot.pxRatio);
   }
 

@@ -16,33 +16,33 @@ function countWithin(entries: Entries, { xMin, xMax }: PlotMap): number {
   return Math.max(0, firstAtOrAfter(entries.t, xMax) - firstReaching(entries, xMin));
 }
 
-/** Tells tests and tools, by attributes of a chart's root, which values its pixels stand for. */
+/** Publishes which values a chart's pixels stand for, as data attributes of its root. */
 export class DataAttributes {
-  private readonly said = new Map<string, string>();
+  private readonly written = new Map<string, string>();
 
   constructor(private readonly root: HTMLElement, private readonly timeline: Timeline) {}
 
   publish({ map, corner, ratio, entries, predicted }: Painted): void {
     const { timeline } = this;
     const end = endOf(entries);
-    this.say("xMin", timeline.toInstant(map.xMin).toString());
-    this.say("xMax", timeline.toInstant(map.xMax).toString());
-    this.say("yMin", String(map.yMin));
-    this.say("yMax", String(map.yMax));
-    this.say("plotLeft", String(corner.left / ratio));
-    this.say("plotTop", String(corner.top / ratio));
-    this.say("plotWidth", String(map.width / ratio));
-    this.say("plotHeight", String(map.height / ratio));
-    this.say("pixelRatio", String(ratio));
-    this.say("entries", String(countWithin(entries, map)));
-    this.say("predicted", String(predicted.t.length));
-    this.say("newest", end === null ? "" : timeline.toInstant(Math.min(end, map.xMax)).toString());
+    this.set("xMin", timeline.toInstant(map.xMin).toString());
+    this.set("xMax", timeline.toInstant(map.xMax).toString());
+    this.set("yMin", String(map.yMin));
+    this.set("yMax", String(map.yMax));
+    this.set("plotLeft", String(corner.left / ratio));
+    this.set("plotTop", String(corner.top / ratio));
+    this.set("plotWidth", String(map.width / ratio));
+    this.set("plotHeight", String(map.height / ratio));
+    this.set("pixelRatio", String(ratio));
+    this.set("entries", String(countWithin(entries, map)));
+    this.set("predicted", String(predicted.t.length));
+    this.set("newest", end === null ? "" : timeline.toInstant(Math.min(end, map.xMax)).toString());
   }
 
-  /** Most stay as they are from picture to picture. */
-  private say(name: string, text: string): void {
-    if (this.said.get(name) === text) return;
-    this.said.set(name, text);
+  /** Writes an attribute where it differs. */
+  private set(name: string, text: string): void {
+    if (this.written.get(name) === text) return;
+    this.written.set(name, text);
     this.root.dataset[name] = text;
   }
 }

@@ -46,7 +46,7 @@ export class Palette {
     return pixel;
   }
 
-  /** A diagonal hatch, which tells "possible" and "missing" apart from a solid fill without colour. */
+  /** A diagonal hatch, which distinguishes "possible" and "missing" from a solid fill without colour. */
   hatch(context: CanvasRenderingContext2D, name: Colour, pitch: number): CanvasPattern | string {
     const key = `${name} ${pitch}`;
     const known = this.hatches.get(key);

@@ -82,7 +82,7 @@ const HALF_TRIANGLE = 5;
 const TRIANGLE_HEIGHT = 8;
 const LIFT = 3;
 
-/** Places the peaks that a window shows, in the order of time; those too close to tell apart are grouped. */
+/** Places the peaks that a window shows, in the order of time; those too close together are grouped. */
 export function placePeaks(peaks: readonly PeakMark[], map: PlotMap, ratio: number): PlacedPeak[] {
   const placed: PlacedPeak[] = [];
   const reach = (CLOSE * ratio * (map.xMax - map.xMin)) / map.width;

@@ -35,7 +35,7 @@ function edgePath(rows: Int32Array, columns: Columns, within: { from: number; to
   return path;
 }
 
-/** Paints what is predicted as a pale hull in dashes, which tell it from the measured band without colour. */
+/** Paints what is predicted as a pale hull in dashes, which distinguish it from the measured band without colour. */
 export function paintPredicted(canvas: Canvas, columns: Columns, height: number): void {
   const { context, palette, ratio } = canvas;
   const line = 1.5 * ratio;

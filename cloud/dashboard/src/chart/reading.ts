@@ -105,7 +105,7 @@ function readGroupText(mark: PeakMark, unit: string): TipText {
     { name: "heights", value: formatInterval(mark, unit) },
     { name: "within", value: formatDuration(mark.x1 - mark.x0, "up") },
   ];
-  return { title: `${formatCount(mark.count)} peaks`, kind: "zoom in to tell them apart", lines };
+  return { title: `${formatCount(mark.count)} peaks`, kind: "zoom in to separate them", lines };
 }
 
 /** Describes a peak in a tooltip. */

@@ -10,7 +10,7 @@ export interface Segment {
   readonly x0: number;
   readonly x1: number;
   readonly verdict: Verdict;
-  /** How far the true moments may lie from both ends, in ns. */
+  /** How far the true times may lie from both ends, in ns. */
   readonly error: number;
 }
 
@@ -20,7 +20,7 @@ export interface Lanes {
   readonly possible: Uint8Array;
 }
 
-/** Reads a segment as the cloud tells it. */
+/** Reads a segment of the REST API. */
 export function readSegment({ start, end, verdict, time_error }: Omit<SegmentItem, "coverage">, timeline: Timeline): Segment {
   const [x0, x1] = [timeline.toX(parseInstant(start)), timeline.toX(parseInstant(end))];
   return { x0, x1, verdict, error: time_error + timeline.slip(Math.max(Math.abs(x0), Math.abs(x1))) };
@@ -80,7 +80,7 @@ function columnsOf(map: PlotMap, x0: number, x1: number): [left: number, right: 
 }
 
 /**
- * Which pixel columns the segments touch, rounded outward. A certain one is so wherever its true moments lie only
+ * Which pixel columns the segments touch, rounded outward. A certain one is so wherever its true times lie only
  * from its latest begin to its earliest end; around that, as far as its times may be wrong, it is possible.
  */
 export function lanesOf(map: PlotMap, segments: readonly Segment[]): Lanes {

@@ -5,7 +5,7 @@ export interface TipLine {
   readonly value: string;
 }
 
-/** What a tooltip says: a headline and named lines. */
+/** The content of a tooltip: a title and named lines. */
 export interface TipText {
   readonly title: string;
   readonly kind?: string;
@@ -19,7 +19,7 @@ export class Tooltip {
   private readonly box = element("div", { class: "tooltip", "data-testid": "tooltip", hidden: true });
   private readonly spoken = element("div", { class: "unseen", "aria-live": "polite" });
 
-  /** @param onDismiss called when Escape is pressed while it is shown: it may cover what somebody wants to see */
+  /** @param onDismiss called when Escape is pressed: the box may cover the chart */
   constructor(private readonly root: HTMLElement, private readonly onDismiss: () => void) {
     root.append(this.box, this.spoken);
   }

@@ -11,7 +11,7 @@ export function readInterval(json: IntervalDocument): Interval {
   return { lo: json.lo ?? -Infinity, hi: json.hi ?? Infinity };
 }
 
-/** Tells whether nothing is known: the value is missing, which differs from unbounded. */
+/** Whether the value is missing, which differs from unbounded. */
 export function isMissing(interval: Interval): boolean {
   return Number.isNaN(interval.lo) || Number.isNaN(interval.hi);
 }

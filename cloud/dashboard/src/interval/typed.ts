@@ -1,6 +1,6 @@
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i;
 
-/** Reads a number that a person typed in multiples of 10^exponent; null where it is none. */
+/** Reads a typed number in multiples of 10^exponent; null where it is none. */
 export function parseTyped(text: string, exponent: number): number | null {
   const plain = text.trim().replace(",", ".").replace("−", "-");
   if (!NUMBER.test(plain)) return null;

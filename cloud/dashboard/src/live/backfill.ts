@@ -30,7 +30,7 @@ export class Backfill {
     if (end !== null) this.load({ x0: end - span, x1: end }, span);
   }
 
-  /** Gives up what is under way. */
+  /** Aborts running requests. */
   stop(): void {
     this.asking.abort();
     this.asking = new AbortController();
@@ -51,7 +51,7 @@ export class Backfill {
     });
   }
 
-  /** What else is under way would say that all is there. */
+  /** Other requests must not report the window as complete. */
   private fail(error: unknown): void {
     this.stop();
     this.failed = true;

@@ -21,7 +21,7 @@ const PAUSE_SLACK = 1.5;
 const QUIET_SHARE = 0.9;
 /** An error of time of this share of a window makes its picture rough, if it is asked for around it in vain. */
 const ROUGH_SHARE = 0.25;
-/** Nodes that say nothing for so long are silent. */
+/** A node without data for so long is silent. */
 const STALE_MS = 4_000;
 /** A channel that is sampled for less than this share of the time measures in bursts. */
 const BURST_SHARE = 0.5;
@@ -49,13 +49,13 @@ function widened({ x0, x1 }: Range, by: number): Range {
   return { x0: x0 - by, x1: x1 + by };
 }
 
-/** One entry that says: nothing is known here. */
+/** One entry for a range of which nothing is known. */
 function nothingIn({ x0, x1 }: Range): Entries {
   const [missing, none] = [Float64Array.of(Number.NaN), Float64Array.of(0)];
   return { t: Float64Array.of(x0), width: Float64Array.of(x1 - x0), lo: missing, hi: missing, doubt: none, error: none, reach: none };
 }
 
-/** A stretch that the store was asked for, and what the stream tells of it meanwhile. */
+/** A range that is being loaded, and the stream's blocks of it meanwhile. */
 interface Filling {
   readonly range: Range;
   readonly runs: Entries[];
@@ -73,14 +73,14 @@ export class ChannelData {
   /** The stretch of which history has every sample. */
   private loaded: Range | null = null;
   private latest: ChannelItem;
-  /** Up to here the store has everything, and every block after it is told by the live stream. */
-  private told: number | null;
-  /** Up to here the stream may have told of samples: the last bucket of a block may claim more than it has. */
-  private heard: number | null;
+  /** Up to here the store is complete; the live stream brings every block after it. */
+  private storeEnd: number | null;
+  /** Up to here the stream may have brought samples: the last bucket of a block may claim more than it has. */
+  private dataEnd: number | null;
   private readonly fillings = new Set<Filling>();
-  /** The longest block that the stream told, in ns. */
+  /** The longest block of the stream, in ns. */
   private longest = 0;
-  /** How far moments of what was told lately, or loaded last, may be wrong, in ns. */
+  /** The time error of recent and loaded data, in ns. */
   private error = 0;
   /** Of a channel that measures in bursts, the shortest silence in which the store has nothing either. */
   private pause = Infinity;
@@ -88,13 +88,13 @@ export class ChannelData {
   constructor(private readonly options: ChannelDataOptions) {
     const { channel } = options;
     this.latest = channel;
-    this.told = this.storedEnd();
-    this.heard = this.told;
+    this.storeEnd = this.storedEnd();
+    this.dataEnd = this.storeEnd;
     this.facts = { unit: channel.unit, bursts: false };
     this.channel = channel;
   }
 
-  /** What the store last said of the channel. */
+  /** The channel as last listed by the store. */
   get channel(): ChannelItem {
     return this.latest;
   }
@@ -107,9 +107,9 @@ export class ChannelData {
     this.facts.bursts = channel.samples * channel.dt < BURST_SHARE * length;
   }
 
-  /** The end of what the store and the live stream have told. */
+  /** The end of the data from store and stream. */
   get end(): number | null {
-    return this.heard;
+    return this.dataEnd;
   }
 
   get rolling(): Entries {
@@ -129,7 +129,7 @@ export class ChannelData {
     const { edge } = this.options;
     const newest = edge.newest();
     if (newest === null) return null;
-    const end = Math.min(newest, this.heard ?? newest);
+    const end = Math.min(newest, this.dataEnd ?? newest);
     const patience = Math.max(STALE_MS, 4 * edge.rhythm());
     const usual = Math.max(this.longest + 3 * this.latest.dt, this.usualPause);
     const silent = edge.silence(at) > patience || newest - end > edge.timeIn(patience) + usual;
@@ -141,28 +141,28 @@ export class ChannelData {
     const { timeline } = this.options;
     const stored = this.storedEnd();
     if (this.latest.first === null || stored === null) return null;
-    return { x0: timeline.toX(parseInstant(this.latest.first)), x1: Math.max(stored, this.told ?? stored) };
+    return { x0: timeline.toX(parseInstant(this.latest.first)), x1: Math.max(stored, this.storeEnd ?? stored) };
   }
 
   /**
-   * Takes a live block; returns the stretch before it that neither stream nor store has told of yet.
+   * Takes a live block; returns the range before it that is still missing.
    *
-   * @param grain the finest that can be seen, in ns; null for a chart that nobody sees: the block is not kept, the
-   * store will tell it again
+   * @param grain the finest that can be seen, in ns; null for a hidden chart: the block is
+   * dropped and loaded later
    */
   take(block: SeriesAnswer, at: number, grain: number | null): { block: Range | null; hole: Range | null } {
     const run = readSeries(block, this.options.timeline);
     const end = endOf(run);
     if (end === null) return { block: null, hole: null };
     const start = run.t[0]!;
-    const before = this.told ?? start;
-    const silence = start - (this.heard ?? start);
+    const before = this.storeEnd ?? start;
+    const silence = start - (this.dataEnd ?? start);
     // What comes late lies in the middle of what was loaded.
     if (this.loaded && !apart(this.loaded, { x0: start, x1: end })) this.loaded = null;
     const hull = block.resolution === "hull";
     // The last bucket of a block may claim more time than its samples take: ask for it again after a hole.
-    this.told = Math.max(before, hull ? run.t.at(-1)! : end + block.dt);
-    this.heard = Math.max(this.heard ?? start, hull ? end : end + block.dt);
+    this.storeEnd = Math.max(before, hull ? run.t.at(-1)! : end + block.dt);
+    this.dataEnd = Math.max(this.dataEnd ?? start, hull ? end : end + block.dt);
     this.longest = Math.max(this.longest, end - start);
     this.error = Math.max(this.error, block.time_error);
     this.options.edge.observe(end, at);
@@ -184,7 +184,7 @@ export class ChannelData {
       const answer = await this.ask(range, points, signal);
       // A bucket may reach beyond the range, where the live stream knows more than this answer.
       this.fill(range, clipEnd(readSeries(answer, this.options.timeline), range.x1));
-      // What the stream told meanwhile may have been stored after the store was read.
+      // The stream's blocks may have been stored after the store was read.
       for (const run of filling.runs) this.tube.merge(run);
     } finally {
       this.fillings.delete(filling);
@@ -195,18 +195,18 @@ export class ChannelData {
     this.tube.replace({ x0: Math.floor(range.x0), x1: range.x1 }, run);
     const known = run.lo.findLastIndex((lo) => !Number.isNaN(lo));
     const end = known < 0 ? range.x0 : run.t[known]! + Math.max(run.width[known]!, this.latest.dt);
-    const silent = { x0: end, x1: Math.min(range.x1, this.told ?? range.x1) };
+    const silent = { x0: end, x1: Math.min(range.x1, this.storeEnd ?? range.x1) };
     const quiet = silent.x1 - silent.x0;
     if (quiet > 2 * this.latest.dt) this.tube.replace(silent, nothingIn(silent));
     if (this.facts.bursts && quiet > QUIET_SHARE * (range.x1 - range.x0)) this.pause = Math.min(this.pause, quiet);
   }
 
   /**
-   * Loads a stretch of history, and around it whatever may lie in it, too: samples are listed by moments that may be
-   * wrong by as much as the answer says.
+   * Loads a stretch of history, and around it whatever may lie in it, too: the times of samples may be wrong by
+   * as much as the answer says.
    */
   async load(range: Range, points: number, signal: AbortSignal): Promise<void> {
-    // The stream may tell of more meanwhile.
+    // The stream may raise it meanwhile.
     const { error } = this;
     let wide = widened(range, error);
     let answer = await this.ask(wide, points, signal);
@@ -224,9 +224,9 @@ export class ChannelData {
 
   /** Whether history has every sample of a window that is over: then there is nothing to ask for. */
   holds(range: Range): boolean {
-    const { loaded, told } = this;
+    const { loaded, storeEnd } = this;
     const { x0, x1 } = widened(range, this.error);
-    return loaded !== null && x0 >= loaded.x0 && x1 <= loaded.x1 && told !== null && x1 < told;
+    return loaded !== null && x0 >= loaded.x0 && x1 <= loaded.x1 && storeEnd !== null && x1 < storeEnd;
   }
 
   /** Starts history with what the rolling window shows, until the store has answered. */

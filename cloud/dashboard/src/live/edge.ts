@@ -48,7 +48,7 @@ export class LiveEdge {
   }
 
   /**
-   * The edge to show at a moment.
+   * The edge to show at a time.
    *
    * @param at the page's clock in ms
    * @param span the width of the window in ns: the edge stops when half of it would be empty

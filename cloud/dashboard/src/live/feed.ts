@@ -17,7 +17,7 @@ export class StreamParser {
   private event = "";
   private data: string[] = [];
   private length = 0;
-  /** Where whoever breaks off now goes on: what was last complete has this id, also where it held no message. */
+  /** The id of the last complete event, with or without data: a client resumes after it. */
   lastId: string | null = null;
   /** The reconnection time in ms that the server asked for, if it did. */
   retry: number | null = null;
@@ -81,7 +81,7 @@ const LONGEST_WAIT_MS = 15_000;
 const SILENCE_MS = 30_000;
 
 /**
- * A live event stream that resumes where it stopped. EventSource gives up for good at an HTTP error (a
+ * A live event stream that resumes where it stopped. EventSource stops at an HTTP error (a
  * restarting cloud, a proxy's 502) and a new one cannot send Last-Event-ID, so the stream is read by fetch.
  */
 export class Feed {
@@ -135,7 +135,7 @@ export class Feed {
     try {
       await this.read(connection);
     } catch (error) {
-      reason = isAbort(error) ? "no sign of life for 30 s" : messageOf(error);
+      reason = isAbort(error) ? "no data for 30 s" : messageOf(error);
     }
     if (!this.stopped && this.connection === connection) this.retryLater(reason);
   }

@@ -12,12 +12,12 @@ const DRIFT = 1e-3;
 /** Clocks of clouds that share a store differ by less (ns). */
 const SLACK = 1e9;
 
-interface Told {
+interface Latest {
   /** Null where the block has no known sample. */
   readonly interval: Interval | null;
   /** The time of the block's last entry. */
   readonly end: number;
-  /** By when its last sample was taken, and all that was told before. */
+  /** By when its last sample, and those of earlier blocks, were taken. */
   readonly stop: number;
   /** The time of the last one of which something is known; as the block's last where none is. */
   readonly known: number;
@@ -40,16 +40,16 @@ export function hullOf({ lo, hi }: Pick<SeriesAnswer, "lo" | "hi">): Interval | 
 }
 
 /**
- * What the channels of one node measure at present. A block that comes late tells of the past: it changes nothing,
- * and where nothing newer is known, nothing is known of the present.
+ * The latest value of each channel of one node. A block that arrives late holds old values: it changes nothing, and
+ * the current value is unknown until a newer block arrives.
  */
 export class LatestValues {
-  private readonly latest = new Map<string, Told>();
+  private readonly channels = new Map<string, Latest>();
   /** Of all blocks, that with the newest samples. */
-  private newest: Told | null = null;
+  private newest: Latest | null = null;
   /**
    * What at least is added to the page's clock (ns) to give the cloud's: no block came before it was stored. And by
-   * which moment of the page's clock (ms).
+   * which time of the page's clock (ms).
    */
   private clock: { readonly offset: number; readonly at: number } | null = null;
   /** When the latest block of each channel was stored, by the cloud's clock. */
@@ -57,19 +57,19 @@ export class LatestValues {
 
   constructor(private readonly timeline: Timeline, private readonly edge: LiveEdge) {}
 
-  /** Takes a live block, that came at a moment of the page's clock (ms). */
+  /** Takes a live block that arrived at a time of the page's clock (ms). */
   take(block: LiveBlock, at: number): void {
     const begin = this.timeline.toX(parseInstant(block.t0));
     const end = begin + (block.t.at(-1) ?? 0);
-    const held = this.latest.get(block.channel);
+    const held = this.channels.get(block.channel);
     this.setClock(block, at, !held || end >= held.stop);
     if (held && end <= held.end) return;
     const last = block.t.findLastIndex((_, i) => (block.lo[i] ?? block.hi[i] ?? null) !== null);
     const known = last < 0 ? end : begin + block.t[last]!;
     const stop = Math.max(held?.stop ?? end, end + (block.resolution === "hull" ? block.dt : 0));
-    const told = { interval: hullOf(block), end, stop, known, error: block.time_error, at };
-    this.latest.set(block.channel, told);
-    if (this.newest === null || end > this.newest.end) this.newest = told;
+    const latest = { interval: hullOf(block), end, stop, known, error: block.time_error, at };
+    this.channels.set(block.channel, latest);
+    if (this.newest === null || end > this.newest.end) this.newest = latest;
   }
 
   /** How old the newest samples were at least (ns) when they came, if that was too old: the node brings what waited. */
@@ -78,26 +78,26 @@ export class LatestValues {
     return age > STALE_MS * MS ? age : null;
   }
 
-  /** The interval of a channel at a moment of the page's clock (ms); null where nothing is known of the present. */
+  /** The interval of a channel at a time of the page's clock (ms); null where it is unknown. */
   of(channel: string, at: number): Interval | null {
-    const told = this.latest.get(channel);
-    if (!told || at - told.at >= STALE_MS) return null;
-    const known = told.known - told.error;
-    if (this.ageOf(told, known) > STALE_MS * MS) return null;
+    const latest = this.channels.get(channel);
+    if (!latest || at - latest.at >= STALE_MS) return null;
+    const known = latest.known - latest.error;
+    if (this.ageOf(latest, known) > STALE_MS * MS) return null;
     // A simulated node's clock may run faster than ours: then as much more of its time passes.
-    const behind = Math.max(this.edge.newest() ?? told.end, told.end) - known;
-    return behind > this.edge.timeIn(STALE_MS) ? null : told.interval;
+    const behind = Math.max(this.edge.newest() ?? latest.end, latest.end) - known;
+    return behind > this.edge.timeIn(STALE_MS) ? null : latest.interval;
   }
 
   /** How old one of its samples was at least when it came, in ns by the cloud's clock. */
-  private ageOf({ at }: Told, taken: number): number {
+  private ageOf({ at }: Latest, taken: number): number {
     return at * MS + (this.clock?.offset ?? -Infinity) - taken;
   }
 
   /**
-   * Many blocks may come at once that were stored long ago: each tells only that the cloud's clock is not behind it.
+   * Blocks stored long ago may arrive together: each proves only that the cloud's clock is not behind it.
    *
-   * @param isNext whether the block tells of nothing that was told before, as a stream may that broke off
+   * @param isNext whether the block repeats no earlier one, as a resumed stream may
    */
   private setClock(block: LiveBlock, at: number, isNext: boolean): void {
     const stored = this.timeline.toX(parseInstant(block.stored));
@@ -111,7 +111,7 @@ export class LatestValues {
   }
 
   clear(): void {
-    this.latest.clear();
+    this.channels.clear();
     this.newest = null;
   }
 }

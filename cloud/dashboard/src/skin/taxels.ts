@@ -14,7 +14,7 @@ export function judge(interval: Interval | null, level: number): Contact {
   return interval.hi > level ? "possible" : "impossible";
 }
 
-/** The quantities that several taxels have, most telling first. */
+/** The quantities that several taxels have, pressure first. */
 export function quantitiesOf(channels: readonly ChannelItem[], taxels: ReadonlySet<string>): string[] {
   const counts = new Map<string, number>();
   for (const { taxel, quantity } of channels) {

@@ -30,7 +30,7 @@ export interface ModelQuestion {
 /** What is asked of a channel; its answer is marked in the chart, so that there is one at a time. */
 export type Question = ThresholdQuestion | ModelQuestion;
 
-/** Where a person is in the dashboard; the address's hash says it all, so that every view can be linked to. */
+/** What the dashboard shows. The address's hash holds all of it, so that every view can be linked to. */
 export interface Route {
   readonly node: string | null;
   readonly channel: string | null;

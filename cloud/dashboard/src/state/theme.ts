@@ -13,7 +13,7 @@ function stored(): Theme | null {
   }
 }
 
-/** Light or dark: the system's wish until a person chooses, which is then remembered. */
+/** Light or dark: the system's setting until the user chooses; the choice is kept. */
 export class ThemeChoice {
   private chosen = stored();
   private readonly system = matchMedia("(prefers-color-scheme: dark)");

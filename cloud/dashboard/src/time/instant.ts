@@ -46,7 +46,7 @@ export function printDay(instant: Instant): string {
   return `${date.getFullYear()}-${two(date.getMonth() + 1)}-${two(date.getDate())}`;
 }
 
-/** The decimals that tell two instants apart which lie `span` ns from each other (0, 3, 6 or 9). */
+/** The decimals that distinguish two instants `span` ns apart (0, 3, 6 or 9). */
 export function decimalsFor(span: number): 0 | 3 | 6 | 9 {
   if (span >= 2e9) return 0;
   if (span >= 1e6) return 3;

@@ -1,25 +1,25 @@
 /**
- * Tells once in every so many ms that it is time. Beats of one period fall into the same frames wherever they are
- * asked, so that a page which writes its texts at them is laid out once for all of these.
+ * Allows an action once a period. Throttles of one period allow it in the same frame, so that a page which writes its
+ * texts then is laid out once for all of them.
  */
 export class Throttle {
   private last = Number.NaN;
 
   constructor(private readonly period: number) {}
 
-  /** Whether a beat has passed since it was last asked. */
+  /** Whether a new period has begun since the last call. */
   due(at: number): boolean {
-    const beat = Math.floor(at / this.period);
-    if (beat === this.last) return false;
-    this.last = beat;
+    const period = Math.floor(at / this.period);
+    if (period === this.last) return false;
+    this.last = period;
     return true;
   }
 
-  /** Has the next question answered with yes. */
+  /** Makes the next call return true. */
   reset(): void {
     this.last = Number.NaN;
   }
 }
 
-/** How often texts are written, in ms: faster than this nobody reads. */
+/** How often texts are written, in ms: faster changes cannot be read. */
 export const TEXT_MS = 200;

@@ -1,10 +1,10 @@
 import { type Instant, NS_PER_MS, parseInstant, printClock, printDay, printInstant } from "./instant";
 
-/** A day, perhaps a time of day, and perhaps a zone: RFC 3339 and what people shorten it to. */
+/** A day, perhaps a time of day, and perhaps a zone: RFC 3339 and its shortened forms. */
 const TYPED = /^(\d{4}-\d\d-\d\d)(?:[Tt ]\s*(\d\d:\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?\s*([Zz]|[+-]\d\d:\d\d)?$/;
 
 /**
- * Reads a time as people type it: `2026-01-31 12:00:00.5` is local, as the axes are, and one with a zone is RFC 3339;
+ * Reads a typed time: `2026-01-31 12:00:00.5` is local, as the axes are, and one with a zone is RFC 3339;
  * what is left out at the end is 0. Null for what is no time, such as 30 February or an hour that the clocks skip.
  */
 export function parseTypedInstant(text: string): Instant | null {
@@ -64,7 +64,7 @@ function complain(field: "from" | "to", text: string): RangeComplaint {
   return { field, text: `"${text.trim()}" is not a time. Type one such as ${EXAMPLE}.` };
 }
 
-/** Reads a stretch of time from two fields, or says what people need to know to mend it. */
+/** Reads a range from two fields, or returns what is wrong with it. */
 export function readTypedRange(first: string, last: string): TypedRange | RangeComplaint {
   const [from, to] = [parseTypedInstant(first), parseTypedInstant(last)];
   if (from === null) return complain("from", first);

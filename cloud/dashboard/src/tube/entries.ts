@@ -10,7 +10,7 @@ export interface Entries {
   readonly hi: Float64Array;
   /** Of each entry, the probability at most that some sample of it is not enclosed: 1 - coverage. */
   readonly doubt: Float64Array;
-  /** Of each entry, how far the true moments may lie from where it says, in ns. */
+  /** Of each entry, how far its true times may lie from the stated ones, in ns. */
   readonly error: Float64Array;
   /** Of each entry, within how much after it (ns) the next one follows without a break. */
   readonly reach: Float64Array;
@@ -54,7 +54,7 @@ export function firstAtOrAfter(t: Float64Array, x: number): number {
   return low;
 }
 
-/** The index of the first entry that says something of x or of what comes after it. */
+/** The index of the first entry that covers x or a later instant. */
 export function firstBeyond({ t, width }: Entries, x: number): number {
   let index = firstAtOrAfter(t, x);
   while (index > 0 && t[index - 1]! + width[index - 1]! > x) index -= 1;
@@ -106,7 +106,7 @@ export function worstError({ error }: Entries): number {
   return most;
 }
 
-/** Calls for each known entry that may touch [from, to], wherever in its error of time its moments lie. */
+/** Calls for each known entry that may touch [from, to], within its time error. */
 export function eachWithin(entries: Entries, from: number, to: number, found: (index: number) => void): void {
   const { t, width, lo, error } = entries;
   const margin = worstError(entries);

@@ -29,23 +29,23 @@ export function thin(run: Entries, grain: number): Entries {
 }
 
 /** One entry of a run. */
-interface Said {
+interface EntryRef {
   readonly run: Entries;
   readonly index: number;
 }
 
-function isKnown({ run, index }: Said): boolean {
+function isKnown({ run, index }: EntryRef): boolean {
   return !Number.isNaN(run.lo[index]!);
 }
 
-/** Whether two entries say the same of the same samples: then one of them is the other, told again. */
-function isSame(one: Said, other: Said): boolean {
+/** Whether two entries are equal: then one repeats the other. */
+function isSame(one: EntryRef, other: EntryRef): boolean {
   return (["t", "width", "lo", "hi"] as const).every((column) => one.run[column][one.index] === other.run[column][other.index]);
 }
 
-function distinct(said: readonly Said[]): readonly Said[] {
-  if (said.length < 2) return said;
-  return said.filter((one, index) => !said.slice(0, index).some((other) => isSame(one, other)));
+function distinct(entries: readonly EntryRef[]): readonly EntryRef[] {
+  if (entries.length < 2) return entries;
+  return entries.filter((one, index) => !entries.slice(0, index).some((other) => isSame(one, other)));
 }
 
 /** Reads a run from instant to instant. */
@@ -54,10 +54,10 @@ class Reader {
 
   constructor(private readonly run: Entries) {}
 
-  /** Goes on to an instant, at which some entry of any run begins or ends; tells the samples there. */
-  goTo(x: number): Said[] {
+  /** Advances to an instant at which an entry begins or ends; returns the samples there. */
+  goTo(x: number): EntryRef[] {
     const { t, width } = this.run;
-    const samples: Said[] = [];
+    const samples: EntryRef[] = [];
     while (this.at + 1 < t.length && t[this.at + 1]! <= x) {
       this.at += 1;
       if (width[this.at] === 0) samples.push({ run: this.run, index: this.at });
@@ -66,7 +66,7 @@ class Reader {
   }
 
   /** The hull that holds from here on, if one does. */
-  cover(x: number): Said[] {
+  cover(x: number): EntryRef[] {
     const { t, width } = this.run;
     const covers = this.at >= 0 && t[this.at]! + width[this.at]! > x;
     return covers ? [{ run: this.run, index: this.at }] : [];
@@ -85,10 +85,10 @@ class Reader {
 class Writer {
   private readonly lists: Record<Column, number[]> = { t: [], width: [], lo: [], hi: [], doubt: [], error: [], reach: [] };
 
-  /** The hull of what is said; not all of it holds with the sum of the doubts at most. */
-  add(t: number, width: number, said: readonly Said[]): void {
+  /** The hull of some entries; their doubts add up. */
+  add(t: number, width: number, entries: readonly EntryRef[]): void {
     let [lo, hi, doubt, error, reach] = [Infinity, -Infinity, 0, 0, 0];
-    for (const { run, index } of said) {
+    for (const { run, index } of entries) {
       lo = Math.min(lo, run.lo[index]!);
       hi = Math.max(hi, run.hi[index]!);
       doubt += run.doubt[index]!;

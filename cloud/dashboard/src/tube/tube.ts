@@ -36,7 +36,7 @@ export class Tube {
 
   /**
    * Puts a run in its place in time. Of a stretch of which something is known already, both hold: neither a block
-   * nor what came before it is known to tell of all samples there, and the last hull of a block claims more time
+   * nor the earlier data is known to hold all samples there, and the last hull of a block claims more time
    * than its samples take.
    */
   merge(run: Entries): void {
@@ -49,7 +49,7 @@ export class Tube {
       this.append(run);
       return;
     }
-    // The neighbours on both sides tell whether something goes on there without a break.
+    // The neighbours on both sides show whether the data continue without a break.
     const first = Math.max(0, from - 1);
     const after = Math.min(held.t.length, firstAtOrAfter(held.t, stop) + 2);
     const known = copyOf(part(held, first, after));
@@ -61,7 +61,7 @@ export class Tube {
     this.append(tail);
   }
 
-  /** Puts the store's answer in the place of all that is held of [x0, x1): it tells of every sample there. */
+  /** Replaces [x0, x1) by the store's answer, which holds every sample there. */
   replace({ x0, x1 }: Range, run: Entries): void {
     const held = this.view();
     const to = firstAtOrAfter(held.t, x1);

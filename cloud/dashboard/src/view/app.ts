@@ -49,8 +49,8 @@ export class App {
   private dragPans = false;
   private polledAt = -Infinity;
   private polls = 0;
-  /** Which poll was answered last, of those that count. */
-  private heard = 0;
+  /** The newest poll that was answered. */
+  private answered = 0;
   private reachable = true;
   private readonly seconds = new Throttle(1_000);
   private readonly status = new LiveStatus();
@@ -139,7 +139,7 @@ export class App {
   }
 
   private openPage(): void {
-    // Who opened it by key goes on from its beginning, not from that of the document.
+    // A keyboard user continues at the new page, not at the start of the document.
     const focused = this.page?.root.contains(document.activeElement) ?? false;
     this.page?.destroy();
     this.page = new Page({
@@ -182,7 +182,7 @@ export class App {
     } catch (error) {
       if (isAbort(error) || !this.counts(turn)) return;
       const again = (): void => void this.poll();
-      // What stands there already is left in peace, or screen readers would read it out every 2 s.
+      // An unchanged text stays, or screen readers would read it out every 2 s.
       setText(this.banner, `${messageOf(error).replace(/[.!]?$/, ".")} What is shown may be out of date; trying again every 2 s.`);
       this.banner.hidden = this.page?.showFailure(messageOf(error), again) ?? false;
       this.reachable = false;
@@ -190,10 +190,10 @@ export class App {
     }
   }
 
-  /** Whether an answer tells something newer than what was told already: some take longer than others. */
+  /** Whether an answer is newer than the last one taken: some take longer than others. */
   private counts(turn: number): boolean {
-    if (turn < this.heard) return false;
-    this.heard = turn;
+    if (turn < this.answered) return false;
+    this.answered = turn;
     return true;
   }
 

@@ -8,7 +8,7 @@ import type { Context } from "./context";
 import { element } from "./element";
 import { formatBytes } from "./fact";
 
-function moment(text: string | null): string {
+function formatTime(text: string | null): string {
   if (text === null) return "–";
   const instant = parseInstant(text);
   return `${printDay(instant)} ${printClock(instant, 0)}`;
@@ -26,11 +26,11 @@ export function crumbs(context: Context, node: string, channel: string): HTMLEle
   );
 }
 
-/** What a channel's blocks take in the store, whole and for each sample, rounded up. */
+/** The size of a channel's blocks in the store, whole and per sample, rounded up. */
 export function storedText({ bytes, samples }: Pick<ChannelItem, "bytes" | "samples">): string {
   if (bytes === null) return "sealed";
   if (samples === null || samples === 0) return formatBytes(bytes);
-  return `${formatBytes(bytes)} · ${(Math.ceil((bytes / samples) * 100) / 100).toFixed(2)} B a sample`;
+  return `${formatBytes(bytes)} · ${(Math.ceil((bytes / samples) * 100) / 100).toFixed(2)} B per sample`;
 }
 
 /** What the store knows of a channel. */
@@ -42,8 +42,8 @@ export function channelFacts(channel: ChannelItem): HTMLElement {
     ["in the store", storedText(channel)],
     ["bounds", channel.bounds ? formatInterval(readInterval(channel.bounds), channel.unit) : "–"],
     ["coverage", formatCoverage(channel.coverage)],
-    ["first", moment(channel.first)],
-    ["last", moment(channel.last)],
+    ["first", formatTime(channel.first)],
+    ["last", formatTime(channel.last)],
   ];
   const list = element("dl", { class: "channel-facts", "data-testid": "channel-facts" });
   for (const [name, value] of facts) list.append(element("div", {}, element("dt", {}, name), element("dd", {}, value)));

@@ -5,14 +5,14 @@ import { NoticeBoard } from "./notice";
 
 const RETRY_MS = 5_000;
 
-/** Whether the same question may be answered later: the cloud is away, busy or broken, and not the question wrong. */
-function passes(error: unknown): boolean {
+/** Whether a retry may succeed: the cloud is unreachable, busy or failing, and the request is valid. */
+function mayPass(error: unknown): boolean {
   return !(error instanceof ApiError) || error.status === null || error.status === 429 || error.status >= 500;
 }
 
 /**
- * What is said over a channel's chart. That it is loading, or could not be loaded, stays until what was asked for has
- * come, whatever else comes in meanwhile.
+ * Notices over a channel's chart. "Loading" and failures stay until the requested data has arrived, whatever else
+ * arrives meanwhile.
  */
 export class ChannelNotices {
   private readonly board = new NoticeBoard(element("div", { class: "overlay" }));
@@ -26,7 +26,7 @@ export class ChannelNotices {
   /** Something is asked for of which nothing is shown yet. */
   loading(): void {
     this.become("loading");
-    this.board.say("loading", "Loading…", "");
+    this.board.show("loading", "Loading…", "");
   }
 
   /** Something else is asked for; what is shown stays for so long. */
@@ -49,16 +49,16 @@ export class ChannelNotices {
   /** The channel has no data at all. */
   noData(channel: string): void {
     this.become("empty");
-    this.board.say("empty", "No data yet", `${channel} has not sent a block so far. It appears here as soon as one arrives.`);
+    this.board.show("empty", "No data yet", `${channel} has not sent data yet. It appears here with its first block.`);
   }
 
   /** The channel has data, though not in this window. */
   noSamples(showAll: () => void): void {
     this.become("empty");
-    this.board.say("empty", "No samples in this window", "", { label: "Show all data", act: showAll });
+    this.board.show("empty", "No samples in this window", "", { label: "Show all data", act: showAll });
   }
 
-  /** Tells since when nothing has come, or that it comes (null). */
+  /** Shows since when no data has arrived; null while it arrives. */
   silent(since: Instant | null): void {
     if (this.state !== "shown") return;
     if (since === null) {
@@ -67,21 +67,21 @@ export class ChannelNotices {
     }
     const day = printDay(since);
     const today = printDay(BigInt(Date.now()) * 1_000_000n);
-    this.board.say("stale", `No data after ${day === today ? "" : `${day} `}${printClock(since, 0)}`, "");
+    this.board.show("stale", `No data after ${day === today ? "" : `${day} `}${printClock(since, 0)}`, "");
   }
 
-  /** What was asked for could not be had. */
+  /** The request failed. */
   fail(error: unknown, again: () => void): void {
     this.become("failed");
-    if (passes(error)) this.retryAt = performance.now() + RETRY_MS;
+    if (mayPass(error)) this.retryAt = performance.now() + RETRY_MS;
     const act = (): void => {
       this.loading();
       again();
     };
-    this.board.say("error", "This channel could not be loaded", messageOf(error), { label: "Try again", act });
+    this.board.show("error", "This channel could not be loaded", messageOf(error), { label: "Try again", act });
   }
 
-  /** Whether it is time to ask again for what could not be had; once for each failure. */
+  /** Whether to retry now; true once for each failure. */
   retryDue(at: number): boolean {
     if (at < this.retryAt) return false;
     this.retryAt = Infinity;

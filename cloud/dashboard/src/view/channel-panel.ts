@@ -88,7 +88,7 @@ export class ChannelPanel {
   private dirty = true;
   private readonly texts = new Throttle(TEXT_MS);
   private reloadAt = 0;
-  /** Whether the stream told of the past that is shown, since it was asked for. */
+  /** Whether the stream brought data of the shown history since it was loaded. */
   private outdated = false;
   private readonly watcher: IntersectionObserver;
 
@@ -170,7 +170,7 @@ export class ChannelPanel {
       this.ask();
     }
     if (this.view.kind === "history" && this.dirty) this.showHistory();
-    // A live picture stands still while somebody drags on it, so that they get the stretch that they see.
+    // A live chart stands still during a drag, so that the user selects what is shown.
     if (this.view.kind === "history" || this.chart.busy) return;
     const { span } = this.view;
     const x1 = this.options.edge.at(at, span);
@@ -254,7 +254,7 @@ export class ChannelPanel {
     setTitle(this.value, "The hull of everything in this window");
   }
 
-  /** Shows what is known of a window of the past, and has the store tell the rest; the question goes first. */
+  /** Shows what is known of a history window, and loads the rest; the request goes first. */
   private look(): void {
     const range = this.range();
     if (range !== null && this.data.holds(range)) {

@@ -4,7 +4,7 @@ import type { Route } from "../state/route";
 import type { Range } from "../state/window";
 import type { Timeline } from "../time/timeline";
 
-/** What every part of the page is given: its means, and how to go elsewhere. */
+/** What every part of the page receives. */
 export interface Context {
   readonly client: Client;
   readonly timeline: Timeline;
@@ -14,7 +14,7 @@ export interface Context {
   readonly go: (route: Route, how?: "push" | "replace") => void;
   readonly showRange: (range: Range) => void;
   readonly dragPans: () => boolean;
-  /** Says something to people, and to screen readers. */
+  /** Announces a change to screen readers. */
   readonly announce: (text: string) => void;
   readonly onUnauthorised: () => void;
 }

@@ -36,7 +36,7 @@ export function icon(path: string, filled = false): SVGSVGElement {
   return svg;
 }
 
-/** Sets a text only when it differs, so that screen readers and layout are left in peace. */
+/** Sets a text only when it differs, so that screen readers do not repeat it and the page is not laid out again. */
 export function setText(target: HTMLElement, text: string): void {
   if (target.textContent !== text) target.textContent = text;
 }

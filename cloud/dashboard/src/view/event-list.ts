@@ -17,7 +17,7 @@ export interface EventScope {
   readonly channel: string | null;
 }
 
-/** A gap that tells of a broken taxel; what it spans is when that was found. */
+/** A gap that reports a broken taxel; it spans the self-test that found it. */
 const FAULT = / certainly (stuck|dead)/;
 
 function symbol(event: EventItem): SVGSVGElement {
@@ -46,13 +46,13 @@ function when(event: EventItem, now: bigint): string {
   return `${far ? `${printDay(begin)} ` : ""}${printClock(begin, far ? 0 : 3)}`;
 }
 
-/** Where an event was, without what the list's scope says already. */
+/** Where an event was, without what the list's scope implies. */
 function where(event: EventItem, scope: EventScope): string {
   const channel = scope.channel === null ? event.channel : null;
   return [scope.node === null ? event.node : null, channel].filter((part) => part !== null).join(" · ");
 }
 
-/** One event: its symbol, what it says, where and when. The row opens the place of the event. */
+/** One event: symbol, content, channel and time. The row opens the event's window. */
 export function eventRow(event: EventItem, scope: EventScope, now: bigint, href: string): HTMLElement {
   const kind = event.verdict ? `${event.verdict} ${event.kind}` : event.kind;
   const location = where(event, scope);
@@ -113,12 +113,12 @@ export class EventList {
     const filters = element("div", { class: "filters" }, kinds, verdicts);
     const head = element("header", { class: "side-head" }, element("h2", {}, "Events"), filters);
     this.root = element("aside", { class: "side", "aria-label": "events" }, head, this.note, this.rows, this.foot);
-    this.notices.say("loading", "Loading events…", "");
+    this.notices.show("loading", "Loading events…", "");
   }
 
   /** Asks for the latest events. */
   async load(): Promise<void> {
-    this.notices.say("loading", "Loading events…", "");
+    this.notices.show("loading", "Loading events…", "");
     await this.refresh();
   }
 
@@ -158,7 +158,7 @@ export class EventList {
   /** Says that events could not be loaded, and offers to try again. */
   fail(error: unknown): void {
     const again = { label: "Try again", act: () => void this.load() };
-    this.notices.say("error", "Events could not be loaded", messageOf(error), again);
+    this.notices.show("error", "Events could not be loaded", messageOf(error), again);
     if (this.retry !== null) clearTimeout(this.retry);
     this.retry = setTimeout(() => void this.refresh(), RETRY_MS);
   }
@@ -234,7 +234,7 @@ export class EventList {
   private showFoot(): void {
     if (this.rows.children.length === 0) {
       const filtered = this.filter.kind !== "" || this.filter.verdict !== "";
-      this.notices.say("empty", filtered ? "No event passes the filters" : "No events yet", "");
+      this.notices.show("empty", filtered ? "No event passes the filters" : "No events yet", "");
       return;
     }
     this.notices.clear();

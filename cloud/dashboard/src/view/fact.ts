@@ -7,12 +7,12 @@ export function fact(name: string, value: HTMLElement | string): HTMLElement[] {
   return [element("dt", {}, name), element("dd", {}, value)];
 }
 
-/** When something was heard last, and how long ago that is. */
-export function heardAgo(moment: string, now: bigint): string {
-  const seen = parseInstant(moment);
+/** A time, and how long ago it was. */
+export function seenAgo(time: string, now: bigint): string {
+  const seen = parseInstant(time);
   const ago = Number(now - seen);
   const clock = now - seen > 86_400_000_000_000n ? `${printDay(seen)} ${printClock(seen, 0)}` : printClock(seen, 0);
-  // By the page's clock, which may be behind the cloud's: then nobody knows how long ago it was.
+  // By the page's clock, which may be behind the cloud's: then the age is unknown.
   if (ago < -2e9) return clock;
   return ago < 2e9 ? `${clock}, now` : `${clock}, ${formatDuration(Math.floor(ago / 1e9) * 1e9)} ago`;
 }

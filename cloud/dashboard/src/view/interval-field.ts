@@ -5,7 +5,7 @@ import { parseTyped, printTyped } from "../interval/typed";
 import { choosePrefix, findUnit } from "../interval/unit";
 import { element, setText } from "./element";
 
-/** A parameter's bounds as people type them: two numbers in a prefix that fits; one alone stands for both. */
+/** Input of a parameter's bounds: two numbers in a fitting prefix; one alone stands for both. */
 export class IntervalField {
   readonly root: HTMLElement;
   private exponent = 0;
@@ -55,7 +55,7 @@ export class IntervalField {
     return this.label;
   }
 
-  /** Whether nobody typed anything. */
+  /** Whether both fields are empty. */
   get empty(): boolean {
     return this.lo.value.trim() === "" && this.hi.value.trim() === "";
   }

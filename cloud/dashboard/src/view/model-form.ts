@@ -41,7 +41,7 @@ function keyOf(question: ModelQuestion | null): string {
   return question === null ? "" : [question.model, question.origin, ...question.parameters.map(printGiven)].join(" ");
 }
 
-/** Compares a channel with what a model predicts: paints the tube, and says how long the channel left it. */
+/** Compares a channel with a model: paints the predicted tube, and shows for how long the channel left it. */
 export class ModelForm {
   readonly root: HTMLDetailsElement;
   private readonly form = element("form", { class: "model-form", "aria-label": "comparison with a model", "data-testid": "model-form" });

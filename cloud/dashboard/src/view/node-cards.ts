@@ -3,7 +3,7 @@ import { printRoute } from "../state/route";
 import { formatDuration, formatLag } from "../time/duration";
 import type { Context } from "./context";
 import { element } from "./element";
-import { fact, fillMeter, formatBytes, heardAgo } from "./fact";
+import { fact, fillMeter, formatBytes, seenAgo } from "./fact";
 import { healthSymbol } from "./symbol";
 
 function outboxMeter({ outbox }: NodeItem): HTMLElement {
@@ -54,7 +54,7 @@ function broken({ faults }: NodeItem): HTMLElement[] {
 /** Of a node that seals all it sends, times are known to the minute alone. */
 function lagOf({ lag }: NodeItem): HTMLElement {
   const sealed = lag !== null && lag.hi_ns - lag.lo_ns >= MINUTE_NS;
-  const title = sealed ? "Its blocks are sealed: of their times only the minutes are known" : null;
+  const title = sealed ? "Its blocks are sealed: their times are known only to the minute" : null;
   return element("span", { "data-testid": "node-lag", title }, sealed ? `${formatLag(lag)}, sealed` : formatLag(lag));
 }
 
@@ -65,7 +65,7 @@ function wrongClock({ clock }: NodeItem): HTMLElement[] {
   const ahead = least !== null && least > 0;
   const size = ahead ? least : -(most ?? 0);
   const text = `≥ ${formatDuration(size, "down")} ${ahead ? "ahead" : "behind"}`;
-  const title = "Times that this node states do not hold";
+  const title = "This node's clock is wrong by more than its stated bound";
   return fact("clock", element("span", { class: "sentence warn", title, "data-testid": "node-clock" }, text));
 }
 
@@ -73,7 +73,7 @@ function wrongClock({ clock }: NodeItem): HTMLElement[] {
 function missingOf({ missing }: NodeItem): HTMLElement[] {
   if (missing === null) return [];
   const text = `${missing.messages.toLocaleString("en")} ${missing.messages === 1 ? "message" : "messages"}`;
-  const title = `Acknowledged to the node and stored nowhere, first noticed ${missing.since}`;
+  const title = `Acknowledged to the node but not stored; first noticed ${missing.since}`;
   return fact("missing", element("span", { class: "sentence warn", title, "data-testid": "node-missing" }, text));
 }
 
@@ -98,7 +98,7 @@ export function nodeCard(
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("seen", heardAgo(node.last_seen, options.now)),
+    ...fact("seen", seenAgo(node.last_seen, options.now)),
     ...fact("lag", lagOf(node)),
     ...fact("outbox", outboxMeter(node)),
     ...fact("gaps", gaps),
@@ -136,7 +136,7 @@ export class NodeStrip {
    * Draws the cards anew when anything has changed; the focus stays on its card. Where only the window has, as with
    * every step of a gesture, it is enough that they lead to it.
    *
-   * @param reachable whether the cloud answers: if not, nobody knows how the nodes are
+   * @param reachable whether the cloud answers: if not, their health is unknown
    */
   show(nodes: readonly NodeItem[], now: bigint, reachable: boolean): void {
     const route = this.context.route();

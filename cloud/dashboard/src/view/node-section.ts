@@ -43,7 +43,7 @@ export class NodeSection {
     this.picture = channel === null ? new SkinPicture(context, node, this.edge) : null;
     const head = channel === null ? element("h2", { class: "section-head" }, element("a", { href }, node)) : null;
     this.root = element("section", { class: channel === null ? "node-section" : "node-section alone", "data-node": node }, head, this.picture?.root, this.grid);
-    this.notices.say("loading", "Loading channels…", "");
+    this.notices.show("loading", "Loading channels…", "");
     void this.load();
   }
 
@@ -135,10 +135,10 @@ export class NodeSection {
 
   private sayFailure(message: string): void {
     const act = (): void => {
-      this.notices.say("loading", "Loading channels…", "");
+      this.notices.show("loading", "Loading channels…", "");
       this.loadAgain(0);
     };
-    this.notices.say("error", `The channels of ${this.options.node} could not be loaded`, message, { label: "Try again", act });
+    this.notices.show("error", `The channels of ${this.options.node} could not be loaded`, message, { label: "Try again", act });
   }
 
   private showPanels(): void {
@@ -159,7 +159,7 @@ export class NodeSection {
     }
     if (this.panels.size === 0) {
       const title = only === null ? `${node} has no channels yet` : `${node} has no channel "${only}"`;
-      this.notices.say("empty", title, "Channels appear with the first block that a node sends.");
+      this.notices.show("empty", title, "Channels appear with the first block that a node sends.");
       this.loadAgain(3_000);
     }
     this.options.onPanels(fresh.length > 0);

@@ -4,7 +4,7 @@ import { parseInstant, printClock, printDay } from "../time/instant";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 
-/** One setting of one target, as it should be and as the node says that it is; null where nobody said. */
+/** A setting of a target, as desired and as the node reports it; null where unknown. */
 export interface SettingRow {
   readonly target: string;
   readonly name: string;
@@ -20,7 +20,7 @@ function shown(value: Setting | undefined): string | null {
   return value === undefined ? null : String(value);
 }
 
-/** What a node reports of a setting that is wished of all its taxels at once. */
+/** What a node reports of a setting that is desired for all its taxels. */
 function reportedOfAll(state: NodeState, name: string): string | null {
   const own = state.reported?.[WHOLE_NODE]?.[name];
   if (own !== undefined) return shown(own);
@@ -38,11 +38,11 @@ export function settingRows(state: NodeState): SettingRow[] {
   const rows: SettingRow[] = [];
   const targets = new Set([...Object.keys(state.desired), ...Object.keys(state.reported ?? {})]);
   for (const target of [...targets].toSorted()) {
-    const wished = state.desired[target] ?? {};
-    const told = state.reported?.[target] ?? {};
-    for (const name of [...new Set([...Object.keys(wished), ...Object.keys(told)])].toSorted()) {
-      const desired = shown(wished[name] ?? state.desired[WHOLE_NODE]?.[name]);
-      const reported = target === WHOLE_NODE ? reportedOfAll(state, name) : shown(told[name]);
+    const desiredHere = state.desired[target] ?? {};
+    const reportedHere = state.reported?.[target] ?? {};
+    for (const name of [...new Set([...Object.keys(desiredHere), ...Object.keys(reportedHere)])].toSorted()) {
+      const desired = shown(desiredHere[name] ?? state.desired[WHOLE_NODE]?.[name]);
+      const reported = target === WHOLE_NODE ? reportedOfAll(state, name) : shown(reportedHere[name]);
       rows.push({ target, name, desired, reported, settled: desired === null || desired === reported });
     }
   }
@@ -68,7 +68,7 @@ function tableRow(row: SettingRow): HTMLElement {
   );
 }
 
-/** How a node should be set, and beside it how it says that it is, folded away; nothing until either is known. */
+/** A node's desired and reported settings in a folded table; hidden until either is known. */
 export class NodeSettings {
   readonly root: HTMLElement;
   private readonly body = element("tbody");
@@ -119,8 +119,8 @@ export class NodeSettings {
     const rows = settingRows(state);
     this.root.hidden = rows.length === 0;
     this.body.replaceChildren(...rows.map((row) => tableRow(row)));
-    const told = state.reported_at === null ? null : parseInstant(state.reported_at.lo);
-    const when = told === null ? "The node has not reported yet." : `Reported ${printDay(told)} ${printClock(told, 0)}.`;
+    const reported = state.reported_at === null ? null : parseInstant(state.reported_at.lo);
+    const when = reported === null ? "The node has not reported yet." : `Reported ${printDay(reported)} ${printClock(reported, 0)}.`;
     setText(this.note, state.settled ? `${when} It is set as desired.` : `${when} It is not set as desired yet.`);
   }
 }

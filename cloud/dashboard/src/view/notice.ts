@@ -7,7 +7,7 @@ export interface NoticeAction {
   readonly act: () => void;
 }
 
-/** Makes a box that says what is going on, and what to do about it. */
+/** Makes a box with a state and, where there is one, its remedy. */
 export function notice(kind: NoticeKind, title: string, detail: string, action?: NoticeAction): HTMLElement {
   const box = element("div", { class: `notice ${kind}`, "data-testid": `notice-${kind}`, role: kind === "error" ? "alert" : null });
   box.append(element("strong", {}, title));
@@ -16,31 +16,31 @@ export function notice(kind: NoticeKind, title: string, detail: string, action?:
   return box;
 }
 
-/** A place where one notice at a time is shown; one that stands there already is left in peace, with its focus. */
+/** Shows one notice at a time; an unchanged notice keeps the focus. */
 export class NoticeBoard {
   private shown = "";
-  private said: NoticeKind | null = null;
+  private current: NoticeKind | null = null;
 
   /** @param root what has nothing else in it while a notice is shown */
   constructor(readonly root: HTMLElement) {}
 
   /** Of which kind the notice is, if there is one. */
   get kind(): NoticeKind | null {
-    return this.said;
+    return this.current;
   }
 
-  say(kind: NoticeKind, title: string, detail: string, action?: NoticeAction): void {
+  show(kind: NoticeKind, title: string, detail: string, action?: NoticeAction): void {
     const key = `${kind} ${title} ${detail}`;
     if (key === this.shown) return;
     this.shown = key;
-    this.said = kind;
+    this.current = kind;
     this.root.replaceChildren(notice(kind, title, detail, action));
   }
 
   clear(): void {
     if (this.shown === "") return;
     this.shown = "";
-    this.said = null;
+    this.current = null;
     this.root.replaceChildren();
   }
 }

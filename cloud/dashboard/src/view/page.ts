@@ -45,7 +45,7 @@ export class Page {
   private readonly settings: NodeSettings | null = null;
   private feed: Feed | null = null;
   private feedUrl = "";
-  /** Whether events were asked for, and whether after the stream had begun to tell of later ones. */
+  /** Whether events were loaded, and whether after the stream had opened. */
   private asked: "never" | "early" | "well" = "never";
   private eventLoading = new AbortController();
   /** Of which kinds there are too many events to mark, and since when they are marked. */
@@ -61,7 +61,7 @@ export class Page {
     this.list = new EventList(context, this.scope);
     this.root.append(this.column, this.list.root);
     if (route.node !== null) this.addSection(route.node);
-    else this.notices.say("loading", "Loading nodes…", "");
+    else this.notices.show("loading", "Loading nodes…", "");
     if (route.node !== null && route.channel !== null) {
       this.column.prepend(crumbs(context, route.node, route.channel));
     }
@@ -77,14 +77,14 @@ export class Page {
     if (this.scope.node === null) this.showAll(nodes);
   }
 
-  /** Says that the nodes could not be loaded, and whether it had the room to say so. */
+  /** Shows that the nodes could not be loaded; false where charts take the room. */
   showFailure(message: string, again: () => void): boolean {
     if (this.sections.size > 0) return false;
     const act = (): void => {
-      this.notices.say("loading", "Loading nodes…", "");
+      this.notices.show("loading", "Loading nodes…", "");
       again();
     };
-    this.notices.say("error", "The nodes could not be loaded", message, { label: "Try again", act });
+    this.notices.show("error", "The nodes could not be loaded", message, { label: "Try again", act });
     return true;
   }
 
@@ -142,7 +142,7 @@ export class Page {
   private showAll(nodes: readonly NodeItem[]): void {
     if (nodes.length === 0) {
       const detail = "Nodes appear here with their first message. Start one with: eskin node --config node.toml, or try eskin demo.";
-      if (this.sections.size === 0) this.notices.say("empty", "No node has reported yet", detail);
+      if (this.sections.size === 0) this.notices.show("empty", "No node has reported yet", detail);
       return;
     }
     this.notices.clear();
@@ -201,7 +201,7 @@ export class Page {
     const url = address("/live", { ...scope, points: POINTS, grain });
     if (url === this.feedUrl) return;
     this.feedUrl = url;
-    // What comes between the two feeds is told by the second.
+    // The second feed resumes after the first, so that no event is lost between them.
     const after = this.feed?.cursor ?? null;
     this.feed?.stop();
     this.feed = new Feed({
@@ -219,7 +219,7 @@ export class Page {
     this.feed.start();
   }
 
-  /** Asks for events once the stream tells of all later ones; before that, only where it cannot be had. */
+  /** Loads events once the stream is open, so that none is missed; earlier only where it cannot open. */
   private askWell({ kind }: FeedState): void {
     if (kind === "connecting" || this.asked === "well" || (kind !== "open" && this.asked === "early")) return;
     this.asked = kind === "open" ? "well" : "early";
@@ -279,12 +279,12 @@ export class Page {
         return oldest ? [{ kind: KINDS[index]!, since: timeline.toX(parseInstant(oldest.time.lo)) }] : [];
       });
     } catch (error) {
-      // The event list beside the charts tells of the same failure, with a way to try again.
+      // The event list shows the same failure, with a button to retry.
       if (!isAbort(error)) this.list.fail(error);
     }
   }
 
-  /** Says from when on peaks are marked, as long as the window reaches further back. */
+  /** Notes since when peaks are marked, while the window reaches further back. */
   private remark(): void {
     const range = this.range();
     const shown = this.unmarked.filter(({ since }) => range === null || range.x0 < since);

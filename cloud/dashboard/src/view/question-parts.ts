@@ -7,24 +7,24 @@ import { element } from "./element";
 
 const LIVE_PAUSE_MS = 2_000;
 const SETTLE_MS = 200;
-/** An answer that takes longer will not come any more. */
+/** An answer that takes longer is given up. */
 const PATIENCE_MS = 30_000;
 
 /**
- * When a question is to be asked: once the window has settled, and every other second while it moves; but what was
- * asked is answered first, or a slow cloud would never come to answer.
+ * Decides when to send a query: once the window has settled, and every two seconds while it moves. It waits for the
+ * answer first, or a slow cloud would never answer one.
  */
 export class RequestTimer {
   private askedAt = 0;
   private waiting = false;
   private due: number | null = null;
 
-  /** The window or the question has changed: ask once no more changes come. */
+  /** Call when the window or the question has changed: the query is due once it settles. */
   settle(): void {
     this.due = performance.now() + SETTLE_MS;
   }
 
-  /** Nothing is asked any more. */
+  /** Stops; nothing is due. */
   stop(): void {
     this.due = null;
   }
@@ -34,14 +34,14 @@ export class RequestTimer {
     return live || (this.due !== null && at >= this.due);
   }
 
-  /** It is asked now. */
+  /** Call when the query is sent. */
   ask(at: number): void {
     this.due = null;
     this.askedAt = at;
     this.waiting = true;
   }
 
-  /** What was asked last is answered, or given up. */
+  /** Call when the query is answered or aborted. */
   answered(): void {
     this.waiting = false;
   }
@@ -53,14 +53,14 @@ const SECOND = 1e9;
 export interface Wording {
   /** Which state it is about, such as "above 5 pF". */
   readonly state: string;
-  /** What is said, in bold and after it, where no sample may be in that state. */
+  /** The answer, in bold and after it, where no sample may be in that state. */
   readonly never: string;
   readonly because: (window: string) => string;
   /** How the sums are called for tests: `total-certain`, … */
   readonly name: string;
 }
 
-/** In ns: for how long certainly, possibly at most, and for how long nobody knows. */
+/** In ns: certain time, possible time at most, and unknown time. */
 export interface Sums {
   readonly certain: number;
   readonly atMost: number;
@@ -80,12 +80,12 @@ export function readSums({ time_s, unknown_s }: Pick<OccupancyAnswer, "time_s" |
   return { certain: nanoseconds(time_s.lo ?? 0), atMost: time_s.hi === null ? x1 - x0 : nanoseconds(time_s.hi), unknown };
 }
 
-/** Says how far the moments of an answer may be wrong, if they may. */
+/** The time error of an answer in words; empty where there is none. */
 export function timeDoubt({ time_error }: Pick<OccupancyAnswer, "time_error">): string {
-  return time_error > 0 ? ` Its moments are known to ± ${formatDuration(time_error, "up")}.` : "";
+  return time_error > 0 ? ` Times are known to ± ${formatDuration(time_error, "up")}.` : "";
 }
 
-/** Says for how long a channel was in a state: certainly, possibly at most, and how long nobody knows. */
+/** An answer in words: certain, possible and unknown time. */
 export function occupancyAnswer(
   found: OccupancyAnswer,
   range: Range,

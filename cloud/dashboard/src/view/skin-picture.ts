@@ -14,7 +14,7 @@ import { Throttle, TEXT_MS } from "../time/throttle";
 import type { Context } from "./context";
 import { element, setText } from "./element";
 
-/** A level that people type in the prefix of its magnitude. */
+/** Input of a level, in the prefix of its magnitude. */
 export class LevelField {
   readonly root: HTMLElement;
   value = 0;
@@ -156,7 +156,7 @@ export class SkinPicture {
       this.taxels = await this.context.client.taxels(this.node, this.loading.signal);
     } catch (error) {
       if (isAbort(error)) return;
-      // The charts beneath tell of the same failure; they list their channels again, and so does this.
+      // The charts below show the same failure; both retry.
       this.retry = setTimeout(() => void this.load(), RETRY_MS);
       return;
     }
@@ -242,7 +242,7 @@ export class SkinPicture {
     }
     const unknown = counts.unknown > 0 ? `, ${counts.unknown} unknown` : "";
     const { age } = this.present;
-    const late = live && age !== null ? ` What comes was measured at least ${formatDuration(age, "down")} ago.` : "";
+    const late = live && age !== null ? ` Data arrives at least ${formatDuration(age, "down")} late.` : "";
     setText(this.summary, `Contact: ${counts.certain} certain, ${counts.possible} possible, ${counts.impossible} impossible${unknown}.${late}`);
   }
 }

@@ -3,22 +3,22 @@ import type { GatewayItem, StorageAnswer } from "../api/contract";
 import { isAbort, messageOf } from "../api/error";
 import { formatDuration, formatLag } from "../time/duration";
 import { element } from "./element";
-import { fact, fillMeter, formatBytes, heardAgo } from "./fact";
+import { fact, fillMeter, formatBytes, seenAgo } from "./fact";
 import { notice } from "./notice";
 import { healthSymbol } from "./symbol";
 
 function spoolFacts({ spool, nodes }: GatewayItem): HTMLElement[] {
   if (spool === null) return fact("spool", "unknown");
-  const oldest = spool.oldest_ns === null ? "nothing" : `for ${formatDuration(spool.oldest_ns, "up")}`;
+  const oldest = spool.oldest_ns === null ? "nothing waits" : `waits ${formatDuration(spool.oldest_ns, "up")}`;
   return [
     ...fact("spool", fillMeter("spool fill", spool)),
-    ...fact("waits", oldest),
+    ...fact("oldest", oldest),
     ...fact("nodes", String(nodes ?? "–")),
-    ...(spool.dead_letters > 0 ? fact("unusable", element("span", { class: "warn" }, String(spool.dead_letters))) : []),
+    ...(spool.dead_letters > 0 ? fact("dead letters", element("span", { class: "warn" }, String(spool.dead_letters))) : []),
   ];
 }
 
-/** A gateway at a glance: whether it is heard, what waits in it, how late it brings it, how much it brought. */
+/** A gateway's card: health, lag, spool and counts. */
 export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolean): HTMLElement {
   const health = reachable ? gateway.health : "unknown";
   const { stored, duplicate, rejected, spool } = gateway;
@@ -27,33 +27,33 @@ export function gatewayCard(gateway: GatewayItem, now: bigint, reachable: boolea
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("heard", heardAgo(gateway.last_heard, now)),
+    ...fact("seen", seenAgo(gateway.last_heard, now)),
     ...fact("lag", element("span", { "data-testid": "gateway-lag" }, formatLag(gateway.lag))),
     ...spoolFacts(gateway),
-    ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} came again` }, stored?.toLocaleString("en") ?? "–")),
-    ...fact("refused", refused),
+    ...fact("stored", element("span", { title: duplicate === null ? "" : `${duplicate} duplicates` }, stored?.toLocaleString("en") ?? "–")),
+    ...fact("rejected", refused),
   );
-  const told = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, told ${spool.told}`;
-  const title = [gateway.id, `first heard ${gateway.first_heard}`, told].filter(Boolean).join("\n");
+  const fill = spool && `spool ${formatBytes(spool.bytes)} of ${formatBytes(spool.capacity_bytes)}, reported ${spool.told}`;
+  const title = [gateway.id, `first seen ${gateway.first_heard}`, fill].filter(Boolean).join("\n");
   return element("section", { class: "card", "data-testid": "gateway", "data-gateway": gateway.id, "data-health": health, "aria-label": `gateway ${gateway.id}`, title }, head, facts);
 }
 
-/** What the store takes of the disk, whole and for each sample. */
+/** The store's size, whole and per sample. */
 export function storageCard({ bytes, free_bytes, samples, bytes_per_sample }: StorageAnswer): HTMLElement {
   const each = bytes_per_sample === null ? "–" : `${(Math.ceil(bytes_per_sample * 100) / 100).toFixed(2)} B`;
   const facts = element(
     "dl",
     { class: "facts" },
-    ...fact("a sample", element("span", { "data-testid": "bytes-per-sample" }, each)),
+    ...fact("per sample", element("span", { "data-testid": "bytes-per-sample" }, each)),
     ...fact("samples", samples.toLocaleString("en")),
-    ...fact("takes", formatBytes(bytes)),
-    ...fact("free in it", formatBytes(free_bytes)),
+    ...fact("size", formatBytes(bytes)),
+    ...fact("free", formatBytes(free_bytes)),
   );
-  const title = "What the store takes, with indices and all, less what is free in it, by its samples";
+  const title = "The size of the store with all indices, without its free space, divided by its samples";
   return element("section", { class: "card", "data-testid": "storage", "aria-label": "store", title }, element("div", { class: "card-head" }, element("strong", {}, "Store")), facts);
 }
 
-/** What stands behind the nodes: gateways and the store; shown beside all nodes. */
+/** The gateways and the store, shown beside all nodes. */
 export class StackStrip {
   readonly root = element("section", { class: "nodes stack", "aria-label": "gateways and store", "data-testid": "stack" });
   private gateways: readonly GatewayItem[] | null = null;
@@ -61,7 +61,7 @@ export class StackStrip {
   private failure = "";
   private drawn = "";
 
-  /** Asks the cloud; what cannot be had is said in place of the cards, as long as there are none. */
+  /** Loads both; a failure is shown while there are no cards. */
   async load(client: Client, signal: AbortSignal): Promise<void> {
     try {
       [this.gateways, this.storage] = await Promise.all([client.gateways(signal), client.storage(signal)]);
@@ -83,7 +83,7 @@ export class StackStrip {
     if (gateways === null || storage === null) {
       return failure === "" ? [] : [notice("error", "Gateways and store could not be loaded", failure)];
     }
-    const none = gateways.length === 0 ? [notice("empty", "No gateway was heard yet", "")] : [];
+    const none = gateways.length === 0 ? [notice("empty", "No gateway has connected yet", "")] : [];
     return [...none, ...gateways.map((gateway) => gatewayCard(gateway, now, reachable)), storageCard(storage)];
   }
 }

@@ -15,7 +15,7 @@ export interface ThresholdOptions {
   readonly node: string;
   readonly channel: string;
   readonly unit: string;
-  /** The typical magnitude of the channel, which chooses the prefix that people type in. */
+  /** The typical magnitude of the channel, which chooses the prefix of the input. */
   readonly magnitude: number;
   readonly range: () => Range | null;
   readonly onSegments: (segments: readonly Segment[]) => void;
@@ -27,7 +27,7 @@ function sameQuestion(one: ThresholdQuestion | null, other: ThresholdQuestion | 
   return one?.side === other?.side && one?.level === other?.level;
 }
 
-/** Asks when a channel passes a threshold, and says how long it certainly and possibly did. */
+/** Asks when a channel passes a threshold, and shows for how long it certainly and possibly did. */
 export class ThresholdForm {
   readonly root: HTMLFormElement;
   private readonly side = element("select", { name: "side", "aria-label": "side" });
@@ -63,7 +63,7 @@ export class ThresholdForm {
   apply(question: ThresholdQuestion | null): void {
     const same = sameQuestion(this.applied, question);
     this.applied = question;
-    // What was typed in vain stays with its complaint, wherever the window goes.
+    // Invalid input stays with its message, whatever the window.
     if (same && this.invalid) return;
     if (document.activeElement !== this.level) {
       this.level.value = question ? printTyped(question.level, this.prefix) : "";
@@ -139,7 +139,7 @@ export class ThresholdForm {
       this.answer.replaceChildren(...occupancyAnswer(time, range, { wording: this.wording(question), complete: segments.complete }));
     } catch (error) {
       if (isAbort(error)) return;
-      // Marks of another window or level would be taken for the answer to this question.
+      // Marks of another window or level are no answer to this question.
       this.options.onSegments([]);
       this.answer.replaceChildren(element("strong", { class: "bad" }, "No answer"), `: ${messageOf(error)}`);
     } finally {

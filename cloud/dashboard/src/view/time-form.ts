@@ -34,7 +34,7 @@ export class TimeForm {
   private readonly fields = { from: timeField("from"), to: timeField("to") };
   private readonly zone = element("p", { id: "time-zone", "data-testid": "time-zone" });
   private readonly complaint = element("p", { id: "time-complaint", class: "complaint", role: "alert", "data-testid": "time-complaint" });
-  /** Whether somebody has typed what was not gone to yet. */
+  /** Whether the fields hold input that was not submitted. */
   private edited = false;
 
   constructor(private readonly options: TimeFormOptions) {
@@ -57,7 +57,7 @@ export class TimeForm {
     });
   }
 
-  /** Takes over another window; what somebody is typing stays. */
+  /** Takes over another window; unsubmitted input stays. */
   apply(view: View): void {
     if (!this.root.hidden && !this.edited && view.kind === "history") this.write(view);
   }
@@ -67,7 +67,7 @@ export class TimeForm {
     this.toggle.setAttribute("aria-expanded", String(open));
     this.edited = false;
     if (!open) return;
-    this.zone.textContent = `Local time, as at the charts: ${nameZone(new Date())}.`;
+    this.zone.textContent = `Local time, as on the charts: ${nameZone(new Date())}.`;
     this.write(this.shown());
     this.root.querySelector("button")?.focus();
   }
@@ -77,7 +77,7 @@ export class TimeForm {
     if (view.kind === "history") return view;
     const range = this.options.range();
     if (range === null) return null;
-    // A live window moves on meanwhile, so that whole seconds say enough of it.
+    // A live window moves, so whole seconds are enough.
     const { timeline } = this.options.context;
     const [x0, x1] = [Math.floor(range.x0 / SECOND) * SECOND, Math.ceil(range.x1 / SECOND) * SECOND];
     return { from: timeline.toInstant(x0), to: timeline.toInstant(x1) };
@@ -98,7 +98,7 @@ export class TimeForm {
   private goLast(ns: bigint): void {
     const extent = this.options.extent();
     if (extent === null) {
-      this.complain({ field: null, text: "There is no data yet that could be the last." });
+      this.complain({ field: null, text: "There is no data yet." });
       return;
     }
     const to = this.options.context.timeline.toInstant(Math.ceil(extent.x1));

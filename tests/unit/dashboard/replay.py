@@ -1,0 +1,333 @@
+"""A cloud that answers from a recording, so that a page can be tested without a demo.
+
+The recorded stretch of series and events is repeated without end, up to the present, and the live
+stream goes on with it. Only what the dashboard asks for is answered.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import lzma
+import math
+import threading
+import time
+from typing import TYPE_CHECKING, Any, Final, Self
+
+import httpx
+import numpy as np
+import uvicorn
+from eskin_cloud.service import DASHBOARD
+from starlette.applications import Starlette
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from eskin.wire.timestamp import format_timestamp, parse_timestamp
+from tests.support.processes import PLAIN, free_port, wait_until
+from tests.unit.dashboard.record import LENGTH_NS, RECORDING
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Mapping
+
+    from numpy.typing import NDArray
+    from starlette.requests import Request
+
+    Json = dict[str, Any]
+
+BLOCK_NS: Final = 250_000_000
+"""A live block has so much of each channel; all of them come at the same instant."""
+PAST: Final = 5
+"""So many repetitions are stored before the first one that is live."""
+_CSP: Final = {"Content-Security-Policy": "default-src 'self'"}
+_MISSING_PARAMETER: Final = {"title": "Invalid", "status": 422, "detail": "parameter: is missing"}
+
+
+class Replay:
+    """A server on loopback with the recorded world.
+
+    Attributes:
+        url: Where it listens.
+        start: The instant (ns) of its first sample; each repetition begins ``LENGTH_NS`` later.
+    """
+
+    def __init__(self) -> None:
+        self._recording: Json = json.loads(lzma.decompress(RECORDING.read_bytes()))
+        self.start = (time.time_ns() // LENGTH_NS - PAST) * LENGTH_NS
+        self._series = {
+            name: _Channel(series, self._recording["start"], self.start)
+            for name, series in self._recording["series"].items()
+        }
+        port = free_port()
+        self.url = f"http://127.0.0.1:{port}"
+        config = uvicorn.Config(
+            self._application(), port=port, log_level="warning", timeout_graceful_shutdown=1
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(target=self._server.run)
+
+    def __enter__(self) -> Self:
+        self._thread.start()
+        wait_until(lambda: self._server.started, "the recording is served")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._server.should_exit = True
+        self._thread.join()
+
+    def get(self, path: str, **parameters: object) -> Any:
+        """The JSON answer of the REST API."""
+        with httpx.Client(base_url=self.url, verify=PLAIN, timeout=60) as client:
+            answer = client.get(f"/api/v1{path}", params={k: str(v) for k, v in parameters.items()})
+            answer.raise_for_status()
+            return answer.json()
+
+    @property
+    def end(self) -> int:
+        """Up to this instant (ns) everything is stored."""
+        return time.time_ns() // BLOCK_NS * BLOCK_NS
+
+    def _application(self) -> Starlette:
+        series = "/series/{node}/{channel}"
+        api = [
+            Route("/nodes", self._nodes),
+            Route("/gateways", self._gateways),
+            Route("/storage", lambda _: JSONResponse(self._recording["storage"])),
+            Route("/models", lambda _: _page(self._recording["models"])),
+            Route("/nodes/{node}/channels", self._channels),
+            Route("/nodes/{node}/taxels", self._of_node("taxels", _page)),
+            Route("/nodes/{node}/state", self._of_node("states", JSONResponse)),
+            Route("/events", self._events),
+            Route("/live", self._live),
+            Route(series, self._one_series),
+            Route(f"{series}/threshold", self._threshold),
+            Route(f"{series}/time", self._time),
+            Route(f"{series}/prediction", self._prediction),
+            Route(f"{series}/anomalies", lambda _: _page([])),
+            Route(f"{series}/anomalies/time", self._time),
+        ]
+        return Starlette(
+            routes=[
+                Mount("/api/v1", routes=api),
+                Mount("/", _Files(directory=DASHBOARD, html=True)),
+            ]
+        )
+
+    def _nodes(self, _: Request) -> Response:
+        now = format_timestamp(time.time_ns())
+        return _page([{**node, "last_seen": now} for node in self._recording["nodes"]])
+
+    def _gateways(self, _: Request) -> Response:
+        now = format_timestamp(time.time_ns())
+        return _page([{**one, "last_heard": now} for one in self._recording["gateways"]])
+
+    def _channels(self, request: Request) -> Response:
+        node = request.path_params["node"]
+        items = []
+        for item in self._recording["channels"].get(node, []):
+            channel = self._series[f"{node}/{item['id']}"]
+            t, _, _ = channel.between(self.end - LENGTH_NS, self.end)
+            first, last = channel.first(self.start), int(t[-1])
+            samples = len(t) * (self.end - self.start) // LENGTH_NS
+            stored = {"first": format_timestamp(first), "last": format_timestamp(last)}
+            items.append({**item, **stored, "samples": samples})
+        return _page(items)
+
+    def _of_node(self, name: str, answer: Any) -> Any:
+        return lambda request: answer(self._recording[name][request.path_params["node"]])
+
+    def _window(self, request: Request) -> tuple[str, _Channel, int, int]:
+        node, channel = (request.path_params[name] for name in ("node", "channel"))
+        start, end = (int(request.query_params[name]) for name in ("start", "end"))
+        return f"{node}/{channel}", self._series[f"{node}/{channel}"], start, end
+
+    def _one_series(self, request: Request) -> Response:
+        _, channel, start, end = self._window(request)
+        points = int(request.query_params["points"])
+        window = max(start, self.start), min(end, self.end)
+        return JSONResponse(channel.series(*window, points=points, begin=start))
+
+    def _prediction(self, request: Request) -> Response:
+        if "parameter" not in request.query_params:
+            return JSONResponse(_MISSING_PARAMETER, 422)
+        _, channel, start, end = self._window(request)
+        points = int(request.query_params["points"])
+        step = max(1, math.ceil((end - start) / points))
+        t = list(range(0, end - start, step))
+        hull = {"t": t, "lo": [0.0] * len(t), "hi": [1e-12] * len(t), "dt": step}
+        more = {"model": "m", "origin": format_timestamp(start), "t0": format_timestamp(start)}
+        return JSONResponse({**channel.names, **more, **hull})
+
+    def _judged(self, request: Request) -> tuple[Any, ...]:
+        """Samples of a window, and which are in the state certainly and possibly."""
+        _, channel, start, end = self._window(request)
+        t, lo, hi = channel.between(max(start, self.start), min(end, self.end))
+        above = float(request.query_params.get("above", 0))
+        return channel, start, end, t, lo > above, hi > above
+
+    def _threshold(self, request: Request) -> Response:
+        channel, _, _, t, certain, possible = self._judged(request)
+        verdicts = np.where(certain, 2, np.where(possible, 1, 0))
+        edges = np.flatnonzero(np.diff(verdicts)) + 1
+        items = [
+            {
+                "id": str(t[part[0]]),
+                "start": format_timestamp(int(t[part[0]])),
+                "end": format_timestamp(int(t[part[-1]])),
+                "verdict": "certain" if verdicts[part[0]] == 2 else "possible",
+                "coverage": 1.0,
+                "time_error": channel.time_error,
+            }
+            for part in np.split(np.arange(len(t)), edges)
+            if len(part) and verdicts[part[0]]
+        ]
+        return _page(items)
+
+    def _time(self, request: Request) -> Response:
+        channel, start, end, t, certain, possible = self._judged(request)
+        seconds = channel.dt * 1e-9
+        counts = int(certain.sum()), int(possible.sum())
+        begun = int((np.diff(possible.astype(int), prepend=0) == 1).sum())
+        return JSONResponse(
+            {
+                "start": format_timestamp(start),
+                "end": format_timestamp(end),
+                "unit": channel.names["unit"],
+                "time_s": {"lo": counts[0] * seconds, "hi": counts[1] * seconds},
+                "unknown_s": max(0.0, (end - start) * 1e-9 - len(t) * seconds),
+                "samples": {"lo": counts[0], "hi": counts[1]},
+                "entries": {"lo": min(begun, 1), "hi": begun},
+                "coverage": 1.0,
+                "time_error": channel.time_error,
+            }
+        )
+
+    def _events_between(self, start: int, end: int, wanted: Mapping[str, str]) -> list[Json]:
+        """All events that begin in [start, end), the oldest first."""
+        found = []
+        first, last = ((one - self.start) // LENGTH_NS for one in (start, end))
+        for repetition in range(max(0, first), last + 1):
+            shift = self.start + repetition * LENGTH_NS - self._recording["start"]
+            for event in self._recording["events"]:
+                lo, hi = (parse_timestamp(event["time"][side]) + shift for side in ("lo", "hi"))
+                if start <= lo < end and all(event[key] == wanted[key] for key in wanted):
+                    times = {"lo": format_timestamp(lo), "hi": format_timestamp(hi)}
+                    found.append({**event, "id": f"{event['id']}-{repetition}", "time": times})
+        return sorted(found, key=lambda event: str(event["time"]["lo"]))
+
+    def _events(self, request: Request) -> Response:
+        query = request.query_params
+        wanted = {key: query[key] for key in ("node", "channel", "kind", "verdict") if key in query}
+        end = min(self.end, int(query.get("end", self.end)), int(query.get("cursor", self.end)))
+        found = self._events_between(int(query.get("start", self.start)), end, wanted)[::-1]
+        limit = int(query.get("limit", 100))
+        more = parse_timestamp(found[limit - 1]["time"]["lo"]) if len(found) > limit else None
+        return _page(found[:limit], more)
+
+    def _live(self, request: Request) -> Response:
+        query = request.query_params
+        points = int(query["points"])
+        node, channel = query.get("node"), query.get("channel")
+        names = [
+            name
+            for name in self._series
+            if name == channel or (channel is None and node in (None, name.partition("/")[0]))
+        ]
+        resumed = request.headers.get("last-event-id")
+        number = self.end // BLOCK_NS if resumed is None else int(resumed) + 1
+        wanted = {} if node is None else {"node": node}
+        if channel is not None:
+            wanted = dict(zip(("node", "channel"), channel.split("/"), strict=True))
+
+        async def stream() -> AsyncIterator[str]:
+            yield "retry: 1000\n\n"
+            current = number
+            while True:
+                start, end = current * BLOCK_NS, (current + 1) * BLOCK_NS
+                await asyncio.sleep(max(0.0, (end - time.time_ns()) * 1e-9))
+                stored = format_timestamp(end)
+                for name in names:
+                    block = self._series[name].series(start, end, points=points, begin=start)
+                    if block["t"]:
+                        block["stored"] = stored
+                        yield f"event: block\ndata: {json.dumps(block)}\n\n"
+                for event in self._events_between(start, end, wanted):
+                    yield f"event: {event['kind']}\ndata: {json.dumps(event)}\n\n"
+                yield f"id: {current}\n\n"
+                current += 1
+
+        return StreamingResponse(stream(), media_type="text/event-stream")
+
+
+class _Files(StaticFiles):
+    """The built dashboard, under the cloud's policy."""
+
+    async def get_response(self, path: str, scope: Any) -> Response:
+        answer = await super().get_response(path, scope)
+        answer.headers.update(_CSP)
+        return answer
+
+
+class _Channel:
+    """A recorded series that repeats; samples lie at the same offsets in each repetition."""
+
+    def __init__(self, series: Json, recorded: int, start: int) -> None:
+        self.names = {key: series[key] for key in ("node", "channel", "unit")}
+        self.dt: int = series["dt"]
+        self.time_error: int = series["time_error"]
+        self._coverage = series["coverage"]
+        self._origin = start
+        begin = parse_timestamp(series["t0"]) - recorded
+        self._t = np.array(series["t"], np.int64) + begin
+        self._lo = np.array(series["lo"], np.float64)
+        self._hi = np.array(series["hi"], np.float64)
+        missing = np.isnan(self._lo) & np.isnan(self._hi)
+        self._lo[np.isnan(self._lo) & ~missing] = -np.inf
+        self._hi[np.isnan(self._hi) & ~missing] = np.inf
+
+    def first(self, start: int) -> int:
+        """The instant of the first sample of a repetition."""
+        return start + int(self._t[0])
+
+    def between(
+        self, start: int, end: int
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+        """Instants and bounds of the samples in [start, end)."""
+        if end <= start:
+            return self._t[:0], self._lo[:0], self._hi[:0]
+        first, last = ((one - self._origin) // LENGTH_NS for one in (start, end))
+        count = last - first + 1
+        shifts = self._origin + LENGTH_NS * np.arange(first, last + 1)
+        t = (shifts[:, None] + self._t).ravel()
+        begin, stop = np.searchsorted(t, [start, end])
+        lo, hi = (np.tile(side, count)[begin:stop] for side in (self._lo, self._hi))
+        return t[begin:stop], lo, hi
+
+    def series(self, start: int, end: int, *, points: int, begin: int) -> Json:
+        """What the REST API answers: samples, or hulls where there are more than ``points``."""
+        t, lo, hi = self.between(start, end)
+        t0 = int(t[0]) if len(t) else begin
+        step, resolution = self.dt, "sample"
+        if len(t) > points:
+            resolution = "hull"
+            step = max(self.dt, math.ceil((end - start) / points))
+            buckets = (t - t0) // step
+            firsts = np.flatnonzero(np.diff(buckets, prepend=-1))
+            lo, hi = np.fmin.reduceat(lo, firsts), np.fmax.reduceat(hi, firsts)  # NaN is missing
+            t = t0 + buckets[firsts] * step
+        return {
+            **self.names,
+            "coverage": self._coverage,
+            "resolution": resolution,
+            "t0": format_timestamp(t0),
+            "t": (t - t0).tolist(),
+            "lo": [one if math.isfinite(one) else None for one in lo.tolist()],
+            "hi": [one if math.isfinite(one) else None for one in hi.tolist()],
+            "mean": None,
+            "dt": step,
+            "time_error": self.time_error,
+        }
+
+
+def _page(items: list[Any], following: int | None = None) -> Response:
+    return JSONResponse({"items": items, "next": None if following is None else str(following)})
