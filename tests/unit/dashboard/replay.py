@@ -40,7 +40,11 @@ BLOCK_NS: Final = 250_000_000
 PAST: Final = 5
 """So many repetitions are stored before the first one that is live."""
 _CSP: Final = {"Content-Security-Policy": "default-src 'self'"}
-_MISSING_PARAMETER: Final = {"title": "Invalid", "status": 422, "detail": "parameter: is missing"}
+_MISSING_PARAMETER: Final = {
+    "title": "Invalid",
+    "status": 422,
+    "detail": "parameter: minimum_area is missing",
+}
 
 
 class Replay:

@@ -64,9 +64,7 @@ def test_session_that_ends_leads_to_the_login(
         assert visit.page.evaluate("location.pathname") == "/login"
 
 
-def test_login_leads_to_the_requested_view(
-    demo: RunningDemo, browser: Browser
-) -> None:
+def test_login_leads_to_the_requested_view(demo: RunningDemo, browser: Browser) -> None:
     with visiting(browser, demo.access["url"]) as visit:
         visit.page.goto(f"{demo.access['url']}/#/palm/t01.area?live=30s")
         visit.page.locator("input[name=token]").fill(demo.access["token"])

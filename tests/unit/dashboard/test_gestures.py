@@ -167,9 +167,7 @@ def test_pan_button_makes_a_drag_pan_until_it_is_released(visit: Visit, recorded
     assert visit.wait_for_window(after) == cut(after, plot.share(0.3), plot.share(0.6))
 
 
-def test_live_chart_stands_still_during_a_drag(
-    replay: Replay, visit: Visit
-) -> None:
+def test_live_chart_stands_still_during_a_drag(replay: Replay, visit: Visit) -> None:
     visit.page.route("**/api/v1/events*", without_events)
     visit.open(f"{CHANNEL}?live=10s")
     begin = visit.wait_for_chart(mode="live")["xMax"]

@@ -93,9 +93,7 @@ def test_certain_and_possible_peaks_carry_different_shapes(replay: Replay, visit
 
 
 @pytest.mark.parametrize("options", [{"viewport": {"width": 700, "height": 800}}])
-def test_peak_buttons_follow_their_peaks_on_resize(
-    replay: Replay, visit: Visit
-) -> None:
+def test_peak_buttons_follow_their_peaks_on_resize(replay: Replay, visit: Visit) -> None:
     held: list[Route] = []
     # Whatever comes in has the chart painted anew, and all of it put in its place.
     visit.page.route("**/api/v1/live?*", lambda route: held.append(route))  # noqa: PLW0108 -- Playwright marks what it is given
