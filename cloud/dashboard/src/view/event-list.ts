@@ -31,7 +31,7 @@ function what(event: EventItem): string {
   if (event.kind === "gap") {
     if (event.detail && FAULT.test(event.detail)) return event.detail;
     const length = Number(parseInstant(event.time.hi) - parseInstant(event.time.lo));
-    return [`gap of ${formatDuration(length, "up")}`, event.detail].filter(Boolean).join(": ");
+    return [formatDuration(length, "up"), event.detail].filter(Boolean).join(": ");
   }
   if (event.kind !== "peak") return event.detail ?? event.kind;
   const height = event.height ? formatInterval(readInterval(event.height), event.unit ?? "") : "";

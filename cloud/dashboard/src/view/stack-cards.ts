@@ -9,7 +9,7 @@ import { healthSymbol } from "./symbol";
 
 function spoolFacts({ spool, nodes }: GatewayItem): HTMLElement[] {
   if (spool === null) return fact("spool", "unknown");
-  const oldest = spool.oldest_ns === null ? "nothing waits" : `waits ${formatDuration(spool.oldest_ns, "up")}`;
+  const oldest = spool.oldest_ns === null ? "–" : formatDuration(spool.oldest_ns, "up");
   return [
     ...fact("spool", fillMeter("spool fill", spool)),
     ...fact("oldest", oldest),
