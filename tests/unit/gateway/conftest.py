@@ -56,7 +56,7 @@ def settings(
         identity=IdentitySection(
             directory=identities.gateway.directory, site=identities.site.directory
         ),
-        cloud=CloudSection(url=cloud.url, retry_s=0.05, retry_most_s=0.2, timeout_s=60.0),
+        cloud=CloudSection(url=cloud.url, retry_s=0.05, retry_max_s=0.2, timeout_s=60.0),
         # As long as may be: what comes sooner was not waited for.
         commands=CommandsSection(wait_s=60.0),
         spool=SpoolSection(path=tmp_path / "spool.db"),

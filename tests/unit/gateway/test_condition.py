@@ -8,7 +8,7 @@ from unittest.mock import Mock
 
 from eskin_gateway.forward.status_report import HEADER, StatusReport
 from eskin_gateway.publish.presence import Presence
-from eskin_gateway.spool.batch import Batch, DeadLetter, Entry
+from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
 from eskin_gateway.spool.spool import Spool
 
 from eskin.errors import SpoolError
@@ -22,12 +22,12 @@ def told(condition: StatusReport) -> Any:
 
 
 def test_header_tells_what_waits_in_the_spool(tmp_path: Path) -> None:
-    spool = Spool(tmp_path / "spool.db", capacity=1000, letters=10)
+    spool = Spool(tmp_path / "spool.db", capacity=1000, max_dead_letters=10)
     passed = [0.0]
     condition = StatusReport(spool, Presence(15.0), clock=lambda: passed[0], now=lambda: 500)
     empty = {"messages": 0, "bytes": 0, "capacity_bytes": 1000, "oldest_ns": None}
     assert told(condition) == empty | {"dead_letters": 0, "nodes": 0}
-    entries = [Entry("n", 200, b"123"), Entry("n", 300, b"4567")]
+    entries = [SpoolMessage("n", 200, b"123"), SpoolMessage("n", 300, b"4567")]
     spool.commit(Batch(entries, [DeadLetter(1, "n", "why", b"x")]))
     assert told(condition)["messages"] == 0, "it does not look each time"
     passed[0] = 1.0

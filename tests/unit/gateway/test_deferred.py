@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 from eskin_gateway.forward.retry_queue import RetryQueue
-from eskin_gateway.spool.spool import Stored
+from eskin_gateway.spool.batch import SpoolMessage
 
-ONE, TWO = (Stored(number, "fingertip", 1, b"x") for number in (1, 2))
+ONE, TWO = (SpoolMessage("fingertip", 1, b"x", id=number) for number in (1, 2))
 
 
 @pytest.fixture
@@ -15,80 +15,80 @@ def now() -> list[float]:
 
 
 @pytest.fixture
-def deferred(now: list[float]) -> RetryQueue:
+def retry_queue(now: list[float]) -> RetryQueue:
     return RetryQueue(lambda: now[0])
 
 
 def test_suspect_is_left_out_and_tried_again_at_once_when_another_was_taken(
-    deferred: RetryQueue,
+    retry_queue: RetryQueue,
 ) -> None:
-    assert deferred.fault is None
-    assert deferred.hold(ONE)
-    assert (deferred.ids, deferred.due()) == ((1,), None)
-    deferred.taken([TWO])
-    assert deferred.due() == ONE
-    assert "1 message(s), one of fingertip" in str(deferred.fault)
-    deferred.taken([ONE])
-    assert (deferred.ids, deferred.due(), deferred.fault) == ((), None, None)
+    assert retry_queue.fault is None
+    assert retry_queue.add(ONE)
+    assert (retry_queue.ids, retry_queue.due()) == ((1,), None)
+    retry_queue.succeeded([TWO])
+    assert retry_queue.due() == ONE
+    assert "1 message(s), one of fingertip" in str(retry_queue.fault)
+    retry_queue.succeeded([ONE])
+    assert (retry_queue.ids, retry_queue.due(), retry_queue.fault) == ((), None, None)
 
 
-def test_pauses_grow_up_to_a_minute(deferred: RetryQueue, now: list[float]) -> None:
-    deferred.hold(ONE)
-    deferred.taken([TWO])
+def test_pauses_grow_up_to_a_minute(retry_queue: RetryQueue, now: list[float]) -> None:
+    retry_queue.add(ONE)
+    retry_queue.succeeded([TWO])
     for pause in (2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0):
-        deferred.hold(ONE)
+        retry_queue.add(ONE)
         now[0] += pause - 0.01
-        assert deferred.due() is None
+        assert retry_queue.due() is None
         now[0] += 0.01
-        assert deferred.due() == ONE
+        assert retry_queue.due() == ONE
 
 
-def test_pause_is_no_longer_after_days(deferred: RetryQueue, now: list[float]) -> None:
-    deferred.hold(ONE)
-    deferred.taken([TWO])
+def test_pause_is_no_longer_after_days(retry_queue: RetryQueue, now: list[float]) -> None:
+    retry_queue.add(ONE)
+    retry_queue.succeeded([TWO])
     for _ in range(3000):
-        assert deferred.due() == ONE
-        deferred.hold(ONE)
-        assert deferred.due() is None
+        assert retry_queue.due() == ONE
+        retry_queue.add(ONE)
+        assert retry_queue.due() is None
         now[0] += 60.0
-    assert deferred.due() == ONE
+    assert retry_queue.due() == ONE
 
 
-def test_one_that_fails_otherwise_is_put_off_too(deferred: RetryQueue, now: list[float]) -> None:
-    deferred.put_off(ONE)
-    deferred.hold(ONE)
-    deferred.put_off(ONE)
-    assert deferred.due() is None
-    deferred.taken([TWO])
-    deferred.put_off(ONE)
-    assert deferred.due() is None
+def test_one_that_fails_otherwise_is_put_off_too(retry_queue: RetryQueue, now: list[float]) -> None:
+    retry_queue.delay(ONE)
+    retry_queue.add(ONE)
+    retry_queue.delay(ONE)
+    assert retry_queue.due() is None
+    retry_queue.succeeded([TWO])
+    retry_queue.delay(ONE)
+    assert retry_queue.due() is None
     now[0] += 2.0
-    assert deferred.due() == ONE
-    deferred.forget(ONE)
-    assert (deferred.ids, deferred.due()) == ((), None)
+    assert retry_queue.due() == ONE
+    retry_queue.remove(ONE)
+    assert (retry_queue.ids, retry_queue.due()) == ((), None)
 
 
-def test_those_that_are_held_take_turns(deferred: RetryQueue, now: list[float]) -> None:
-    deferred.hold(ONE)
-    deferred.hold(TWO)
-    deferred.taken([])
+def test_those_that_are_held_take_turns(retry_queue: RetryQueue, now: list[float]) -> None:
+    retry_queue.add(ONE)
+    retry_queue.add(TWO)
+    retry_queue.succeeded([])
     for message in (ONE, TWO, ONE, TWO):
-        assert deferred.due() == message
-        deferred.hold(message)
+        assert retry_queue.due() == message
+        retry_queue.add(message)
         now[0] += 60.0
 
 
-def test_when_nothing_tells_whose_fault_it_is_none_is_left_out(deferred: RetryQueue) -> None:
-    deferred.hold(ONE)
-    deferred.taken([])
-    deferred.hold(TWO)
-    assert deferred.release_suspects()
-    assert deferred.ids == (1,)
-    assert not deferred.release_suspects()
+def test_when_nothing_tells_whose_fault_it_is_none_is_left_out(retry_queue: RetryQueue) -> None:
+    retry_queue.add(ONE)
+    retry_queue.succeeded([])
+    retry_queue.add(TWO)
+    assert retry_queue.release_unconfirmed()
+    assert retry_queue.ids == (1,)
+    assert not retry_queue.release_unconfirmed()
 
 
-def test_so_many_failures_one_after_another_are_the_clouds(deferred: RetryQueue) -> None:
+def test_so_many_failures_one_after_another_are_the_clouds(retry_queue: RetryQueue) -> None:
     for number in range(16):
-        assert deferred.hold(Stored(number, "n", 1, b""))
-    assert not deferred.hold(Stored(16, "n", 1, b""))
-    assert len(deferred) == 16
+        assert retry_queue.add(SpoolMessage("n", 1, b"", id=number))
+    assert not retry_queue.add(SpoolMessage("n", 1, b"", id=16))
+    assert len(retry_queue) == 16

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from eskin_gateway.upstream.ingest_client import Answer
+    from eskin_gateway.upstream.ingest_client import ItemResult
 
 
 class _Rests(Event):
@@ -51,12 +51,12 @@ def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_sin
     setup = Setup(tmp_path, cloud, cloud, most=most)
     send = cloud.send
 
-    def slowly(messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+    def slowly(messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         now[0] += took
         return send(messages)
 
     monkeypatch.setattr(cloud, "send", slowly)
-    noted = setup.forwarder._stopping = _Rests()
+    noted = setup.forwarder._thread.stopping = _Rests()
     setup.forwarder.start()
     wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
     setup.forwarder.stop()

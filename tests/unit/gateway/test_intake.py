@@ -247,7 +247,7 @@ def test_poison_becomes_a_dead_letter_once_and_is_acknowledged(
     (letter,) = inside.spool.dead_letters()
     assert (letter.node, kept(inside, letter)) == ("fingertip", plaintext)
     assert letter.reason
-    assert inside.rejected()["poison"] >= 1
+    assert inside.rejected()["unreadable"] >= 1
     expected = {(1, 0)} if position is None else {(1, 0), position}
     assert acknowledged(inside, identities) == expected
     assert inside.stored() == [status(0).encode()]
@@ -299,9 +299,9 @@ def test_spool_that_cannot_be_read_is_no_fault_of_the_topic(
     def unreadable(_named: bytes) -> None:
         raise SpoolError("the disk is gone")
 
-    monkeypatch.setattr(inside.spool, "sender", unreadable)
+    monkeypatch.setattr(inside.spool, "certificate", unreadable)
     inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
 
 
 def test_node_of_another_site_is_untrusted(inside: Inside, identities: Identities) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_gateway.forward.retry_queue import RetryQueue
-from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 
 from eskin.errors import CloudError
 from tests.unit.gateway.forwarding import MESSAGES, MemoryCloud, Setup
@@ -35,7 +35,7 @@ def cloud() -> MemoryCloud:
 def setup(tmp_path: Path, cloud: MemoryCloud, now: list[float]) -> Iterator[Setup]:
     """All but two messages are stored, and these are to be tried again now."""
     made = Setup(tmp_path, cloud, cloud)
-    made.forwarder._deferred = RetryQueue(lambda: now[0])
+    made.forwarder._retry_queue = RetryQueue(lambda: now[0])
     while made.spool.statistics.messages > len(cloud.failing):
         forward(made)
     now[0] += 60.0
@@ -50,7 +50,7 @@ def forward(setup: Setup) -> None:
 
 
 def add(setup: Setup, body: bytes) -> None:
-    setup.spool.commit(Batch([Entry("n", 1, body)]))
+    setup.spool.commit(Batch([SpoolMessage("n", 1, body)]))
 
 
 def test_one_that_is_too_large_then_is_given_up_once(setup: Setup, cloud: MemoryCloud) -> None:
@@ -62,7 +62,7 @@ def test_one_that_is_too_large_then_is_given_up_once(setup: Setup, cloud: Memory
     statistics = setup.spool.statistics
     assert (statistics.messages, statistics.used, statistics.dead_letters) == (0, 0, 2)
     assert ("n", b"new") in cloud.stored
-    assert setup.forwarder.left_out == 0
+    assert setup.forwarder.retrying == 0
     assert setup.forwarder.fault is None
 
 

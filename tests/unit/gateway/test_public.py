@@ -119,12 +119,12 @@ def test_presence_publishes_changes_and_every_status_and_nothing_else() -> None:
         assert all(kept for _, _, kept in messages)
         return [orjson.loads(body)["online"] for _, body, _ in messages]
 
-    assert said(*presence.heard("n", None, live=True, now=0.0)) == []
-    assert said(*presence.heard("n", status(1), live=True, now=1.0)) == [True]
-    assert said(*presence.heard("n", None, live=True, now=2.0)) == []
-    assert said(*presence.silent(11.9)) == []
+    assert said(*presence.update("n", None, live=True, now=0.0)) == []
+    assert said(*presence.update("n", status(1), live=True, now=1.0)) == [True]
+    assert said(*presence.update("n", None, live=True, now=2.0)) == []
+    assert said(*presence.expire(11.9)) == []
     assert presence.online == 1
-    assert said(*presence.silent(12.0)) == [False]
-    assert said(*presence.silent(13.0)) == []
-    assert said(*presence.heard("n", status(2), live=False, now=14.0)) == [False]
-    assert said(*presence.heard("n", None, live=True, now=15.0)) == [True]
+    assert said(*presence.expire(12.0)) == [False]
+    assert said(*presence.expire(13.0)) == []
+    assert said(*presence.update("n", status(2), live=False, now=14.0)) == [False]
+    assert said(*presence.update("n", None, live=True, now=15.0)) == [True]

@@ -40,25 +40,27 @@ def test_holes_are_closed_once_the_node_holds_nothing_there(spool: Spool) -> Non
         2: [(0, 98)],
         3: [(90, 90), (92, 92), (94, 94), (96, 96), (98, 98)],
     }
-    assert kept.seen(Position(1, 1))
-    assert kept.seen(Position(3, 89))
-    assert not kept.seen(Position(3, 91))
+    assert kept.is_duplicate(Position(1, 1))
+    assert kept.is_duplicate(Position(3, 89))
+    assert not kept.is_duplicate(Position(3, 91))
 
 
 def test_lower_boot_that_is_not_known_was_never_seen(spool: Spool) -> None:
     record = NodeState()
     record.release(Position(9, 4))
     for number in (5, 3):
-        assert not record.seen(Position(7, number))
+        assert not record.is_duplicate(Position(7, number))
         record.add(Position(7, number))
         record.release(Position(7, 0))
     spool.commit(Batch(nodes={"n": record}))
     kept = spool.node("n")
     assert kept is not None
-    assert [number for number in range(7) if kept.seen(Position(7, number))] == [3, 5]
+    assert [number for number in range(7) if kept.is_duplicate(Position(7, number))] == [3, 5]
     kept.release(Position(10, 0))
-    assert [number for number in range(7) if kept.seen(Position(7, number))] == list(range(6))
-    assert kept.seen(Position(9, 3)), "that was below what the node held"
+    assert [number for number in range(7) if kept.is_duplicate(Position(7, number))] == list(
+        range(6)
+    )
+    assert kept.is_duplicate(Position(9, 3)), "that was below what the node held"
 
 
 def test_boot_in_use_is_not_forgotten_for_higher_ones(spool: Spool) -> None:
@@ -71,7 +73,7 @@ def test_boot_in_use_is_not_forgotten_for_higher_ones(spool: Spool) -> None:
         spool.commit(Batch(nodes={"n": record}))
         kept = spool.node("n")
         assert kept is not None
-        assert all(kept.seen(Position(7, k)) for k in range(number + 1))
+        assert all(kept.is_duplicate(Position(7, k)) for k in range(number + 1))
         record = kept
 
 
@@ -85,7 +87,7 @@ def test_record_is_bounded_whatever_a_node_says(spool: Spool, held: Position) ->
         record.add(Position(boot, 0))
     spool.commit(Batch(nodes={"n": record}))
     assert len(record.encode_ranges()) < 50_000
-    assert record.seen(Position(1999, 0))
+    assert record.is_duplicate(Position(1999, 0))
 
 
 def test_holes_of_all_boots_share_their_room_and_the_boot_used_last_goes_first(
@@ -100,4 +102,4 @@ def test_holes_of_all_boots_share_their_room_and_the_boot_used_last_goes_first(
     assert kept is not None
     assert {boot: len(ranges) for boot, ranges in kept.ranges.items()} == {3: 96, 4: 2000, 2: 2000}
     kept.release(Position(9, 0))
-    assert all(kept.seen(Position(boot, 3999 - 1)) for boot in (2, 3, 4))
+    assert all(kept.is_duplicate(Position(boot, 3999 - 1)) for boot in (2, 3, 4))

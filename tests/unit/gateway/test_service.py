@@ -39,7 +39,7 @@ def healthz(gateway: Gateway) -> httpx.Response:
 
 
 def ask(gateway: Gateway, path: str) -> httpx.Response:
-    url = f"http://127.0.0.1:{gateway.monitor.port}{path}"
+    url = f"http://127.0.0.1:{gateway.health_server.port}{path}"
     return httpx.get(url, trust_env=False, timeout=60)
 
 
@@ -153,7 +153,7 @@ def test_process_ends_cleanly_on_sigterm(
         assert process.stop() == 0
     lines = log.read_text()
     assert lines.count("ready: gateway=gateway.g1") == 1
-    assert "ended: 0 messages wait" in lines
+    assert "ended: messages_left=0" in lines
     assert "Traceback" not in lines
     assert len(cloud.stored) == 1
 

@@ -12,7 +12,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_gateway.spool.batch import Batch, DeadLetter, Entry, Sender
+from eskin_gateway.spool.batch import Batch, DeadLetter, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.schema import VERSION
 from eskin_gateway.spool.spool import Spool
@@ -32,7 +32,7 @@ _CAPACITY = 2000
 
 
 def opened(folder: Path, *, capacity: int = 10_000_000) -> Spool:
-    return Spool(folder / "spool.db", capacity=capacity, letters=3)
+    return Spool(folder / "spool.db", capacity=capacity, max_dead_letters=3)
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ class SpoolMachine(RuleBasedStateMachine):
         for number in positions:
             record.add(Position(1, number))
         record.release(Position(1, held))
-        batch = Batch([Entry("n", 5, body) for body in bodies], nodes={"n": record})
+        batch = Batch([SpoolMessage("n", 5, body) for body in bodies], nodes={"n": record})
         used = sum(len(body) for _, body in self.model)
         if used + batch.size > _CAPACITY:
             with pytest.raises(SpoolError, match="spool is full"):
@@ -100,7 +100,7 @@ class SpoolMachine(RuleBasedStateMachine):
         record = self.spool.node("n") or NodeState()
         for number in range(61):
             expected = number in self.accepted or number < self.held
-            assert record.seen(Position(1, number)) == expected
+            assert record.is_duplicate(Position(1, number)) == expected
 
     def teardown(self) -> None:
         self.spool.close()
@@ -115,14 +115,14 @@ def test_spool_agrees_with_a_list_under_random_operations(tmp_path: Path) -> Non
 
 
 def test_take_respects_count_and_bytes_but_gives_one_at_least(spool: Spool) -> None:
-    spool.commit(Batch([Entry("n", 1, bytes(100)) for _ in range(5)]))
+    spool.commit(Batch([SpoolMessage("n", 1, bytes(100)) for _ in range(5)]))
     assert len(spool.take(3, 10**6)) == 3
     assert len(spool.take(5, 250)) == 2
     assert len(spool.take(5, 1)) == 1
 
 
 def test_settled_messages_are_gone_and_rejected_ones_are_dead_letters(spool: Spool) -> None:
-    spool.commit(Batch([Entry("n", 1, b"good"), Entry("n", 2, b"bad")]))
+    spool.commit(Batch([SpoolMessage("n", 1, b"good"), SpoolMessage("n", 2, b"bad")]))
     taken = spool.take(2, 10**6)
     letter = DeadLetter(3, "n", "cloud: not wanted", b"bad")
     spool.settle(taken, [letter])
@@ -133,27 +133,27 @@ def test_settled_messages_are_gone_and_rejected_ones_are_dead_letters(spool: Spo
 
 def test_dead_letters_are_bounded_and_what_gives_way_is_counted(spool: Spool) -> None:
     for number in range(5):
-        spool.commit(Batch(dead=[DeadLetter(number, "n", "poison", bytes([number]))] * 2))
-    assert [letter.at for letter in spool.dead_letters()] == [2, 3, 4]
-    assert (spool.statistics.dead_letters, spool.statistics.dropped_letters) == (3, 2)
+        spool.commit(Batch(dead_letters=[DeadLetter(number, "n", "poison", bytes([number]))] * 2))
+    assert [letter.time for letter in spool.dead_letters()] == [2, 3, 4]
+    assert (spool.statistics.dead_letters, spool.statistics.dead_letters_dropped) == (3, 2)
 
 
 def test_sender_and_status_survive_reopening(tmp_path: Path) -> None:
-    sender = Sender(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
+    sender = NodeCertificate(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
     record = NodeState(status=b"status", thumbprint=bytes(32))
     first = opened(tmp_path)
-    first.commit(Batch(nodes={"n": record}, node_certificates=[sender]))
+    first.commit(Batch(nodes={"n": record}, certificates=[sender]))
     first.close()
     second = opened(tmp_path)
-    assert second.sender(bytes(32)) == sender
-    assert second.sender(bytes(31)) is None
+    assert second.certificate(bytes(32)) == sender
+    assert second.certificate(bytes(31)) is None
     assert second.node("n") == record
     assert second.nodes() == ["n"]
     second.close()
 
 
 def fill(spool: Spool) -> None:
-    batch = Batch([Entry("n", 1, bytes(2000)), Entry("m", 2, bytes(2000))])
+    batch = Batch([SpoolMessage("n", 1, bytes(2000)), SpoolMessage("m", 2, bytes(2000))])
     for _ in range(1000):
         spool.commit(batch)
 
@@ -162,14 +162,14 @@ _WRITER = """
 import sys
 from pathlib import Path
 from eskin.wire.messages import Position
-from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
-spool = Spool(Path(sys.argv[1]), capacity=10**9, letters=3)
+spool = Spool(Path(sys.argv[1]), capacity=10**9, max_dead_letters=3)
 record = NodeState()
 for number in range(10**9):
     record.add(Position(1, number))
-    spool.commit(Batch([Entry("n", number, number.to_bytes(8) * 100)], nodes={"n": record}))
+    spool.commit(Batch([SpoolMessage("n", number, number.to_bytes(8) * 100)], nodes={"n": record}))
     if number % 7 == 6:
         spool.settle(spool.take(3, 10**6))
     print(number, flush=True)
@@ -200,8 +200,8 @@ def test_killed_writer_leaves_everything_it_vouched_for(tmp_path: Path) -> None:
 
 def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Path) -> None:
     spool = opened(tmp_path)
-    pages = spool._intake.execute("PRAGMA page_count").fetchone()[0]
-    for connection in (spool._intake, spool._outlet):
+    pages = spool._ingest.execute("PRAGMA page_count").fetchone()[0]
+    for connection in (spool._ingest, spool._forward):
         connection.execute(f"PRAGMA max_page_count = {pages + 40}")
     with pytest.raises(SpoolError, match="full"):
         fill(spool)
@@ -210,7 +210,7 @@ def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Pat
     assert spool.statistics.messages == 2 * stored
     assert len(spool.take(10_000, 10**9)) == 2 * stored
     spool.settle(spool.take(4, 10**9))
-    spool.commit(Batch([Entry("n", 1, bytes(2000))]))
+    spool.commit(Batch([SpoolMessage("n", 1, bytes(2000))]))
     assert spool.statistics.messages == 2 * stored - 3
     spool.close()
     again = opened(tmp_path)
@@ -235,7 +235,7 @@ def test_full_disk_loses_nothing_and_still_empties_into_the_cloud(tmp_path: Path
 def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SpoolError, match="cannot be opened"):
-        Spool(tmp_path / "file" / "spool.db", capacity=10**7, letters=3)
+        Spool(tmp_path / "file" / "spool.db", capacity=10**7, max_dead_letters=3)
 
 
 def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
@@ -249,8 +249,10 @@ def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
 
 def test_end_of_what_the_cloud_confirmed_is_kept_for_the_latest_boots(tmp_path: Path) -> None:
     spool = opened(tmp_path)
-    entries = [Entry("n", 1, b"x", boot, k) for boot in range(20) for k in (3, 1)]
-    spool.commit(Batch([*entries, Entry("m", 1, b"y", 7, 5), Entry("m", 1, b"z", 7, 6)]))
+    entries = [SpoolMessage("n", 1, b"x", boot, k) for boot in range(20) for k in (3, 1)]
+    spool.commit(
+        Batch([*entries, SpoolMessage("m", 1, b"y", 7, 5), SpoolMessage("m", 1, b"z", 7, 6)])
+    )
     stored = spool.take(100, 10**6)
     spool.settle(stored, [DeadLetter(1, "m", "no", b"z")], confirmed=stored[:-1])
     assert spool.confirmed() == [("m", 7, 5), *(("n", boot, 3) for boot in range(20))]
@@ -264,12 +266,17 @@ def test_expired_senders_are_forgotten_at_the_start(tmp_path: Path) -> None:
     spool = opened(tmp_path)
     soon = int(time.time()) + 1000
     spool.commit(
-        Batch(node_certificates=[Sender(b"old", 5, b"", b""), Sender(b"new", soon, b"", b"")])
+        Batch(
+            certificates=[
+                NodeCertificate(b"old", 5, b"", b""),
+                NodeCertificate(b"new", soon, b"", b""),
+            ]
+        )
     )
     spool.close()
     again = opened(tmp_path)
-    assert again.sender(b"old") is None
-    assert again.sender(b"new") is not None
+    assert again.certificate(b"old") is None
+    assert again.certificate(b"new") is not None
     again.close()
 
 
@@ -293,7 +300,7 @@ def test_damaged_message_becomes_a_dead_letter_and_others_go_on(
     tmp_path: Path, change: str
 ) -> None:
     spool = opened(tmp_path)
-    spool.commit(Batch([Entry("n", 5, b"one", 1, 9), Entry("n", 6, b"two", 1, 10)]))
+    spool.commit(Batch([SpoolMessage("n", 5, b"one", 1, 9), SpoolMessage("n", 6, b"two", 1, 10)]))
     spool.close()
     damage(tmp_path, f"UPDATE messages SET {change} WHERE id = 1")  # noqa: S608 - ours
     spool = opened(tmp_path)

@@ -83,7 +83,7 @@ def test_node_cannot_say_what_is_veiled_already(inside: Inside, seal: Seal) -> N
     introduce(inside, seal)
     subject = inside.assignments.subject("fingertip", EPOCH)
     inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, forged(subject.pseudonym)))
-    assert inside.rejected() == {"poison": 1}
+    assert inside.rejected() == {"unreadable": 1}
 
 
 def forged(subject: str) -> bytes:
@@ -119,7 +119,7 @@ def test_key_that_cannot_be_had_hinders_one_node_alone(
 
     def come() -> None:
         inside.broker.published.clear()
-        inside.worker.process(
+        inside.commit_loop.process(
             [
                 inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, said)),
                 inside.received_message(
@@ -129,7 +129,7 @@ def test_key_that_cannot_be_had_hinders_one_node_alone(
         )
 
     come()
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
     assert inside.stored()[2:] == [block(1).encode()]
     assert len(inside.broker.on(node_topic("palm", Stream.ACKS))) == 1
     assert inside.broker.on(node_topic("fingertip", Stream.ACKS)) == []

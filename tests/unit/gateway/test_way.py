@@ -227,8 +227,7 @@ def test_stopping_gateway_answers_what_it_took(
     for number in range(1, 300):
         node.say(Stream.BLOCKS, block(number))
     wait_until(lambda: len(node.acknowledged) > 10, "some are acknowledged")
-    running.stop()
-    assert running.left == 0
+    assert running.stop() == 0
     accepted = running.metrics.value("messages_accepted_total")
     wait_until(lambda: len(node.acknowledged) == accepted, "all that was accepted is acknowledged")
     assert len(cloud.stored) == accepted

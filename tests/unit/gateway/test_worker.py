@@ -13,7 +13,7 @@ from tests.unit.gateway.messages import CHANNEL, block, status
 
 if TYPE_CHECKING:
     import pytest
-    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.spool.batch import Batch
 
     from eskin.wire.messages import Block, Peak
@@ -55,7 +55,7 @@ def test_node_is_told_that_somebody_looks_on(
 ) -> None:
     introduce(inside, seal)
     opener = Opener([identities.node], sender=lambda _: identities.site.certificate)
-    inside.viewers.note({"fingertip": 2.5, "palm": 9.0})
+    inside.viewers.update({"fingertip": 2.5, "palm": 9.0})
     for number in 1, 2:
         inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(number).encode()))
         inside.clock.seconds += 3.0
@@ -69,17 +69,17 @@ def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal:
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.start()
-    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
-    assert "disk is full" in str(inside.worker.fault)
+    inside.commit_loop.start()
+    wait_until(lambda: inside.commit_loop.fault is not None, "the worker tells of the full spool")
+    assert "disk is full" in str(inside.commit_loop.fault)
     assert inside.broker.published == []
     assert inside.broker.released == []
     inside.spool.failures = 0
     wait_until(lambda: len(inside.broker.released) == 1, "it goes on")
-    wait_until(lambda: inside.worker.fault is None, "it is healthy again")
-    inside.worker.stop()
+    wait_until(lambda: inside.commit_loop.fault is None, "it is healthy again")
+    inside.commit_loop.stop()
     assert inside.stored() == [status(0).encode(), BODY]
-    assert inside.metrics.value("spool_refusals_total") >= 1
+    assert inside.metrics.value("spool_commit_failures_total") >= 1
 
 
 def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
@@ -88,9 +88,9 @@ def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, se
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.start()
-    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
-    inside.worker.stop()
+    inside.commit_loop.start()
+    wait_until(lambda: inside.commit_loop.fault is not None, "the worker tells of the full spool")
+    inside.commit_loop.stop()
     assert inside.broker.published == []
     assert inside.stored() == [status(0).encode()]
 
@@ -103,13 +103,13 @@ def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.start()
-    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    inside.commit_loop.start()
+    wait_until(lambda: inside.commit_loop.fault is not None, "the worker tells of the full spool")
     # The node, unanswered, sends again.
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.stop()
+    inside.commit_loop.stop()
     assert inside.broker.on(ACKS) == []
     assert inside.stored() == [status(0).encode()]
 
@@ -122,18 +122,18 @@ def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
 
     def broken(batch: Batch) -> None:
         monkeypatch.setattr(inside.spool, "commit", commit)
-        raise ZeroDivisionError(f"a bug with {len(batch.entries)} messages")
+        raise ZeroDivisionError(f"a bug with {len(batch.messages)} messages")
 
     monkeypatch.setattr(inside.spool, "commit", broken)
     envelope = seal("fingertip", Stream.BLOCKS, BODY)
     inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
-    inside.worker.start()
+    inside.commit_loop.start()
     wait_until(lambda: len(inside.broker.released) == 1, "the broker may forget it")
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
     assert inside.broker.on(ACKS) == []
     inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
     wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
-    inside.worker.stop()
+    inside.commit_loop.stop()
     assert inside.stored() == [status(0).encode(), BODY]
 
 
@@ -141,23 +141,23 @@ def test_message_that_breaks_the_gateway_hinders_no_other(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
-    guard = inside.encryptor.guard
+    guard = inside.encryptor.encrypt
 
     def breaks(node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
         if plaintext == BODY:
             raise ZeroDivisionError("a bug with this message")
         return guard(node, message, plaintext)
 
-    monkeypatch.setattr(inside.encryptor, "guard", breaks)
+    monkeypatch.setattr(inside.encryptor, "encrypt", breaks)
     bodies = [block(number).encode() for number in (1, 2, 3)]
-    inside.worker.attempt(
+    inside.commit_loop.process_or_split(
         [
             inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body))
             for body in bodies
         ]
     )
     assert inside.stored() == [status(0).encode(), *bodies[1:]]
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
     assert len(inside.broker.on(ACKS)) == 2
     assert sorted(inside.broker.released) == [2, 3, 4]
     monkeypatch.undo()
@@ -167,16 +167,16 @@ def test_message_that_breaks_the_gateway_hinders_no_other(
 
 def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
-    answers = inside.worker._answers
-    answers.idle()
+    answers = inside.commit_loop._post_commit
+    answers.run_periodic()
     inside.broker.connected = False
     inside.clock.seconds += 100.0
-    answers.idle()
+    answers.run_periodic()
     inside.broker.connected = True
-    answers.idle()
+    answers.run_periodic()
     assert inside.broker.published == []
     inside.clock.seconds += 16.0
-    answers.idle()
+    answers.run_periodic()
     assert len(inside.broker.on(live_topic("fingertip", "status"))) == 1
 
 
@@ -188,13 +188,13 @@ def test_silence_is_noticed_though_others_never_rest(
 ) -> None:
     introduce(inside, seal)
     looked = threading.Event()
-    monkeypatch.setattr(inside.answers, "idle", looked.set)
+    monkeypatch.setattr(inside.post_commit, "run_periodic", looked.set)
 
     def never_empty(*_: object, **__: object) -> list[ReceivedMessage]:
         return [inside.received_message(Stream.BLOCKS, b"whatever")]
 
     monkeypatch.setattr(inside.receive_queue, "take", never_empty)
-    inside.worker.start()
+    inside.commit_loop.start()
     assert looked.wait(60)
     monkeypatch.undo()
-    inside.worker.stop()
+    inside.commit_loop.stop()

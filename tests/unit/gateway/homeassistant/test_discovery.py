@@ -199,15 +199,15 @@ def test_channel_is_announced_once_and_again_when_it_changes(home: Inside, own: 
 
 def test_channels_go_with_a_revoked_node(home: Inside, own: Identities) -> None:
     introduce(home, Seal(own.node, own.site), 0)
-    home.answers.idle()
+    home.post_commit.run_periodic()
     home.clock.seconds += 1.5
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert False not in announced(home)
     own.authority.revoke("fingertip")
     home.clock.seconds += 1.5
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[-1] is False
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home).count(False) == 1
 
 
@@ -215,10 +215,10 @@ def test_channels_go_after_long_silence_and_come_back(home: Inside, own: Identit
     seal = Seal(own.node, own.site)
     introduce(home, seal, 0)
     home.clock.seconds += 86_399
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[-1] is True
     home.clock.seconds += 2
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[-1] is False
     introduce(home, seal, 1, time=(EPOCH + 5, EPOCH + 5))  # it had been held in its flash
     assert announced(home)[-1] is False
@@ -230,13 +230,13 @@ def test_everything_is_announced_again_when_the_broker_is_back(
     home: Inside, own: Identities
 ) -> None:
     introduce(home, Seal(own.node, own.site), 0)
-    home.answers.idle()
+    home.post_commit.run_periodic()
     before = len(announced(home))
     home.broker.connected = False
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert len(announced(home)) == before
     home.broker.connected = True
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[before:] == [True]
 
 
@@ -247,15 +247,15 @@ def test_restarted_gateway_takes_away_what_is_gone_meanwhile(
     home.spool.close()
     crl = own.authority.write_revocations(IdentityKind.NODE)
     later = Inside(tmp_path, own, revocations=crl, homeassistant=True)
-    later.answers.idle()
+    later.post_commit.run_periodic()
     assert announced(later) == [True]
     later.clock.seconds += 86_402
-    later.answers.idle()
+    later.post_commit.run_periodic()
     assert announced(later) == [True, False]
     later.spool.close()
 
 
 def test_nothing_is_announced_unless_it_is_wanted(inside: Inside, identities: Identities) -> None:
     introduce(inside, Seal(identities.node, identities.site), 0)
-    inside.answers.idle()
+    inside.post_commit.run_periodic()
     assert [topic for topic, _, _ in inside.broker.published if "homeassistant" in topic] == []
