@@ -34,7 +34,7 @@ from tests.support.processes import ESKIN, Running, wait_until
 from tests.unit.cloud.clouds import Clock, put
 from tests.unit.cloud.messages import NODE, START, block
 from tests.unit.cloud.service import PATIENCE_S, Service
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.stores import Store as FlashStore
 

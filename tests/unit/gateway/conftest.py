@@ -21,7 +21,7 @@ from eskin.identity import IdentityKind
 from tests.support.brokers import Mosquitto
 from tests.support.processes import wait_until
 from tests.unit.gateway.stub_cloud import StubCloud
-from tests.unit.gateway.twins import Inside
+from tests.unit.gateway.in_memory import Inside
 from tests.unit.gateway.wire_node import Seal, WireNode
 
 if TYPE_CHECKING:

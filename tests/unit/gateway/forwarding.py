@@ -13,7 +13,7 @@ from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult
 
 from eskin.errors import CloudError
 from tests.unit.gateway.certificates import KnownNodes
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

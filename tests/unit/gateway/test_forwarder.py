@@ -77,7 +77,7 @@ def test_all_messages_arrive_once_in_order(setup: Setup) -> None:
     assert setup.forwarder.reachable is True
 
 
-def test_who_looks_on_is_heard_from_the_cloud(identities: Identities) -> None:
+def test_viewers_come_with_the_response_of_ingest(identities: Identities) -> None:
     now = [1000.0]
     viewers = Viewers(lambda: now[0])
     with StubCloud(identities.make(IdentityKind.SERVER, "server.cloud")) as stub:
@@ -100,7 +100,7 @@ def test_who_looks_on_is_heard_from_the_cloud(identities: Identities) -> None:
 
 
 @pytest.mark.parametrize("mode", ["error", "busy", "nonsense", "short"])
-def test_failing_cloud_costs_nothing_but_time(setup: Setup, mode: str) -> None:
+def test_messages_wait_for_a_failing_cloud(setup: Setup, mode: str) -> None:
     setup.told.mode = mode
     setup.told.__dict__["retry_after"] = "0"
     setup.forwarder.start()
@@ -117,7 +117,7 @@ def test_failing_cloud_costs_nothing_but_time(setup: Setup, mode: str) -> None:
     assert setup.forwarder.fault is None
 
 
-def test_messages_that_the_cloud_fails_at_hold_up_no_other_and_are_not_lost(setup: Setup) -> None:
+def test_messages_that_the_cloud_fails_at_block_no_others(setup: Setup) -> None:
     broken = {MESSAGES[number][1] for number in (0, 1, 5, 9)}
     setup.told.failing = broken
     setup.forwarder.start()
@@ -136,7 +136,7 @@ def test_messages_that_the_cloud_fails_at_hold_up_no_other_and_are_not_lost(setu
     assert setup.forwarder.fault is None
 
 
-def test_message_at_which_the_cloud_hangs_holds_up_no_other(
+def test_message_at_which_the_cloud_hangs_blocks_no_others(
     stub: StubCloud, tmp_path: Path, identities: Identities
 ) -> None:
     stub.hanging = {MESSAGES[0][1]}
@@ -154,7 +154,7 @@ def test_message_at_which_the_cloud_hangs_holds_up_no_other(
     assert sorted(stub.stored) == MESSAGES
 
 
-def test_cloud_that_goes_away_while_a_message_is_left_out_is_told_of(
+def test_outage_while_a_message_is_retried_is_logged_once(
     setup: Setup, caplog: pytest.LogCaptureFixture
 ) -> None:
     setup.told.failing = {MESSAGES[0][1]}
@@ -196,7 +196,7 @@ def test_request_that_is_too_large_is_sent_in_parts(setup: Setup) -> None:
     assert setup.spool.dead_letters() == []
 
 
-def test_word_of_the_cloud_that_cannot_be_kept_is_asked_for_again(
+def test_result_that_cannot_be_stored_is_requested_again(
     setup: Setup, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(setup.spool, "_forward", setup.spool._ingest)
@@ -211,7 +211,7 @@ def test_word_of_the_cloud_that_cannot_be_kept_is_asked_for_again(
     assert setup.metrics.value("cloud_duplicate_total") >= 4
 
 
-def test_message_that_comes_in_the_last_moment_is_sent_before_the_end(
+def test_message_committed_during_stop_is_sent(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cloud = MemoryCloud()
@@ -242,7 +242,9 @@ def stub(identities: Identities) -> Iterator[StubCloud]:
     assert running.faults == []
 
 
-def test_cloud_away_is_waited_for(stub: StubCloud, tmp_path: Path, identities: Identities) -> None:
+def test_unreachable_cloud_is_retried(
+    stub: StubCloud, tmp_path: Path, identities: Identities
+) -> None:
     stub.end()
     client = Https(stub, identities)
     made = Setup(tmp_path, client, stub)
@@ -256,7 +258,7 @@ def test_cloud_away_is_waited_for(stub: StubCloud, tmp_path: Path, identities: I
     assert stub.stored == MESSAGES
 
 
-def test_slow_cloud_is_given_up_and_asked_again(
+def test_slow_cloud_gets_smaller_requests(
     stub: StubCloud, tmp_path: Path, identities: Identities
 ) -> None:
     stub.mode = "slow"

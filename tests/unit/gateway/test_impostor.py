@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @pytest.mark.parametrize("name", GUISES)
-def test_gateway_says_nothing_to_who_is_not_the_broker(
+def test_gateway_sends_nothing_to_an_impostor(
     name: str,
     gateway: Gateway,
     broker: Mosquitto,

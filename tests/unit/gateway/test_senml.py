@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tests.support.identities import Identities
 
 
-def test_senml_is_public_where_it_is_wanted_but_not_of_a_person(
+def test_senml_is_published_for_channels_that_are_not_biometric(
     settings: GatewaySettings, broker: Mosquitto, identities: Identities, node: WireNode
 ) -> None:
     running = Gateway(settings.model_copy(update={"public": PublicSection(senml=True)}))

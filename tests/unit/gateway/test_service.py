@@ -75,7 +75,7 @@ def test_gateway_without_broker_or_cloud_says_why(
     assert 0.0 <= report["spool"]["oldest_age_s"] < 600.0
 
 
-def test_spool_that_cannot_be_read_is_a_reason_and_hides_no_figure(
+def test_unreadable_spool_is_a_reason_and_hides_no_metric(
     gateway: Gateway, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unreadable() -> None:

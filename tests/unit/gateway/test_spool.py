@@ -131,14 +131,14 @@ def test_settled_messages_are_gone_and_rejected_ones_are_dead_letters(spool: Spo
     assert spool.statistics.used == 0
 
 
-def test_dead_letters_are_bounded_and_what_gives_way_is_counted(spool: Spool) -> None:
+def test_dead_letters_are_bounded_and_drops_are_counted(spool: Spool) -> None:
     for number in range(5):
         spool.commit(Batch(dead_letters=[DeadLetter(number, "n", "poison", bytes([number]))] * 2))
     assert [letter.time for letter in spool.dead_letters()] == [2, 3, 4]
     assert (spool.statistics.dead_letters, spool.statistics.dead_letters_dropped) == (3, 2)
 
 
-def test_sender_and_status_survive_reopening(tmp_path: Path) -> None:
+def test_certificate_and_status_survive_reopening(tmp_path: Path) -> None:
     sender = NodeCertificate(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
     record = NodeState(status=b"status", thumbprint=bytes(32))
     first = opened(tmp_path)
@@ -176,7 +176,7 @@ for number in range(10**9):
 """
 
 
-def test_killed_writer_leaves_everything_it_vouched_for(tmp_path: Path) -> None:
+def test_killed_writer_leaves_every_committed_message(tmp_path: Path) -> None:
     log = tmp_path / "log"
     writer = Running([sys.executable, "-c", _WRITER, str(tmp_path / "spool.db")], log=log)
     for _ in range(3):
@@ -198,7 +198,7 @@ def test_killed_writer_leaves_everything_it_vouched_for(tmp_path: Path) -> None:
         spool.close()
 
 
-def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Path) -> None:
+def test_full_database_rejects_whole_batches_and_loses_nothing(tmp_path: Path) -> None:
     spool = opened(tmp_path)
     pages = spool._ingest.execute("PRAGMA page_count").fetchone()[0]
     for connection in (spool._ingest, spool._forward):
@@ -232,13 +232,13 @@ def test_full_disk_loses_nothing_and_still_empties_into_the_cloud(tmp_path: Path
     assert seen["again"] > 100
 
 
-def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SpoolError, match="cannot be opened"):
         Spool(tmp_path / "file" / "spool.db", capacity=10**7, max_dead_letters=3)
 
 
-def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
+def test_spool_of_another_version_is_rejected(tmp_path: Path) -> None:
     opened(tmp_path).close()
     connection = sqlite3.connect(tmp_path / "spool.db")
     connection.execute(f"PRAGMA user_version = {VERSION + 1}")
@@ -247,7 +247,7 @@ def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
         opened(tmp_path)
 
 
-def test_end_of_what_the_cloud_confirmed_is_kept_for_the_latest_boots(tmp_path: Path) -> None:
+def test_confirmed_sequences_are_kept_for_the_latest_boots(tmp_path: Path) -> None:
     spool = opened(tmp_path)
     entries = [SpoolMessage("n", 1, b"x", boot, k) for boot in range(20) for k in (3, 1)]
     spool.commit(
@@ -262,7 +262,7 @@ def test_end_of_what_the_cloud_confirmed_is_kept_for_the_latest_boots(tmp_path: 
     again.close()
 
 
-def test_expired_senders_are_forgotten_at_the_start(tmp_path: Path) -> None:
+def test_expired_certificates_are_deleted_at_the_start(tmp_path: Path) -> None:
     spool = opened(tmp_path)
     soon = int(time.time()) + 1000
     spool.commit(
@@ -280,7 +280,7 @@ def test_expired_senders_are_forgotten_at_the_start(tmp_path: Path) -> None:
     again.close()
 
 
-def test_second_gateway_on_one_spool_is_refused(tmp_path: Path, spool: Spool) -> None:
+def test_second_gateway_on_one_spool_is_rejected(tmp_path: Path, spool: Spool) -> None:
     with pytest.raises(SpoolError, match="another gateway runs on it"):
         opened(tmp_path)
     spool.close()
@@ -311,7 +311,7 @@ def test_damaged_message_becomes_a_dead_letter_and_others_go_on(
     spool.close()
 
 
-def test_damaged_record_of_a_node_is_forgotten(tmp_path: Path) -> None:
+def test_damaged_node_state_is_dropped(tmp_path: Path) -> None:
     spool = opened(tmp_path)
     record = NodeState(held=Position(1, 3))
     record.add(Position(1, 7))

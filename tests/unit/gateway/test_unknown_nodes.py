@@ -57,7 +57,7 @@ def drain(setup: Setup) -> None:
             return
 
 
-def test_node_is_presented_and_its_messages_are_sent_again(setup: Setup, cloud: Forgetful) -> None:
+def test_unknown_node_is_registered_and_its_messages_resent(setup: Setup, cloud: Forgetful) -> None:
     drain(setup)
     assert [body for _, body in cloud.stored] == [bytes([number]) for number in range(10)]
     assert cloud.certificates.registered == ["n"]
@@ -65,7 +65,7 @@ def test_node_is_presented_and_its_messages_are_sent_again(setup: Setup, cloud: 
     assert setup.spool.dead_letters() == []
 
 
-def test_refused_node_loses_nothing_and_is_in_nobody_s_way(setup: Setup, cloud: Forgetful) -> None:
+def test_rejected_node_loses_nothing_and_blocks_no_others(setup: Setup, cloud: Forgetful) -> None:
     cloud.certificates.rejected["n"] = "of another site"
     setup.spool.commit(Batch([SpoolMessage("m", 1, b"x"), SpoolMessage("m", 1, b"y")]))
     drain(setup)
@@ -75,7 +75,7 @@ def test_refused_node_loses_nothing_and_is_in_nobody_s_way(setup: Setup, cloud: 
     assert "of another site" in str(setup.forwarder.fault)
 
 
-def test_refused_node_is_tried_again_later() -> None:
+def test_rejected_node_is_retried_later() -> None:
     now, way = [0.0], KnownNodes()
     unknown = UnknownNodes(way, lambda: now[0])
     way.rejected["n"] = "no"
@@ -91,7 +91,7 @@ def test_refused_node_is_tried_again_later() -> None:
     assert unknown.rejected() == ["n"]
 
 
-def test_spool_keeps_the_certificate_that_a_node_used_last_beyond_its_end(
+def test_latest_certificate_of_a_node_is_kept_after_it_expired(
     tmp_path: Path, identities: Identities
 ) -> None:
     own = identities.make(IdentityKind.NODE, "asleep")
@@ -113,7 +113,7 @@ def test_spool_keeps_the_certificate_that_a_node_used_last_beyond_its_end(
     spool.close()
 
 
-def test_what_was_never_heard_has_no_certificate(tmp_path: Path, identities: Identities) -> None:
+def test_node_without_a_state_has_no_certificate(tmp_path: Path, identities: Identities) -> None:
     spool = Spool(tmp_path / "spool.db", capacity=10**6, max_dead_letters=10)
     context = client_context(identities.gateway.directory / "root.pem")
     client = CloudClient(

@@ -24,8 +24,8 @@ from eskin.wire.topics import Stream, live_topic
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
 from tests.unit.gateway.messages import CHANNEL, EPOCH, block, status
-from tests.unit.gateway.test_public import summary
-from tests.unit.gateway.twins import DAY_NS, Inside
+from tests.unit.gateway.test_public_payloads import summary
+from tests.unit.gateway.in_memory import DAY_NS, Inside
 from tests.unit.gateway.wire_node import Listener, Seal, WireNode
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from tests.support.brokers import Mosquitto
 
 PYTHON = Path(__file__).parents[4] / ".venv" / "homeassistant" / "bin" / "python"
-JUDGE = Path(__file__).with_name("judge.py")
+EVALUATE = Path(__file__).with_name("evaluate.py")
 TOPIC = "homeassistant/sensor/fingertip/t01-capacitance/config"
 OTHER = "homeassistant/sensor/fingertip/t02-current/config"
 
@@ -59,7 +59,7 @@ def judged(*questions: Any) -> list[Any]:
     """What Home Assistant itself makes of them."""
     assert PYTHON.exists(), "Home Assistant is missing: run make test"
     done = subprocess.run(
-        [PYTHON, JUDGE], input=json.dumps(questions), capture_output=True, text=True, timeout=250,
+        [PYTHON, EVALUATE], input=json.dumps(questions), capture_output=True, text=True, timeout=250,
         check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
@@ -90,7 +90,7 @@ def gateway(settings: GatewaySettings) -> Iterator[Gateway]:
 
 
 @pytest.mark.usefixtures("gateway")
-def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_availability(
+def test_home_assistant_accepts_channels_with_bounds_and_availability(
     identities: Identities, broker: Mosquitto, node: WireNode
 ) -> None:
     client = identities.make(IdentityKind.CLIENT, "client.home")
@@ -129,7 +129,7 @@ def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_avai
         assert [topic for topic, _, _ in last.heard] == [TOPIC, TOPIC]
 
 
-def test_home_assistant_knows_every_unit_and_tells_unknown_sides() -> None:
+def test_home_assistant_accepts_every_unit_and_unbounded_sides() -> None:
     body = json.loads(public_payloads.live("n", summary(now_block(0)))[1])
     open_above = json.dumps(body | {"hi": None}).encode()
     channels = [ChannelInfo("t01.humidity", unit, 10**6, 1.0) for unit in UNITS]
@@ -157,7 +157,7 @@ def test_no_two_channels_share_a_topic(one: str, two: str) -> None:
     assert all("." not in topic for topic in topics)
 
 
-def test_what_a_node_says_of_itself_never_becomes_a_template() -> None:
+def test_texts_of_a_node_are_no_templates() -> None:
     evil = "{{ states.light | list }}"
     said = json.loads(config("n", status(0, description=evil), ChannelInfo(CHANNEL, "F", 1, 1.0)))
     assert said["device"]["model"] == evil
@@ -197,7 +197,7 @@ def test_channel_is_announced_once_and_again_when_it_changes(home: Inside, own: 
     assert announced(home) == [True, True]
 
 
-def test_channels_go_with_a_revoked_node(home: Inside, own: Identities) -> None:
+def test_channels_of_a_revoked_node_are_removed(home: Inside, own: Identities) -> None:
     introduce(home, Seal(own.node, own.site), 0)
     home.post_commit.run_periodic()
     home.clock.seconds += 1.5
@@ -211,7 +211,7 @@ def test_channels_go_with_a_revoked_node(home: Inside, own: Identities) -> None:
     assert announced(home).count(False) == 1
 
 
-def test_channels_go_after_long_silence_and_come_back(home: Inside, own: Identities) -> None:
+def test_channels_of_a_silent_node_expire_and_return(home: Inside, own: Identities) -> None:
     seal = Seal(own.node, own.site)
     introduce(home, seal, 0)
     home.clock.seconds += 86_399
@@ -226,9 +226,7 @@ def test_channels_go_after_long_silence_and_come_back(home: Inside, own: Identit
     assert announced(home)[-1] is True
 
 
-def test_everything_is_announced_again_when_the_broker_is_back(
-    home: Inside, own: Identities
-) -> None:
+def test_channels_are_announced_again_after_a_reconnect(home: Inside, own: Identities) -> None:
     introduce(home, Seal(own.node, own.site), 0)
     home.post_commit.run_periodic()
     before = len(announced(home))
@@ -240,7 +238,7 @@ def test_everything_is_announced_again_when_the_broker_is_back(
     assert announced(home)[before:] == [True]
 
 
-def test_restarted_gateway_takes_away_what_is_gone_meanwhile(
+def test_restarted_gateway_removes_expired_channels(
     tmp_path: Path, home: Inside, own: Identities
 ) -> None:
     introduce(home, Seal(own.node, own.site), 0)
@@ -255,7 +253,7 @@ def test_restarted_gateway_takes_away_what_is_gone_meanwhile(
     later.spool.close()
 
 
-def test_nothing_is_announced_unless_it_is_wanted(inside: Inside, identities: Identities) -> None:
+def test_discovery_is_off_by_default(inside: Inside, identities: Identities) -> None:
     introduce(inside, Seal(identities.node, identities.site), 0)
     inside.post_commit.run_periodic()
     assert [topic for topic, _, _ in inside.broker.published if "homeassistant" in topic] == []

@@ -13,7 +13,7 @@ from eskin_gateway.commands.poller import CommandPoller
 from eskin_gateway.upstream.cloud_client import CloudClient
 from eskin_gateway.upstream.commands_client import CommandsClient
 
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 
 
 def test_poller_stopped_during_a_handshake_closes_its_socket() -> None:

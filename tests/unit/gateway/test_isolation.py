@@ -53,7 +53,7 @@ def add(setup: Setup, body: bytes) -> None:
     setup.spool.commit(Batch([SpoolMessage("n", 1, body)]))
 
 
-def test_one_that_is_too_large_then_is_given_up_once(setup: Setup, cloud: MemoryCloud) -> None:
+def test_message_that_is_too_large_becomes_a_dead_letter(setup: Setup, cloud: MemoryCloud) -> None:
     cloud.failure = 413
     for _ in range(12):
         forward(setup)
@@ -67,7 +67,7 @@ def test_one_that_is_too_large_then_is_given_up_once(setup: Setup, cloud: Memory
 
 
 @pytest.mark.parametrize("failure", [500, 503, None])
-def test_others_come_between_those_that_are_tried_again(
+def test_new_messages_come_between_retries(
     setup: Setup, cloud: MemoryCloud, now: list[float], failure: int | None
 ) -> None:
     cloud.failure = failure

@@ -62,7 +62,7 @@ def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n
     assert (said["unit"], said["n"], said["coverage"]) == ("F", n, 1.0)
 
 
-def test_status_tells_which_taxels_may_be_broken() -> None:
+def test_status_lists_faulty_taxels() -> None:
     told = replace(status(1), faults=(TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),))
     said = orjson.loads(public_payloads.status("n", told, online=True)[1])
     assert said["faults"] == [{"taxel": "t05", "dead": "impossible", "stuck": "certain"}]
@@ -90,7 +90,7 @@ def test_senml_holds_the_hull_and_for_how_long() -> None:
     assert orjson.loads(body)[0]["bt"] * 10**9 == EPOCH
 
 
-def test_senml_is_silent_on_times_that_it_would_take_for_times_before_now() -> None:
+def test_senml_omits_times_that_it_reads_as_relative() -> None:
     packed = Block.pack(
         Position(1, 2), "t01.capacitance", 0, Tube((9, 9), 3, Interval([1.0], [2.0]), "F", 1.0),
         Encoding.F64,
@@ -99,7 +99,7 @@ def test_senml_is_silent_on_times_that_it_would_take_for_times_before_now() -> N
 
 
 @pytest.mark.parametrize("message", [peak(4), gap(4)])
-def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
+def test_event_has_the_fields_of_rest(message: Peak | Gap) -> None:
     topic, body = public_payloads.event("fingertip", message)
     said = orjson.loads(body)
     assert topic == "eskin/v1/live/fingertip/events"
@@ -107,12 +107,12 @@ def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
     assert said["id"] == "fingertip/1/4"
 
 
-def test_gap_says_what_was_lost() -> None:
+def test_gap_states_what_was_lost() -> None:
     said = orjson.loads(public_payloads.event("n", gap(4))[1])
     assert said["detail"] == "flash full: 2 messages and 200 samples lost"
 
 
-def test_presence_publishes_changes_and_every_status_and_nothing_else() -> None:
+def test_presence_publishes_changes_and_every_status() -> None:
     presence = Presence(10.0)
 
     def said(*messages: tuple[str, bytes, bool]) -> list[bool]:

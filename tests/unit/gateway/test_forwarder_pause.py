@@ -40,7 +40,7 @@ class _Rests(Event):
         (6, 0.02, [0.02]),  # six and four
     ],
 )
-def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_single_ones(
+def test_forwarder_pauses_after_a_small_batch_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, took: float, rests: list[float]
 ) -> None:
     now = [0.0]

@@ -15,7 +15,7 @@ def received_message(mid: int, size: int = 1) -> ReceivedMessage:
     return ReceivedMessage("t", bytes(size), mid, 1, retained=False, connection=1)
 
 
-def test_full_inbox_refuses_and_counts() -> None:
+def test_full_queue_drops_and_counts() -> None:
     receive_queue = ReceiveQueue(2, most_bytes=10_000_000)
     assert [receive_queue.put([received_message(number)]) for number in range(3)] == [1, 1, 0]
     assert receive_queue.statistics == ReceiveQueueStatistics(
@@ -25,7 +25,7 @@ def test_full_inbox_refuses_and_counts() -> None:
     assert receive_queue.put([received_message(9)]) == 1
 
 
-def test_inbox_full_of_bytes_refuses_and_takes_again_when_there_is_room() -> None:
+def test_queue_is_bounded_in_bytes() -> None:
     receive_queue = ReceiveQueue(100, most_bytes=2 * MOST_ENVELOPE)
     assert receive_queue.put([received_message(0, MOST_ENVELOPE)]) == 1
     was_full = [receive_queue.full]

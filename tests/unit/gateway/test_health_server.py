@@ -63,7 +63,7 @@ def is_healthy(monitor: HealthServer) -> bool:
     return False
 
 
-def test_health_is_told_while_many_never_end_their_requests(
+def test_health_is_served_beside_endless_requests(
     health: Mock, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
@@ -97,7 +97,7 @@ def test_health_is_told_while_many_never_end_their_requests(
         ("/metrics", "DELETE", 405),
     ],
 )
-def test_each_answer_keeps_browsers_from_harm(
+def test_each_response_has_security_headers(
     monitor: HealthServer, path: str, method: str, status: int
 ) -> None:
     answer = ask(monitor, path, method)
@@ -112,7 +112,7 @@ def test_each_answer_keeps_browsers_from_harm(
 
 
 @pytest.mark.parametrize("path", ["/healthz", "/metrics"])
-def test_name_that_dns_led_here_is_told_nothing(monitor: HealthServer, path: str) -> None:
+def test_other_host_name_is_rejected(monitor: HealthServer, path: str) -> None:
     url = f"http://127.0.0.1:{monitor.port}{path}"
     answer = httpx.get(url, headers={"Host": f"evil.example:{monitor.port}"})
     assert answer.status_code == 421
@@ -120,7 +120,7 @@ def test_name_that_dns_led_here_is_told_nothing(monitor: HealthServer, path: str
     assert httpx.get(url, headers={"Host": "localhost:1"}).status_code == 200
 
 
-def test_body_and_long_head_are_refused(monitor: HealthServer) -> None:
+def test_body_and_long_head_are_rejected(monitor: HealthServer) -> None:
     posted = b"POST /healthz HTTP/1.1\r\nHost: localhost\r\nContent-Length: 4\r\n\r\nbody"
     with socket.create_connection(("127.0.0.1", monitor.port), timeout=20) as connection:
         connection.sendall(posted)
@@ -138,7 +138,7 @@ def now(standing_windows: None, monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return moment
 
 
-def test_flood_is_told_to_wait_and_health_is_told_still(health: Mock, now: list[float]) -> None:
+def test_flood_gets_429_and_health_is_still_served(health: Mock, now: list[float]) -> None:
     with monitoring(health, requests_per_s=1) as monitor:
         answers = [ask(monitor, "/metrics") for _ in range(11)]
         assert [answer.status_code for answer in answers] == [200] * 10 + [429]
@@ -149,7 +149,7 @@ def test_flood_is_told_to_wait_and_health_is_told_still(health: Mock, now: list[
             now[0] += 1.01
 
 
-def test_gateway_that_fares_badly_says_so_under_a_flood(health: Mock, now: list[float]) -> None:
+def test_degraded_health_is_served_under_a_flood(health: Mock, now: list[float]) -> None:
     with monitoring(health, requests_per_s=1) as monitor:
         assert [ask(monitor, "/healthz").status_code for _ in range(12)] == [200] * 12
         assert health.report.call_count == 10, "once for each that the rate allows"

@@ -25,7 +25,7 @@ def spool(tmp_path: Path) -> Iterator[Spool]:
     made.close()
 
 
-def test_holes_are_closed_once_the_node_holds_nothing_there(spool: Spool) -> None:
+def test_holes_close_when_the_node_holds_nothing_there(spool: Spool) -> None:
     record = NodeState()
     for boot in (1, 2, 3):
         for number in range(0, 100, 2):
@@ -45,7 +45,7 @@ def test_holes_are_closed_once_the_node_holds_nothing_there(spool: Spool) -> Non
     assert not kept.is_duplicate(Position(3, 91))
 
 
-def test_lower_boot_that_is_not_known_was_never_seen(spool: Spool) -> None:
+def test_unknown_lower_boot_is_no_duplicate(spool: Spool) -> None:
     record = NodeState()
     record.release(Position(9, 4))
     for number in (5, 3):
@@ -63,7 +63,7 @@ def test_lower_boot_that_is_not_known_was_never_seen(spool: Spool) -> None:
     assert kept.is_duplicate(Position(9, 3)), "that was below what the node held"
 
 
-def test_boot_in_use_is_not_forgotten_for_higher_ones(spool: Spool) -> None:
+def test_boot_in_use_is_not_dropped_for_higher_ones(spool: Spool) -> None:
     record = NodeState()
     for boot in range(100, 140):
         record.add(Position(boot, 0))
@@ -78,7 +78,7 @@ def test_boot_in_use_is_not_forgotten_for_higher_ones(spool: Spool) -> None:
 
 
 @pytest.mark.parametrize("held", [Position(0, 0), Position(3000, 0)])
-def test_record_is_bounded_whatever_a_node_says(spool: Spool, held: Position) -> None:
+def test_state_of_a_node_is_bounded(spool: Spool, held: Position) -> None:
     record = NodeState()
     record.release(held)
     for number in range(0, 20_000, 2):
@@ -90,7 +90,7 @@ def test_record_is_bounded_whatever_a_node_says(spool: Spool, held: Position) ->
     assert record.is_duplicate(Position(1999, 0))
 
 
-def test_holes_of_all_boots_share_their_room_and_the_boot_used_last_goes_first(
+def test_ranges_of_all_boots_are_bounded(
     spool: Spool,
 ) -> None:
     record = NodeState()

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tests.unit.gateway.wire_node import WireNode
 
 
-def test_full_inbox_holds_the_broker_back_and_loses_nothing(
+def test_full_queue_holds_the_broker_back_and_loses_nothing(
     settings: GatewaySettings, cloud: StubCloud, node: WireNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Pings far longer than the test: nothing is dropped to keep the broker's connection alive.
@@ -62,7 +62,7 @@ def full_disk(batch: Batch) -> None:
     raise SpoolError(f"database or disk is full ({len(batch.messages)} messages)")
 
 
-def test_refused_messages_are_released_at_the_broker(
+def test_dropped_messages_are_released_at_the_broker(
     settings: GatewaySettings, node: WireNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     section = settings.broker.model_copy(update={"receive_queue_messages": 16, "keepalive_s": 6})

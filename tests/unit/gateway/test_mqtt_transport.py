@@ -42,13 +42,13 @@ def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[MqttTransport]:
     made._wake_out.close()
 
 
-def test_publications_that_nobody_reads_are_bounded_in_bytes(broker: MqttTransport) -> None:
+def test_unread_publications_are_bounded_in_bytes(broker: MqttTransport) -> None:
     broker.publish([("t", bytes(_MEBIBYTE), False)] * 40)
     assert len(broker._send_queue) == 32
     assert broker.dropped == 8
 
 
-def test_nothing_is_handed_over_while_the_broker_does_not_read(broker: MqttTransport) -> None:
+def test_nothing_is_written_while_the_broker_is_congested(broker: MqttTransport) -> None:
     broker.publish([("t", b"seven", False)])
     own = Mock(spec=BufferedSocket, congested=True)
     assert not broker._write(own)
@@ -59,7 +59,7 @@ def test_nothing_is_handed_over_while_the_broker_does_not_read(broker: MqttTrans
     assert own.flush.call_count == 2
 
 
-def test_patience_with_a_full_inbox_ends_however_seldom_somebody_looks(
+def test_holding_back_ends_after_half_a_keep_alive(
     broker: MqttTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [1000.0]
@@ -86,7 +86,7 @@ def test_patience_with_a_full_inbox_ends_however_seldom_somebody_looks(
     assert looks(0.3) * 0.3 > 7.0, "it begins anew"
 
 
-def test_acknowledgement_of_an_earlier_connection_is_not_sent_on_this_one(
+def test_acknowledgement_of_an_earlier_connection_is_dropped(
     broker: MqttTransport,
 ) -> None:
     came = ReceivedMessage("t", b"", 7, 1, retained=False, connection=1)
@@ -104,7 +104,7 @@ def holding(data: bytes) -> Mock:
     return own
 
 
-def test_messages_are_taken_off_the_front_as_far_as_there_is_room(broker: MqttTransport) -> None:
+def test_messages_are_received_as_far_as_there_is_room(broker: MqttTransport) -> None:
     packet = write_publication("t", b"body", retain=False, five=False)
     own = holding(packet * 17)
     assert broker.receive(own)
@@ -113,7 +113,7 @@ def test_messages_are_taken_off_the_front_as_far_as_there_is_room(broker: MqttTr
     assert broker._receive_queue.statistics.dropped == 0
 
 
-def test_other_packet_at_the_front_stays_for_paho(broker: MqttTransport) -> None:
+def test_other_packet_is_left_to_paho(broker: MqttTransport) -> None:
     packet = write_publication("t", b"body", retain=False, five=False)
     own = holding(b"\xd0\x00" + packet)
     assert not broker.receive(own)
@@ -121,7 +121,7 @@ def test_other_packet_at_the_front_stays_for_paho(broker: MqttTransport) -> None
     assert broker._receive_queue.statistics.depth == 0
 
 
-def test_ordinary_message_that_is_too_long_takes_no_more_than_the_longest(
+def test_oversized_ordinary_message_is_truncated(
     broker: MqttTransport,
 ) -> None:
     packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, five=False)
@@ -130,7 +130,7 @@ def test_ordinary_message_that_is_too_long_takes_no_more_than_the_longest(
     assert len(received_message.payload) == MOST_ENVELOPE + 1
 
 
-def test_message_that_is_too_long_takes_no_more_than_the_longest(broker: MqttTransport) -> None:
+def test_oversized_message_from_paho_is_truncated(broker: MqttTransport) -> None:
     message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/blocks")
     message.payload = bytes(10 * MOST_ENVELOPE)
     broker.receive_from_paho(message)

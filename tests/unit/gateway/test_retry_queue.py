@@ -19,7 +19,7 @@ def retry_queue(now: list[float]) -> RetryQueue:
     return RetryQueue(lambda: now[0])
 
 
-def test_suspect_is_left_out_and_tried_again_at_once_when_another_was_taken(
+def test_failed_message_is_retried_after_another_succeeds(
     retry_queue: RetryQueue,
 ) -> None:
     assert retry_queue.fault is None
@@ -32,7 +32,7 @@ def test_suspect_is_left_out_and_tried_again_at_once_when_another_was_taken(
     assert (retry_queue.ids, retry_queue.due(), retry_queue.fault) == ((), None, None)
 
 
-def test_pauses_grow_up_to_a_minute(retry_queue: RetryQueue, now: list[float]) -> None:
+def test_delays_grow_up_to_a_minute(retry_queue: RetryQueue, now: list[float]) -> None:
     retry_queue.add(ONE)
     retry_queue.succeeded([TWO])
     for pause in (2.0, 4.0, 8.0, 16.0, 32.0, 60.0, 60.0):
@@ -43,7 +43,7 @@ def test_pauses_grow_up_to_a_minute(retry_queue: RetryQueue, now: list[float]) -
         assert retry_queue.due() == ONE
 
 
-def test_pause_is_no_longer_after_days(retry_queue: RetryQueue, now: list[float]) -> None:
+def test_delay_stays_bounded_after_days(retry_queue: RetryQueue, now: list[float]) -> None:
     retry_queue.add(ONE)
     retry_queue.succeeded([TWO])
     for _ in range(3000):
@@ -54,7 +54,9 @@ def test_pause_is_no_longer_after_days(retry_queue: RetryQueue, now: list[float]
     assert retry_queue.due() == ONE
 
 
-def test_one_that_fails_otherwise_is_put_off_too(retry_queue: RetryQueue, now: list[float]) -> None:
+def test_message_that_fails_otherwise_is_delayed_too(
+    retry_queue: RetryQueue, now: list[float]
+) -> None:
     retry_queue.delay(ONE)
     retry_queue.add(ONE)
     retry_queue.delay(ONE)
@@ -68,7 +70,7 @@ def test_one_that_fails_otherwise_is_put_off_too(retry_queue: RetryQueue, now: l
     assert (retry_queue.ids, retry_queue.due()) == ((), None)
 
 
-def test_those_that_are_held_take_turns(retry_queue: RetryQueue, now: list[float]) -> None:
+def test_retried_messages_take_turns(retry_queue: RetryQueue, now: list[float]) -> None:
     retry_queue.add(ONE)
     retry_queue.add(TWO)
     retry_queue.succeeded([])
@@ -78,7 +80,7 @@ def test_those_that_are_held_take_turns(retry_queue: RetryQueue, now: list[float
         now[0] += 60.0
 
 
-def test_when_nothing_tells_whose_fault_it_is_none_is_left_out(retry_queue: RetryQueue) -> None:
+def test_unconfirmed_failures_are_released(retry_queue: RetryQueue) -> None:
     retry_queue.add(ONE)
     retry_queue.succeeded([])
     retry_queue.add(TWO)
@@ -87,7 +89,7 @@ def test_when_nothing_tells_whose_fault_it_is_none_is_left_out(retry_queue: Retr
     assert not retry_queue.release_unconfirmed()
 
 
-def test_so_many_failures_one_after_another_are_the_clouds(retry_queue: RetryQueue) -> None:
+def test_queue_is_bounded(retry_queue: RetryQueue) -> None:
     for number in range(16):
         assert retry_queue.add(SpoolMessage("n", 1, b"", id=number))
     assert not retry_queue.add(SpoolMessage("n", 1, b"", id=16))

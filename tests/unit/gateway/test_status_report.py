@@ -21,7 +21,7 @@ def told(condition: StatusReport) -> Any:
     return json.loads(condition.headers()[HEADER])
 
 
-def test_header_tells_what_waits_in_the_spool(tmp_path: Path) -> None:
+def test_header_reports_the_spool(tmp_path: Path) -> None:
     spool = Spool(tmp_path / "spool.db", capacity=1000, max_dead_letters=10)
     passed = [0.0]
     condition = StatusReport(spool, Presence(15.0), clock=lambda: passed[0], now=lambda: 500)
@@ -36,6 +36,6 @@ def test_header_tells_what_waits_in_the_spool(tmp_path: Path) -> None:
     spool.close()
 
 
-def test_spool_that_cannot_be_read_hinders_no_request() -> None:
+def test_unreadable_spool_blocks_no_request() -> None:
     spool = Mock(**{"oldest.side_effect": SpoolError("damaged")})
     assert StatusReport(spool, Presence(15.0)).headers() == {"Content-Type": "application/cbor"}

@@ -19,7 +19,7 @@ from eskin.privacy import FileMasterKey, KeyStore
 from eskin.runtime.digest import with_check
 from tests.support.processes import wait_until
 from tests.unit.gateway.certificates import KnownNodes
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -76,7 +76,7 @@ def site(tmp_path: Path) -> Site:
 
 
 @pytest.mark.parametrize("restarted", [False, True])
-def test_keys_of_whoever_wore_a_node_while_the_cloud_was_away_reach_it(
+def test_keys_of_all_wearers_reach_the_cloud_after_an_outage(
     site: Site, *, restarted: bool
 ) -> None:
     site.away = True
@@ -100,7 +100,7 @@ def test_keys_of_whoever_wore_a_node_while_the_cloud_was_away_reach_it(
     assert len(site.told) == 3
 
 
-def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
+def test_only_the_erasure_of_an_erased_subject_is_sent(site: Site) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.subject(NODE, 0)
     site.assignments.assign(NODE, ada, since=10)
@@ -114,7 +114,7 @@ def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
 
 
 @pytest.mark.parametrize("share", [False, True])
-def test_key_store_from_a_backup_does_not_bring_an_erased_subject_back(
+def test_restored_key_store_does_not_restore_an_erased_subject(
     site: Site, tmp_path: Path, *, share: bool
 ) -> None:
     ada = site.keystore.create("Ada")
@@ -132,7 +132,7 @@ def test_key_store_from_a_backup_does_not_bring_an_erased_subject_back(
         site.keystore.find(ada.pseudonym)
 
 
-def test_cloud_that_may_not_have_keys_is_told_who_wore_what_alone(site: Site) -> None:
+def test_assignments_are_sent_without_keys_if_not_shared(site: Site) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.assign(NODE, ada, since=10)
     site.assignments.assign(NODE, site.keystore.create(), since=20)
@@ -142,7 +142,7 @@ def test_cloud_that_may_not_have_keys_is_told_who_wore_what_alone(site: Site) ->
     assert site.cloud.subjects() == []
 
 
-def test_long_history_is_told_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_long_history_is_sent_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "_MOST_AT_ONCE", 2)
     for number in range(4):
         site.assignments.assign(NODE, site.keystore.create(), since=number + 1)
@@ -156,7 +156,7 @@ def test_long_history_is_told_in_parts(site: Site, monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize("share", [False, True])
-def test_key_that_cannot_be_read_hinders_nothing_but_itself(
+def test_unreadable_key_blocks_no_other(
     site: Site, caplog: pytest.LogCaptureFixture, *, share: bool
 ) -> None:
     former, erased, now = (site.keystore.create(name) for name in ("Former", "Erased", "Now"))
@@ -181,7 +181,7 @@ def test_key_that_cannot_be_read_hinders_nothing_but_itself(
     assert former.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
 
 
-def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None:
+def test_erasures_are_sent_despite_a_damaged_assignment(site: Site) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.assign(NODE, ada, since=1)
     site.keystore.erase(ada.pseudonym)
@@ -193,7 +193,7 @@ def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None
 
 
 @pytest.mark.parametrize("history", [[], [[5, "somebody"]]])
-def test_history_without_a_beginning_is_told_as_such(site: Site, history: list[Any]) -> None:
+def test_history_without_a_beginning_is_an_error(site: Site, history: list[Any]) -> None:
     site.assignments.assign(NODE, site.keystore.create("Ada"), since=1)
     (site.keystore.directory / "nodes" / NODE).write_text(json.dumps(with_check({"worn": history})))
     assignments = SubjectAssignments(site.keystore)
@@ -202,7 +202,7 @@ def test_history_without_a_beginning_is_told_as_such(site: Site, history: list[A
             ask()
 
 
-def test_steward_outlives_what_nobody_foresaw_and_says_so(
+def test_unexpected_error_does_not_end_the_thread(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken: list[Exception] = [ZeroDivisionError()]
@@ -225,9 +225,7 @@ def test_steward_outlives_what_nobody_foresaw_and_says_so(
         subject_sync.stop()
 
 
-def test_count_of_erasures_that_cannot_be_read_is_no_number(
-    site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_count_of_erasures_is_nan(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     def unreadable() -> None:
         raise PrivacyError("graves cannot be read")
 

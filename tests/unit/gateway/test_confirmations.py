@@ -15,7 +15,7 @@ from eskin.errors import CloudError
 from tests.support.processes import wait_until
 from tests.unit.gateway.certificates import KnownNodes
 from tests.unit.gateway.forwarding import MemoryCloud
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -39,7 +39,7 @@ class Restored(ConfirmationsClient):
         return [(n, boot, self.last + 1, last) for n, boot, last in confirmed if last > self.last]
 
 
-def test_what_the_cloud_lost_is_logged_once_and_counted(
+def test_lost_messages_are_logged_once_and_counted(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     spool = Spool(tmp_path / "spool.db", capacity=10**7, max_dead_letters=3)
@@ -70,7 +70,7 @@ def test_what_the_cloud_lost_is_logged_once_and_counted(
     assert len({r.message for r in lost}) == len(lost)
 
 
-def test_comparison_that_fails_holds_up_nothing(tmp_path: Path) -> None:
+def test_failed_comparison_blocks_nothing(tmp_path: Path) -> None:
     class Broken(Restored):
         def find_missing(
             self, confirmed: Sequence[tuple[str, int, int]]

@@ -56,9 +56,7 @@ def test_ordinary_publication_is_read_and_written_as_paho_does(
 
 
 @given(data=st.binary(max_size=40), five=st.booleans(), kind=st.sampled_from([0x30, 0x32, 0x33]))
-def test_what_is_read_of_any_bytes_is_what_paho_reads(
-    *, data: bytes, five: bool, kind: int
-) -> None:
+def test_any_bytes_are_read_as_paho_does(*, data: bytes, five: bool, kind: int) -> None:
     packet = bytes((kind, len(data))) + data
     read = read_publication(packet, 0, five=five)
     try:
@@ -74,7 +72,7 @@ def test_what_is_read_of_any_bytes_is_what_paho_reads(
 
 
 @pytest.mark.parametrize("cut", range(1, 24))
-def test_publication_that_is_not_whole_is_left_alone(cut: int) -> None:
+def test_incomplete_publication_is_not_read(cut: int) -> None:
     packet = published("a/topic", b"payload", mid=9, qos=1, retain=False, five=False)
     assert read_publication(packet, 0, five=False) is not None
     assert read_publication(packet[:-cut], 0, five=False) is None
@@ -91,6 +89,6 @@ def test_other_packets_qos_2_properties_and_no_topic_are_left_to_paho() -> None:
     assert read_publication(longest + bytes(3_000_000), 0, five=False) is None
 
 
-def test_acknowledgements_stand_one_behind_the_other() -> None:
+def test_acknowledgements_are_concatenated() -> None:
     written = write_acknowledgements([1, 65_535])
     assert list(struct.iter_unpack(">BBH", written)) == [(0x40, 2, 1), (0x40, 2, 65_535)]

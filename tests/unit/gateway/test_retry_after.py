@@ -102,7 +102,7 @@ def refused_notice(url: str, common: dict[str, Any]) -> None:
     ],
 )
 @pytest.mark.parametrize("ask", [refused_batch, refused_question, refused_notice])
-def test_patience_that_is_asked_for_is_read_as_number_or_date(
+def test_retry_after_is_a_number_or_a_date(
     reach: tuple[str, dict[str, Any]],
     refuser: Refuser,
     ask: Any,
@@ -167,7 +167,7 @@ def subject_sync(
 
 
 @pytest.mark.parametrize("make", [command_poller, subject_sync])
-def test_who_is_asked_for_patience_has_it(
+def test_threads_respect_retry_after(
     reach: tuple[str, dict[str, Any]], refuser: Refuser, tmp_path: Path, make: Any
 ) -> None:
     url, common = reach

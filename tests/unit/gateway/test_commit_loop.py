@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from eskin.wire.messages import Block, Peak
     from tests.support.identities import Identities
-    from tests.unit.gateway.twins import Inside
+    from tests.unit.gateway.in_memory import Inside
     from tests.unit.gateway.wire_node import Seal
 
 ACKS = node_topic("fingertip", Stream.ACKS)
@@ -31,7 +31,7 @@ def introduce(inside: Inside, seal: Seal) -> None:
     inside.broker.released.clear()
 
 
-def test_nothing_is_said_before_the_commit(
+def test_nothing_is_published_before_the_commit(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
@@ -50,7 +50,7 @@ def test_nothing_is_said_before_the_commit(
     assert len(inside.broker.released) == 1
 
 
-def test_node_is_told_that_somebody_looks_on(
+def test_acknowledgement_says_how_long_the_node_is_viewed(
     inside: Inside, seal: Seal, identities: Identities
 ) -> None:
     introduce(inside, seal)
@@ -82,7 +82,7 @@ def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal:
     assert inside.metrics.value("spool_commit_failures_total") >= 1
 
 
-def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
+def test_stop_while_full_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool.failures = 10**6
     inside.receive_queue.put(
@@ -95,9 +95,7 @@ def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, se
     assert inside.stored() == [status(0).encode()]
 
 
-def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
-    inside: Inside, seal: Seal
-) -> None:
+def test_stop_while_full_acknowledges_no_copy_of_the_batch(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool._capacity = inside.spool._used + 10
     inside.receive_queue.put(
@@ -114,7 +112,7 @@ def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
     assert inside.stored() == [status(0).encode()]
 
 
-def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
+def test_failed_batch_is_no_duplicate_when_it_is_resent(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
@@ -137,7 +135,7 @@ def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
     assert inside.stored() == [status(0).encode(), BODY]
 
 
-def test_message_that_breaks_the_gateway_hinders_no_other(
+def test_message_that_causes_a_bug_blocks_no_other(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
@@ -165,7 +163,7 @@ def test_message_that_breaks_the_gateway_hinders_no_other(
     assert inside.stored()[-1] == BODY, "it was not taken for known"
 
 
-def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
+def test_nodes_stay_online_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     answers = inside.commit_loop._post_commit
     answers.run_periodic()
@@ -183,7 +181,7 @@ def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: S
 BODY = block(1).encode()
 
 
-def test_silence_is_noticed_though_others_never_rest(
+def test_nodes_expire_also_under_constant_load(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
