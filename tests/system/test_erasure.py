@@ -27,8 +27,8 @@ from tests.unit.cloud.clouds import admit
 from tests.unit.cloud.messages import block, peak
 from tests.unit.cloud.sealing import ask, physician, remains, sealing
 from tests.unit.gateway.certificates import KnownNodes
-from tests.unit.gateway.test_validator import introduce
 from tests.unit.gateway.in_memory import Inside, quick
+from tests.unit.gateway.test_validator import introduce
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:

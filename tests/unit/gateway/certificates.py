@@ -1,4 +1,4 @@
-"""A cloud that knows nodes, or refuses them, for tests."""
+"""A cloud that registers nodes or rejects them, for tests."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ if TYPE_CHECKING:
 
 
 class KnownNodes(CertificatesClient):
-    """The in-memory twin of the way by which certificates are registered.
+    """Registers certificates in memory.
 
     Attributes:
-        rejected: Why nodes are rejected.
+        rejected: Why nodes are rejected, by node.
         registered: Nodes in the order in which they were registered.
     """
 

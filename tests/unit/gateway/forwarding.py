@@ -25,7 +25,7 @@ MESSAGES = [("n", bytes([number])) for number in range(10)]
 
 
 class MemoryCloud(IngestClient):
-    """The in-memory twin: stores, or fails as told; ``failing`` are bodies that break it.
+    """Stores messages in memory, or fails by ``mode``; ``failing`` are bodies at which it fails.
 
     Attributes:
         failure: How it answers to those; ``None``: not at all.
@@ -63,9 +63,9 @@ class Setup:
     """A forwarder between a spool with ten messages and a cloud."""
 
     def __init__(
-        self, folder: Path, cloud: IngestClient, told: StubCloud | MemoryCloud, *, most: int = 4
+        self, folder: Path, cloud: IngestClient, stub: StubCloud | MemoryCloud, *, most: int = 4
     ) -> None:
-        self.told = told
+        self.cloud = stub
         self.spool = Spool(folder / "spool.db", capacity=10**7, max_dead_letters=100)
         self.spool.commit(Batch([SpoolMessage(node, 1, body) for node, body in MESSAGES]))
         self.metrics = Metrics()

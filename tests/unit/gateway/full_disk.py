@@ -1,4 +1,4 @@
-"""Fills a small disk of its own with a spool, then lets a cloud take all: a child of the tests.
+"""Fills a small disk with a spool and then empties the spool: a child process of the tests.
 
 ``python -m tests.unit.gateway.full_disk FOLDER``, in a mount namespace of its own.
 """

@@ -1,4 +1,4 @@
-"""In-memory twins of the gateway's seams, and a gateway's inside put together with them."""
+"""A gateway without a network: its parts around an in-memory broker."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ if TYPE_CHECKING:
     from tests.support.identities import Identities
 
 DAY_NS = 86_400 * 10**9
-"""After so long without a word a node is gone, in tests."""
+"""Age of a status at which a node expires, in tests."""
 
 
 class MemoryBroker:
-    """Keeps what the gateway hands over."""
+    """Records what the gateway publishes."""
 
     def __init__(self) -> None:
         self.connected = True
@@ -65,7 +65,7 @@ class MemoryBroker:
 
 
 class FaultySpool(Spool):
-    """Fails as often as it is told to, before anything is written."""
+    """Fails ``failures`` times before anything is written."""
 
     failures = 0
 
@@ -77,7 +77,7 @@ class FaultySpool(Spool):
 
 
 class Clock:
-    """Turned by hand."""
+    """Advanced by the test."""
 
     def __init__(self) -> None:
         self.seconds = 1000.0
@@ -91,7 +91,7 @@ class Clock:
 
 
 class Inside:
-    """Intake, spool and answers of a gateway around the in-memory broker."""
+    """Validator, spool and publishers of a gateway around the in-memory broker."""
 
     def __init__(
         self,
@@ -176,7 +176,7 @@ class Inside:
     def arrive(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
     ) -> None:
-        """One message comes and is worked off."""
+        """Receive and process one message."""
         self.commit_loop.process(
             [self.received_message(stream, envelope, node=node, retained=retained)]
         )
@@ -193,7 +193,7 @@ class Inside:
         return [message.body for message in self.spool.take(10_000, 10**9)]
 
     def rejected(self) -> dict[str, int]:
-        """Refusals by reason."""
+        """Rejected messages by reason."""
         found = {}
         for metric in self.metrics.registry.collect():
             for sample in metric.samples:
@@ -203,5 +203,5 @@ class Inside:
 
 
 def quick() -> Backoff:
-    """Hardly waits."""
+    """A backoff with short delays."""
     return Backoff(0.01, 0.05, random=Random(1))  # noqa: S311 - jitter, repeatable

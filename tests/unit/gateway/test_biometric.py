@@ -1,4 +1,4 @@
-"""What tells of a person lies in spool, write-ahead log and dead letters sealed alone."""
+"""Biometric data are stored only encrypted: in spool, log and dead letters."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands: fetched from the cloud, sealed for their node, kept by the broker until answered."""
+"""Commands: fetched from the cloud, sealed for their node, retained until answered."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
     from tests.support.brokers import Mosquitto
     from tests.support.identities import Identities
-    from tests.unit.gateway.stub_cloud import StubCloud
     from tests.unit.gateway.in_memory import Inside
+    from tests.unit.gateway.stub_cloud import StubCloud
     from tests.unit.gateway.wire_node import Seal
 
 TOPIC = node_topic("fingertip", Stream.COMMANDS)

@@ -1,4 +1,4 @@
-"""Nothing is answered before it is durable."""
+"""Nothing is acknowledged before it is durable."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal:
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
     inside.commit_loop.start()
-    wait_until(lambda: inside.commit_loop.fault is not None, "the worker tells of the full spool")
+    wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
     assert "disk is full" in str(inside.commit_loop.fault)
     assert inside.broker.published == []
     assert inside.broker.released == []
@@ -89,7 +89,7 @@ def test_stop_while_full_leaves_the_batch_with_the_node(inside: Inside, seal: Se
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
     inside.commit_loop.start()
-    wait_until(lambda: inside.commit_loop.fault is not None, "the worker tells of the full spool")
+    wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
     inside.commit_loop.stop()
     assert inside.broker.published == []
     assert inside.stored() == [status(0).encode()]
@@ -102,7 +102,7 @@ def test_stop_while_full_acknowledges_no_copy_of_the_batch(inside: Inside, seal:
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
     inside.commit_loop.start()
-    wait_until(lambda: inside.commit_loop.fault is not None, "the worker tells of the full spool")
+    wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
     # The node, unanswered, sends again.
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]

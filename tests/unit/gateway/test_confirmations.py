@@ -1,4 +1,4 @@
-"""The gateway asks, after each start and failure, whether the cloud still has what it confirmed."""
+"""After each start and failure, the gateway finds what the cloud lost."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Restored(ConfirmationsClient):
-    """A cloud's answer: it has nothing beyond some number."""
+    """A cloud whose store ends at some sequence."""
 
     def __init__(self, last: int) -> None:
         self.last = last

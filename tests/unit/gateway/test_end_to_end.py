@@ -1,4 +1,4 @@
-"""The whole way: node, broker, spool, cloud, acknowledgement, public topics."""
+"""From node over broker and spool to cloud, acknowledgement and public topics."""
 
 from __future__ import annotations
 

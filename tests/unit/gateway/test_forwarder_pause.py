@@ -1,4 +1,4 @@
-"""A forwarder rests after a request of some messages, and only then."""
+"""The forwarder pauses after a small batch, and only then."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class _Rests(Event):
-    """Notes how long it is waited for, and lets nobody wait."""
+    """Records the waits, and returns at once."""
 
     def __init__(self) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""A gateway whose inbox is full holds the broker back, and loses nothing."""
+"""A gateway whose receive queue is full holds the broker back and loses nothing."""
 
 from __future__ import annotations
 
@@ -76,11 +76,11 @@ def test_dropped_messages_are_released_at_the_broker(
         monkeypatch.setattr(running.spool, "commit", full_disk)
         for number in range(1, 1500):  # more than the broker's window of 1000
             node.say(Stream.BLOCKS, block(number))
-        wait_until(lambda: running.receive_queue.statistics.dropped > 1000, "patience ends")
+        wait_until(lambda: running.receive_queue.statistics.dropped > 1000, "messages are dropped")
         wait_until(lambda: running.broker.connected, "the gateway is still connected")
         monkeypatch.setattr(running.spool, "commit", commit)
-        wait_until(lambda: running.receive_queue.statistics.depth == 0, "the inbox is empty")
-        # As a node does: what is refused meanwhile, behind what the broker still held, comes again.
+        wait_until(lambda: running.receive_queue.statistics.depth == 0, "the queue is empty")
+        # Sends again, as a node does, what was dropped meanwhile.
         resent = iter(range(10**6))
 
         def heard() -> bool:

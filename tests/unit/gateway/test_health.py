@@ -1,4 +1,4 @@
-"""A gateway is as well as its parts."""
+"""A gateway is healthy if all its parts are."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ _SHOWN = {
 }
 
 
-def health(worn: str | None) -> Health:
-    parts = {part: Mock(fault="it is worn" if part == worn else None) for part in _SHOWN}
+def health(broken: str | None) -> Health:
+    parts = {part: Mock(fault="it is broken" if part == broken else None) for part in _SHOWN}
     return Health(receive_queue=Mock(), spool=Mock(), presence=Mock(), **parts)
 
 
 @pytest.mark.parametrize("part", _SHOWN)
 def test_fault_of_each_part_is_a_reason(part: str) -> None:
-    assert health(part).reasons() == [f"{_SHOWN[part]}: it is worn"]
+    assert health(part).reasons() == [f"{_SHOWN[part]}: it is broken"]
 
 
 def test_gateway_without_faults_has_no_reason() -> None:

@@ -1,4 +1,4 @@
-"""Who is not the broker is told nothing by a gateway, which says why, and whose spool is kept."""
+"""A gateway sends nothing to an impostor of the broker, reports it, and keeps its spool."""
 
 from __future__ import annotations
 

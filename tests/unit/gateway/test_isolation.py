@@ -1,4 +1,4 @@
-"""What the cloud fails at keeps nothing else from it, however it fails then."""
+"""A message at which the cloud fails is isolated, however it fails then."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the broker does not read fills no memory."""
+"""Memory stays bounded while the broker does not read."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _MEBIBYTE = 1 << 20
 
 @pytest.fixture
 def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[MqttTransport]:
-    """One that says that it is connected."""
+    """A transport that counts as connected."""
     made = MqttTransport(
         BrokerSection(),
         name="gateway.g1",
@@ -68,7 +68,7 @@ def test_holding_back_ends_after_half_a_keep_alive(
     )
 
     def looks(pause: float, *, most: int = 10_000) -> int:
-        """After how many looks its patience is over."""
+        """Number of checks until holding back ends."""
         for count in range(most):
             if not broker._is_holding_back():
                 return count
@@ -98,7 +98,7 @@ def test_acknowledgement_of_an_earlier_connection_is_dropped(
 
 
 def holding(data: bytes) -> Mock:
-    """A socket at which bytes wait."""
+    """A socket with unread bytes."""
     own = Mock(spec=BufferedSocket, unread=(data, 0))
     own.fill.return_value = True
     return own

@@ -26,13 +26,13 @@ def spool(tmp_path: Path) -> Iterator[Spool]:
 
 
 def test_holes_close_when_the_node_holds_nothing_there(spool: Spool) -> None:
-    record = NodeState()
+    state = NodeState()
     for boot in (1, 2, 3):
         for number in range(0, 100, 2):
-            record.add(Position(boot, number))
-    record.release(Position(3, 90))
-    record.release(Position(2, 5))
-    spool.commit(Batch(nodes={"n": record}))
+            state.add(Position(boot, number))
+    state.release(Position(3, 90))
+    state.release(Position(2, 5))
+    spool.commit(Batch(nodes={"n": state}))
     kept = spool.node("n")
     assert kept is not None
     assert {boot: list(ranges) for boot, ranges in kept.ranges.items()} == {
@@ -46,13 +46,13 @@ def test_holes_close_when_the_node_holds_nothing_there(spool: Spool) -> None:
 
 
 def test_unknown_lower_boot_is_no_duplicate(spool: Spool) -> None:
-    record = NodeState()
-    record.release(Position(9, 4))
+    state = NodeState()
+    state.release(Position(9, 4))
     for number in (5, 3):
-        assert not record.is_duplicate(Position(7, number))
-        record.add(Position(7, number))
-        record.release(Position(7, 0))
-    spool.commit(Batch(nodes={"n": record}))
+        assert not state.is_duplicate(Position(7, number))
+        state.add(Position(7, number))
+        state.release(Position(7, 0))
+    spool.commit(Batch(nodes={"n": state}))
     kept = spool.node("n")
     assert kept is not None
     assert [number for number in range(7) if kept.is_duplicate(Position(7, number))] == [3, 5]
@@ -64,40 +64,40 @@ def test_unknown_lower_boot_is_no_duplicate(spool: Spool) -> None:
 
 
 def test_boot_in_use_is_not_dropped_for_higher_ones(spool: Spool) -> None:
-    record = NodeState()
+    state = NodeState()
     for boot in range(100, 140):
-        record.add(Position(boot, 0))
-    record.release(Position(120, 0))
+        state.add(Position(boot, 0))
+    state.release(Position(120, 0))
     for number in range(5):
-        record.add(Position(7, number))
-        spool.commit(Batch(nodes={"n": record}))
+        state.add(Position(7, number))
+        spool.commit(Batch(nodes={"n": state}))
         kept = spool.node("n")
         assert kept is not None
         assert all(kept.is_duplicate(Position(7, k)) for k in range(number + 1))
-        record = kept
+        state = kept
 
 
 @pytest.mark.parametrize("held", [Position(0, 0), Position(3000, 0)])
 def test_state_of_a_node_is_bounded(spool: Spool, held: Position) -> None:
-    record = NodeState()
-    record.release(held)
+    state = NodeState()
+    state.release(held)
     for number in range(0, 20_000, 2):
-        record.add(Position(1, number))
+        state.add(Position(1, number))
     for boot in range(2, 2000):
-        record.add(Position(boot, 0))
-    spool.commit(Batch(nodes={"n": record}))
-    assert len(record.encode_ranges()) < 50_000
-    assert record.is_duplicate(Position(1999, 0))
+        state.add(Position(boot, 0))
+    spool.commit(Batch(nodes={"n": state}))
+    assert len(state.encode_ranges()) < 50_000
+    assert state.is_duplicate(Position(1999, 0))
 
 
 def test_ranges_of_all_boots_are_bounded(
     spool: Spool,
 ) -> None:
-    record = NodeState()
+    state = NodeState()
     for boot in (1, 2, 3, 4, 2):
         for number in range(0, 4000, 2):
-            record.add(Position(boot, number))
-    spool.commit(Batch(nodes={"n": record}))
+            state.add(Position(boot, number))
+    spool.commit(Batch(nodes={"n": state}))
     kept = spool.node("n")
     assert kept is not None
     assert {boot: len(ranges) for boot, ranges in kept.ranges.items()} == {3: 96, 4: 2000, 2: 2000}

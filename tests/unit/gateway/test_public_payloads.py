@@ -1,4 +1,4 @@
-"""Public JSON encloses what the node said, in exact numbers."""
+"""Public JSON encloses the node's values in exact numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inbox is bounded, keeps order, and says how it fares."""
+"""The receive queue is bounded and ordered, and reports its state."""
 
 from __future__ import annotations
 

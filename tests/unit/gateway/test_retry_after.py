@@ -1,4 +1,4 @@
-"""A cloud that refuses is understood in the same way on each way to it."""
+"""Each client of the cloud reads and respects Retry-After."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class Refuser:
-    """A cloud that refuses all, and says for how long.
+    """A cloud that rejects all requests with a Retry-After.
 
     Attributes:
         asked: How often it was asked.
@@ -59,7 +59,7 @@ def refuser() -> Refuser:
 
 @pytest.fixture
 def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Where that cloud is, and what it takes to ask it."""
+    """URL of that cloud, and arguments of a client."""
     port = free_port()
     server = HttpsServer(identities.make(IdentityKind.SERVER, "server.cloud"), port, refuser)
     context = client_context(identities.gateway.directory / ROOT_FILE)
@@ -123,7 +123,7 @@ def test_retry_after_is_a_number_or_a_date(
 
 
 class Patience(Backoff):
-    """Notes for how long it was asked to wait."""
+    """Records the Retry-After of failures."""
 
     def __init__(self) -> None:
         super().__init__(0.001, 0.001, random=SystemRandom())
@@ -175,6 +175,6 @@ def test_threads_respect_retry_after(
     patience = Patience()
     with make(url, common, tmp_path, patience) as asker:
         asker.start()
-        wait_until(lambda: bool(patience.told), "it was refused")
+        wait_until(lambda: bool(patience.told), "it was rejected")
         asker.stop()
     assert (patience.told, refuser.asked) == ([1000.0], 1)

@@ -1,4 +1,4 @@
-"""What the cloud fails at is left out only while it takes others, and is tried again."""
+"""Messages at which the cloud fails are retried by themselves."""
 
 from __future__ import annotations
 

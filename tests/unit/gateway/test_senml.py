@@ -32,8 +32,8 @@ def test_senml_is_published_for_channels_that_are_not_biometric(
         node.say(Stream.STATUS, status(0))
         node.say(Stream.BLOCKS, block(1, channel="t01.bioelectric"))
         node.say(Stream.BLOCKS, block(2))
-        wait_until(lambda: bool(listening.heard), "the block is public")
-        ((topic, pack, kept),) = listening.heard
+        wait_until(lambda: bool(listening.received), "the block is public")
+        ((topic, pack, kept),) = listening.received
     running.stop()
     assert (topic, kept) == (f"eskin/v1/senml/fingertip/{CHANNEL}", False)
     told = dict(read_senml(pack.decode(), f"fingertip/{CHANNEL}/"))

@@ -1,4 +1,4 @@
-"""The gateway as a process: ready, healthy, told when not, and ended cleanly."""
+"""The gateway as a process: start, health, metrics and end."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:
     refused = "messages_rejected_total"
     wait_until(lambda: gateway.metrics.value(refused, reason="malformed") == 1, "refused")
     # A node's status, and hulls of one block.
-    wait_until(lambda: gateway.metrics.value("publications_total") == 2, "told")
+    wait_until(lambda: gateway.metrics.value("publications_total") == 2, "published")
     text = ask(gateway, "/metrics").text
     for line in (
         "eskin_gateway_messages_received_total 3.0",

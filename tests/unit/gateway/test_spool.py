@@ -62,11 +62,11 @@ class SpoolMachine(RuleBasedStateMachine):
         held=st.integers(0, 60),
     )
     def commit(self, bodies: list[bytes], positions: list[int], held: int) -> None:
-        record = self.spool.node("n") or NodeState()
+        state = self.spool.node("n") or NodeState()
         for number in positions:
-            record.add(Position(1, number))
-        record.release(Position(1, held))
-        batch = Batch([SpoolMessage("n", 5, body) for body in bodies], nodes={"n": record})
+            state.add(Position(1, number))
+        state.release(Position(1, held))
+        batch = Batch([SpoolMessage("n", 5, body) for body in bodies], nodes={"n": state})
         used = sum(len(body) for _, body in self.model)
         if used + batch.size > _CAPACITY:
             with pytest.raises(SpoolError, match="spool is full"):
@@ -97,10 +97,10 @@ class SpoolMachine(RuleBasedStateMachine):
 
     @invariant()
     def knows_every_accepted_position(self) -> None:
-        record = self.spool.node("n") or NodeState()
+        state = self.spool.node("n") or NodeState()
         for number in range(61):
             expected = number in self.accepted or number < self.held
-            assert record.is_duplicate(Position(1, number)) == expected
+            assert state.is_duplicate(Position(1, number)) == expected
 
     def teardown(self) -> None:
         self.spool.close()
@@ -140,14 +140,14 @@ def test_dead_letters_are_bounded_and_drops_are_counted(spool: Spool) -> None:
 
 def test_certificate_and_status_survive_reopening(tmp_path: Path) -> None:
     sender = NodeCertificate(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
-    record = NodeState(status=b"status", thumbprint=bytes(32))
+    state = NodeState(status=b"status", thumbprint=bytes(32))
     first = opened(tmp_path)
-    first.commit(Batch(nodes={"n": record}, certificates=[sender]))
+    first.commit(Batch(nodes={"n": state}, certificates=[sender]))
     first.close()
     second = opened(tmp_path)
     assert second.certificate(bytes(32)) == sender
     assert second.certificate(bytes(31)) is None
-    assert second.node("n") == record
+    assert second.node("n") == state
     assert second.nodes() == ["n"]
     second.close()
 
@@ -166,10 +166,10 @@ from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
 spool = Spool(Path(sys.argv[1]), capacity=10**9, max_dead_letters=3)
-record = NodeState()
+state = NodeState()
 for number in range(10**9):
-    record.add(Position(1, number))
-    spool.commit(Batch([SpoolMessage("n", number, number.to_bytes(8) * 100)], nodes={"n": record}))
+    state.add(Position(1, number))
+    spool.commit(Batch([SpoolMessage("n", number, number.to_bytes(8) * 100)], nodes={"n": state}))
     if number % 7 == 6:
         spool.settle(spool.take(3, 10**6))
     print(number, flush=True)
@@ -192,9 +192,9 @@ def test_killed_writer_leaves_every_committed_message(tmp_path: Path) -> None:
         left = [int.from_bytes(message.body[:8]) for message in spool.take(10**6, 10**9)]
         assert left == list(range(left[0], left[-1] + 1))
         assert left[-1] >= vouched
-        record = spool.node("n")
-        assert record is not None
-        assert list(record.ranges[1]) == [(0, left[-1])]
+        state = spool.node("n")
+        assert state is not None
+        assert list(state.ranges[1]) == [(0, left[-1])]
         spool.close()
 
 
@@ -313,15 +313,15 @@ def test_damaged_message_becomes_a_dead_letter_and_others_go_on(
 
 def test_damaged_node_state_is_dropped(tmp_path: Path) -> None:
     spool = opened(tmp_path)
-    record = NodeState(held=Position(1, 3))
-    record.add(Position(1, 7))
-    spool.commit(Batch(nodes={"n": record}))
+    state = NodeState(held=Position(1, 3))
+    state.add(Position(1, 7))
+    spool.commit(Batch(nodes={"n": state}))
     spool.close()
     damage(tmp_path, "UPDATE nodes SET held_sequence = 99")
     spool = opened(tmp_path)
     assert spool.node("n") is None
-    spool.commit(Batch(nodes={"n": record}))
+    spool.commit(Batch(nodes={"n": state}))
     again = spool.node("n")
     assert again is not None
-    assert again.held == record.held
+    assert again.held == state.held
     spool.close()

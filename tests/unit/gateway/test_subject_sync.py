@@ -1,4 +1,4 @@
-"""What the steward has to tell the cloud is never forgotten, whatever happened meanwhile."""
+"""Subjects and erasures reach the cloud after outages and restarts."""
 
 from __future__ import annotations
 
@@ -143,7 +143,7 @@ def test_assignments_are_sent_without_keys_if_not_shared(site: Site) -> None:
 
 
 def test_long_history_is_sent_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "_MOST_AT_ONCE", 2)
+    monkeypatch.setattr(room, "_MAX_SUBJECTS", 2)
     for number in range(4):
         site.assignments.assign(NODE, site.keystore.create(), since=number + 1)
     for _ in range(3):
@@ -218,7 +218,7 @@ def test_unexpected_error_does_not_end_the_thread(
     monkeypatch.setattr(subject_sync, "sync", once)
     subject_sync.start()
     try:
-        wait_until(lambda: subject_sync.fault is not None, "the fault is told")
+        wait_until(lambda: subject_sync.fault is not None, "there is a fault")
         broken.clear()
         wait_until(lambda: subject_sync.fault is None, "it went on")
     finally:

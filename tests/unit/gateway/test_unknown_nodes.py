@@ -1,4 +1,4 @@
-"""Nodes that the cloud does not know: registered, tried again, and in nobody's way."""
+"""Nodes that the cloud does not know are registered or left out."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Forgetful(MemoryCloud):
-    """A cloud that takes nothing of nodes whose certificate was not registered."""
+    """A cloud that stores nothing of nodes that were not registered."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -87,7 +87,7 @@ def test_rejected_node_is_retried_later() -> None:
     way.rejected.clear()
     unknown.register({"n"})
     assert unknown.rejected() == []
-    unknown.register({"n"})  # registered in vain: not in a loop
+    unknown.register({"n"})  # registered in vain: not retried in a loop
     assert unknown.rejected() == ["n"]
 
 
@@ -96,7 +96,7 @@ def test_latest_certificate_of_a_node_is_kept_after_it_expired(
 ) -> None:
     own = identities.make(IdentityKind.NODE, "asleep")
     leaf, issuer = (der(part) for part in own.chain)
-    record = NodeState(thumbprint=own.thumbprint)
+    state = NodeState(thumbprint=own.thumbprint)
     node_certificates = [
         NodeCertificate(own.thumbprint, 1, leaf, issuer),
         NodeCertificate(b"other", 1, leaf, issuer),
@@ -104,7 +104,7 @@ def test_latest_certificate_of_a_node_is_kept_after_it_expired(
     path = tmp_path / "spool.db"
     for _ in range(2):
         spool = Spool(path, capacity=10**6, max_dead_letters=10)
-        spool.commit(Batch(nodes={"asleep": record}, certificates=node_certificates))
+        spool.commit(Batch(nodes={"asleep": state}, certificates=node_certificates))
         spool.close()
         node_certificates = []
     spool = Spool(path, capacity=10**6, max_dead_letters=10)

@@ -1,4 +1,4 @@
-"""What is no proper message of a known node is refused, counted, and never acknowledged."""
+"""Invalid messages are rejected, counted and not acknowledged."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from eskin.wire.envelope import MOST_ENVELOPE, Opener
 from eskin.wire.messages import Acknowledgement, Position
 from eskin.wire.topics import Stream, node_topic
 from tests.support.identities import SITE, Identities
-from tests.unit.gateway.messages import block, gap, peak, status
 from tests.unit.gateway.in_memory import Inside
+from tests.unit.gateway.messages import block, gap, peak, status
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def acknowledged(inside: Inside, identities: Identities) -> set[tuple[int, int]]
 
 
 def kept(inside: Inside, letter: DeadLetter) -> bytes:
-    """What a dead letter keeps; what may tell of a person is sealed behind its reason."""
+    """Body of a dead letter; a biometric one is encrypted with its reason."""
     if letter.reason != WITHHELD:
         return letter.body
     opened = Decryptor(inside.keystore).unveil(letter.node, SealedMessage.decode(letter.body))
@@ -194,7 +194,7 @@ def test_lower_boot_after_a_new_flash_is_accepted(
 
 
 def test_status_of_an_old_boot_is_not_published(inside: Inside, seal: Seal) -> None:
-    """A broker may repeat what it has; of boots long ago the cloud alone knows that it was said."""
+    """Only the cloud can detect duplicates of boots that the gateway dropped."""
 
     def say(boot: int) -> bytes:
         held = Position(boot, 0)
@@ -206,14 +206,14 @@ def test_status_of_an_old_boot_is_not_published(inside: Inside, seal: Seal) -> N
     old = say(4)
     for boot in range(5, 40):
         say(boot)
-    record = inside.spool.node("fingertip")
+    state = inside.spool.node("fingertip")
     before = len(inside.broker.published)
     inside.arrive(Stream.STATUS, old)
     assert inside.stored()[-1] == status(0, boot=4).encode(), "the cloud will know it"
     after = inside.spool.node("fingertip")
-    assert record is not None
+    assert state is not None
     assert after is not None
-    assert after.status == record.status
+    assert after.status == state.status
     assert [topic for topic, *_ in inside.broker.published[before:]] == [ACKS]
 
 

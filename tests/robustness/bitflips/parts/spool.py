@@ -13,8 +13,8 @@ from eskin.wire.messages import Position
 from eskin.wire.topics import Stream
 from tests.robustness.bitflips.part import Part
 from tests.support.identities import Identities
-from tests.unit.gateway.messages import block, gap, peak, status
 from tests.unit.gateway.in_memory import Inside
+from tests.unit.gateway.messages import block, gap, peak, status
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:

@@ -14,8 +14,8 @@ from eskin.wire.topics import Stream, node_topic
 from tests.robustness.fuzz.mutations.trees import mutate_tree, read_input
 from tests.robustness.fuzz.target import Target
 from tests.support.identities import Identities
-from tests.unit.gateway.messages import block, gap, peak, result, status
 from tests.unit.gateway.in_memory import Inside
+from tests.unit.gateway.messages import block, gap, peak, result, status
 
 if TYPE_CHECKING:
     from pathlib import Path

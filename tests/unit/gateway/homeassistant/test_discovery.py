@@ -23,9 +23,9 @@ from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
+from tests.unit.gateway.in_memory import DAY_NS, Inside
 from tests.unit.gateway.messages import CHANNEL, EPOCH, block, status
 from tests.unit.gateway.test_public_payloads import summary
-from tests.unit.gateway.in_memory import DAY_NS, Inside
 from tests.unit.gateway.wire_node import Listener, Seal, WireNode
 
 if TYPE_CHECKING:
@@ -59,8 +59,8 @@ def judged(*questions: Any) -> list[Any]:
     """What Home Assistant itself makes of them."""
     assert PYTHON.exists(), "Home Assistant is missing: run make test"
     done = subprocess.run(
-        [PYTHON, EVALUATE], input=json.dumps(questions), capture_output=True, text=True, timeout=250,
-        check=False,
+        [PYTHON, EVALUATE], input=json.dumps(questions), capture_output=True, text=True,
+        check=False, timeout=250,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     return list(json.loads(done.stdout))
@@ -96,26 +96,26 @@ def test_home_assistant_accepts_channels_with_bounds_and_availability(
     client = identities.make(IdentityKind.CLIENT, "client.home")
     both = ChannelInfo(CHANNEL, "F", 10**6, 1.0), ChannelInfo("t02.current", "A", 10**9, 1.0)
     personal = ChannelInfo("t03.bioelectric", "V", 10**6, 1.0)
-    with Listener(client, broker.client_port) as hearing:
+    with Listener(client, broker.client_port) as listener:
         node.say(Stream.STATUS, now_status(0, *both, personal))
         node.say(Stream.BLOCKS, now_block(1))
         node.say(Stream.BLOCKS, block(3))
         state = live_topic("fingertip", CHANNEL)
-        wait_until(lambda: len(hearing.on(state)) > 1, "both hulls are public")
+        wait_until(lambda: len(listener.on(state)) > 1, "both hulls are public")
         statuses = live_topic("fingertip", "status")
         silent = "silent, so offline"
-        wait_until(lambda: not json.loads(hearing.on(statuses)[-1])["online"], silent)
-        told = hearing.on(statuses)
-        heard = hearing.on(state), [told[0], told[-1]]
-    # Home Assistant may come later: the broker keeps what it needs.
+        wait_until(lambda: not json.loads(listener.on(statuses)[-1])["online"], silent)
+        told = listener.on(statuses)
+        heard = listener.on(state), [told[0], told[-1]]
+    # Home Assistant may start later: the broker retains the announcements.
     with Listener(client, broker.client_port, "homeassistant/#") as late:
-        wait_until(lambda: len(late.heard) >= 2, "both channels are announced")
-        assert {(topic, kept) for topic, _, kept in late.heard} == {(TOPIC, True), (OTHER, True)}
+        wait_until(lambda: len(late.received) >= 2, "both channels are announced")
+        assert {(topic, kept) for topic, _, kept in late.received} == {(TOPIC, True), (OTHER, True)}
         (one,) = judged(asked(TOPIC, late.on(TOPIC)[0], states=heard[0], statuses=heard[1]))
         lo, hi = block(1).bounds
         assert lo <= float(one["states"][0]) <= hi
         assert {"lo", "hi", "t0", "t1", "coverage", "unit"} <= set(one["attributes"][0])
-        # What waited for long tells nothing of now.
+        # A delayed block is not the present state.
         assert (one["states"][1:], one["attributes"][1:]) == (["None"], [[]])
         assert one["available"] == [True, False]
         assert (one["component"], one["node_id"], one["unit"]) == ("sensor", "fingertip", "F")
@@ -125,8 +125,8 @@ def test_home_assistant_accepts_channels_with_bounds_and_availability(
     with Listener(client, broker.client_port, "homeassistant/#") as last:
         node.say(Stream.STATUS, replace(now_status(4, both[0]), description="another finger"))
         anew = "the other channel is announced anew, after all that was kept"
-        wait_until(lambda: any(not kept for _, _, kept in list(last.heard)), anew)
-        assert [topic for topic, _, _ in last.heard] == [TOPIC, TOPIC]
+        wait_until(lambda: any(not kept for _, _, kept in list(last.received)), anew)
+        assert [topic for topic, _, _ in last.received] == [TOPIC, TOPIC]
 
 
 def test_home_assistant_accepts_every_unit_and_unbounded_sides() -> None:
@@ -138,7 +138,7 @@ def test_home_assistant_accepts_every_unit_and_unbounded_sides() -> None:
     answers = judged(*(asked(topic, each, states=[open_above], statuses=[]) for each in announced))
     told = {"m2": "m²", "Cel": "°C", "1": None}
     assert [one["unit"] for one in answers] == [told.get(unit, unit) for unit in UNITS]
-    # Its word for a state that is not known; the attributes still hold the other bound.
+    # Its unknown state; the attributes still hold the other bound.
     assert [one["states"] for one in answers] == [["None"]] * len(UNITS)
     assert all("lo" in one["attributes"][0] for one in answers)
 
@@ -165,7 +165,7 @@ def test_texts_of_a_node_are_no_templates() -> None:
 
 
 def announced(inside: Inside) -> list[bool]:
-    """Whether each publication for the channel announces it, or takes it away."""
+    """Whether each publication for the channel announces it (and does not remove it)."""
     return [payload != b"" for payload in inside.broker.on(TOPIC)]
 
 
