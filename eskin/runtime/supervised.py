@@ -125,10 +125,10 @@ class Supervised:
 
     def _failed(self, error: Exception) -> float:
         expected = isinstance(error, EskinError | OSError)
-        fault = str(error) if expected else f"unexpected error: {error!r}"
+        fault = str(error) if expected else f"unexpected error: {type(error).__name__}"
         if fault != self.fault:
-            trace = None if expected else error
-            log.warning("retrying: thread=%s error=%s", self._name, fault, exc_info=trace)
+            level, trace = (logging.WARNING, None) if expected else (logging.ERROR, error)
+            log.log(level, "retrying: thread=%s error=%s", self._name, fault, exc_info=trace)
         self.fault = fault
         self._on_failure(error)
         return self._backoff.failed(
