@@ -43,13 +43,13 @@ class Publish(NamedTuple):
     retained: bool
 
 
-def read_publication(data: bytes, at: int, *, five: bool) -> Publish | None:
+def read_publication(data: bytes, at: int, *, v5: bool) -> Publish | None:
     """Read a packet if it is complete and an ordinary PUBLISH of QoS 0 or 1.
 
     Args:
         data: Bytes from the broker.
         at: Offset of the packet.
-        five: Whether the protocol is version 5.
+        v5: Whether the protocol is version 5.
     """
     if len(data) < at + 5 or data[at] & (0xF0 | _QOS_2) != _PUBLISH:
         return None
@@ -63,8 +63,8 @@ def read_publication(data: bytes, at: int, *, five: bool) -> Publish | None:
         return None
     qos = data[at] >> 1 & 1
     topic_end = start + 2 + (data[start] << 8 | data[start + 1])
-    body = topic_end + 2 * qos + five
-    if topic_end == start + 2 or body > end or (five and data[body - 1]):
+    body = topic_end + 2 * qos + v5
+    if topic_end == start + 2 or body > end or (v5 and data[body - 1]):
         return None
     topic = _topic(data[start + 2 : topic_end])
     if topic is None:
@@ -81,9 +81,9 @@ def _topic(raw: bytes) -> str | None:
         return None
 
 
-def write_publication(topic: str, payload: bytes, *, retain: bool, five: bool) -> bytes:
+def write_publication(topic: str, payload: bytes, *, retain: bool, v5: bool) -> bytes:
     """Write a PUBLISH at QoS 0."""
-    header = _variable_header(topic, five=five)
+    header = _variable_header(topic, v5=v5)
     return b"%b%b%b" % (
         _fixed_header(_PUBLISH | retain, len(header) + len(payload)),
         header,
@@ -92,10 +92,10 @@ def write_publication(topic: str, payload: bytes, *, retain: bool, five: bool) -
 
 
 @lru_cache(16_384)
-def _variable_header(topic: str, *, five: bool) -> bytes:
+def _variable_header(topic: str, *, v5: bool) -> bytes:
     """The variable header: topic and no properties."""
     name = topic.encode()
-    return b"%b%b%b" % (len(name).to_bytes(2), name, bytes(five))
+    return b"%b%b%b" % (len(name).to_bytes(2), name, bytes(v5))
 
 
 @lru_cache(4096)

@@ -90,7 +90,7 @@ class MqttTransport:
         self.accepting = True
         self.connection = 0
         self._fault: str | None = None
-        self._five = settings.protocol == "5"
+        self._v5 = settings.protocol == "5"
         self._client = self._make_client(name, context)
         self._thread = Supervised("broker", self._connect_and_serve, backoff=backoff)
 
@@ -135,19 +135,19 @@ class MqttTransport:
     def publish(self, publications: Iterable[Publication]) -> None:
         """Publish at QoS 0; drop and count while disconnected or while the send queue is full."""
         for topic, payload, retain in publications:
-            packet = write_publication(topic, payload, retain=retain, five=self._five)
+            packet = write_publication(topic, payload, retain=retain, v5=self._v5)
             if not self._subscribed or not self._send_queue.put(packet):
                 self.dropped += 1
         self._wake()
 
     def _make_client(self, name: str, context: ssl.SSLContext) -> _PahoClient:
-        five = self._five
+        v5 = self._v5
         # The context makes the sockets of this connection only.
         context.sslsocket_class = BufferedSocket
         client = _PahoClient(
             receive=self.receive_from_paho,
             client_id=name,
-            clean_session=None if five else True,
+            clean_session=None if v5 else True,
             protocol=_PROTOCOLS[self._settings.protocol],
             manual_ack=True,
         )
@@ -158,14 +158,14 @@ class MqttTransport:
         # Without this callback, paho would write in the caller's thread.
         client.on_socket_register_write = lambda *_: None
         properties = None
-        if five:
+        if v5:
             properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho has no annotations here
             properties.ReceiveMaximum = self._settings.receive_queue_messages
         client.connect_async(
             self._settings.host,
             self._settings.port,
             keepalive=self._settings.keepalive_s,
-            clean_start=True if five else paho.MQTT_CLEAN_START_FIRST_ONLY,
+            clean_start=True if v5 else paho.MQTT_CLEAN_START_FIRST_ONLY,
             properties=properties,
         )
         return client
@@ -192,15 +192,15 @@ class MqttTransport:
 
     def _serve(self) -> None:
         """Read and write until the connection ends or the thread is stopped."""
-        while isinstance(own := self._client.socket(), BufferedSocket):
+        while isinstance(tls := self._client.socket(), BufferedSocket):
             if self._thread.stopping.is_set():
                 return
             holding = self._is_holding_back()
-            if holding or own.drained:
-                self._wait(own, read=not holding)
-            if not holding and self._read(own):
+            if holding or tls.drained:
+                self._wait(tls, read=not holding)
+            if not holding and self._read(tls):
                 return
-            if self._write(own) or self._client.loop_misc():
+            if self._write(tls) or self._client.loop_misc():
                 return
 
     def _is_holding_back(self) -> bool:
@@ -215,45 +215,45 @@ class MqttTransport:
         self._full_checked, self._had_room = now, False
         return now <= self._full_since + self._settings.keepalive_s / 2
 
-    def _wait(self, own: BufferedSocket, *, read: bool) -> None:
+    def _wait(self, tls: BufferedSocket, *, read: bool) -> None:
         """Wait for I/O. While the queue is full nothing is read, so TCP holds the broker back."""
-        writing = [own] if own.unsent else []
-        reading = [own, self._wake_out] if read else [self._wake_out]
+        writing = [tls] if tls.unsent else []
+        reading = [tls, self._wake_out] if read else [self._wake_out]
         readable, _, _ = select.select(reading, writing, [], _TICK_S if read else _FULL_TICK_S)
         if self._wake_out in readable:
             self._wake_out.recv(4096)
 
-    def _read(self, own: BufferedSocket) -> bool:
+    def _read(self, tls: BufferedSocket) -> bool:
         """Read what has arrived, up to a batch; return whether the connection ended."""
         for _ in range(_READS):
-            whole = self._client.between_packets and self.receive(own)
+            whole = self._client.between_packets and self.receive(tls)
             # The socket does not block, so this returns at once.
-            if not whole and not own.drained and self._client.loop_read():
+            if not whole and not tls.drained and self._client.loop_read():
                 return True
-            if own.drained or self._receive_queue.full:
+            if tls.drained or self._receive_queue.full:
                 return False
         return False
 
-    def receive(self, own: BufferedSocket) -> bool:
+    def receive(self, tls: BufferedSocket) -> bool:
         """Queue ordinary messages from the front of the input; return whether there were any.
 
         Raises:
             OSError: The connection ended.
         """
-        if not own.fill():
+        if not tls.fill():
             return False
-        data, at = own.unread
+        data, at = tls.unread
         found: list[ReceivedMessage] = []
         most = self._receive_queue.room or len(data)
         while len(found) < most:
-            packet = read_publication(data, at, five=self._five)
+            packet = read_publication(data, at, v5=self._v5)
             if packet is None:
                 break
             at, topic, payload, mid, qos, retained = packet
             # One byte too many is enough to reject it.
             payload = payload[: MOST_ENVELOPE + 1]
             found.append(ReceivedMessage(topic, payload, mid, qos, retained, self.connection))
-        own.skip(at)
+        tls.skip(at)
         self._queue(found)
         return bool(found)
 
@@ -274,26 +274,26 @@ class MqttTransport:
             # The nodes send these again; without a PUBACK they would fill the broker's window.
             self.acknowledge(received_messages[queued:])
 
-    def _write(self, own: BufferedSocket) -> bool:
+    def _write(self, tls: BufferedSocket) -> bool:
         """Write what other threads queued; return whether the connection ended."""
-        self._write_queued(own)
+        self._write_queued(tls)
         if self._client.want_write() and self._client.loop_write():
             return True
-        own.flush()
+        tls.flush()
         return False
 
-    def _write_queued(self, own: BufferedSocket) -> None:
-        while not own.congested and (packet := self._send_queue.take(self.connection)) is not None:
-            own.send(packet)
+    def _write_queued(self, tls: BufferedSocket) -> None:
+        while not tls.congested and (packet := self._send_queue.take(self.connection)) is not None:
+            tls.send(packet)
 
     def _disconnect(self) -> None:
-        own = self._client.socket()
-        if self._client.is_connected() and isinstance(own, BufferedSocket):
-            self._write_queued(own)
+        tls = self._client.socket()
+        if self._client.is_connected() and isinstance(tls, BufferedSocket):
+            self._write_queued(tls)
             self._client.loop_write()
             with suppress(OSError):
-                own.settimeout(_DISCONNECT_S)
-                own.flush()
+                tls.settimeout(_DISCONNECT_S)
+                tls.flush()
             self._client.disconnect()
             self._client.loop_write()
 
@@ -319,7 +319,7 @@ class MqttTransport:
             shared + node_topic("+", Stream.EVENTS),
             node_topic("+", Stream.STATUS),
         ]
-        if self._five:
+        if self._v5:
             options = SubscribeOptions(qos=1)
             client.subscribe([(topic, options) for topic in wanted])
         else:

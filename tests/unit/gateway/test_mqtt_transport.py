@@ -105,7 +105,7 @@ def holding(data: bytes) -> Mock:
 
 
 def test_messages_are_received_as_far_as_there_is_room(broker: MqttTransport) -> None:
-    packet = write_publication("t", b"body", retain=False, five=False)
+    packet = write_publication("t", b"body", retain=False, v5=False)
     own = holding(packet * 17)
     assert broker.receive(own)
     own.skip.assert_called_once_with(16 * len(packet))
@@ -114,7 +114,7 @@ def test_messages_are_received_as_far_as_there_is_room(broker: MqttTransport) ->
 
 
 def test_other_packet_is_left_to_paho(broker: MqttTransport) -> None:
-    packet = write_publication("t", b"body", retain=False, five=False)
+    packet = write_publication("t", b"body", retain=False, v5=False)
     own = holding(b"\xd0\x00" + packet)
     assert not broker.receive(own)
     own.skip.assert_called_once_with(0)
@@ -124,7 +124,7 @@ def test_other_packet_is_left_to_paho(broker: MqttTransport) -> None:
 def test_oversized_ordinary_message_is_truncated(
     broker: MqttTransport,
 ) -> None:
-    packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, five=False)
+    packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, v5=False)
     assert broker.receive(holding(packet))
     (received_message,) = broker._receive_queue.take(1, linger_s=0, wait_s=0)
     assert len(received_message.payload) == MOST_ENVELOPE + 1
