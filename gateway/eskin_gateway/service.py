@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import logging
 import signal
+from functools import partial
 from random import SystemRandom
 from threading import Event
 from time import monotonic, time_ns
-from typing import TYPE_CHECKING, TypedDict
+from typing import TYPE_CHECKING
 
 from eskin.identity import ChainVerifier, IdentityKind, RevocationFile, client_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.privacy import open_keystore
 from eskin.runtime.memory import freeze_gc
+from eskin.runtime.supervised import Backoff
 from eskin.wire.messages.warm_up import warm_up
 from eskin.wire.timestamp import SECOND
-from eskin_gateway.backoff import Backoff
 from eskin_gateway.commands.pending import PendingCommands
 from eskin_gateway.commands.poller import CommandPoller
 from eskin_gateway.commands.publisher import CommandPublisher
 from eskin_gateway.forward.forwarder import Forwarder
 from eskin_gateway.forward.status_report import StatusReport
-from eskin_gateway.ingest.acknowledger import Acknowledger
 from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.ingest.commit_loop import CommitLoop
 from eskin_gateway.ingest.post_commit import PostCommit
@@ -29,28 +29,25 @@ from eskin_gateway.ingest.validator import Validator
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.mqtt_transport import MqttTransport
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue
+from eskin_gateway.mqtt.sealer_cache import SealerCache
 from eskin_gateway.ops.health import Health
 from eskin_gateway.ops.health_server import HealthServer
 from eskin_gateway.ops.keyring import Keyring
 from eskin_gateway.ops.subject_sync import SubjectSync
-from eskin_gateway.publish.discovery import Discovery
+from eskin_gateway.publish.homeassistant import Discovery
 from eskin_gateway.publish.presence import Presence
 from eskin_gateway.spool.node_certificates import NodeCertificates
-from eskin_gateway.spool.node_states import NodeStates
-from eskin_gateway.spool.sealer_cache import SealerCache
+from eskin_gateway.spool.node_state import NodeStates
 from eskin_gateway.spool.spool import Spool
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
-from eskin_gateway.upstream.certificates_client import HttpsCertificates
+from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.commands_client import HttpsDeliveries
-from eskin_gateway.upstream.confirmations_client import HttpsConfirmations
-from eskin_gateway.upstream.ingest_client import HttpsCloud
-from eskin_gateway.upstream.subjects_client import HttpsNotices
-from eskin_gateway.upstream.viewers import Viewers
+from eskin_gateway.upstream.commands_client import CommandsClient
+from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
+from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
+from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 if TYPE_CHECKING:
-    import ssl
-    from collections.abc import Callable
     from types import FrameType
 
     from eskin_gateway.settings import GatewaySettings
@@ -62,7 +59,7 @@ def run(settings: GatewaySettings) -> None:
     """Run until SIGTERM or SIGINT, then drain and close.
 
     Raises:
-        EskinError: It cannot start: identity, spool or address cannot be used.
+        EskinError: Identity, spool or address cannot be used.
     """
     stop = Event()
 
@@ -84,34 +81,25 @@ def run(settings: GatewaySettings) -> None:
         settings.broker.port,
         settings.cloud.url,
         settings.http.host,
-        gateway.monitor.port,
+        gateway.health_server.port,
     )
     stop.wait()
-    gateway.stop()
-    log.info("ended: %d messages wait in the spool for the next start", gateway.left)
-
-
-class _Reach(TypedDict):
-    """How the cloud is reached, for what is sent and for what is fetched."""
-
-    headers: Callable[[], dict[str, str]]
-    context: ssl.SSLContext
-    timeout_s: float
+    left = gateway.stop()
+    log.info("ended: messages_left=%d", left)
 
 
 class Gateway:
-    """All parts of one gateway, put together.
+    """All parts of one gateway.
 
     Raises:
         EskinError: A part cannot be made.
     """
 
     def __init__(self, settings: GatewaySettings) -> None:
+        self._settings = settings
         self.keyring = Keyring(settings.identity)
         identity = self.keyring.gateway
         self.name = identity.name
-        self.left = 0
-        self._settings = settings
         self.metrics = Metrics()
         self.receive_queue = ReceiveQueue(
             settings.broker.receive_queue_messages, most_bytes=settings.broker.receive_queue_bytes
@@ -119,104 +107,115 @@ class Gateway:
         self.spool = Spool(
             settings.spool.path,
             capacity=settings.spool.capacity_bytes,
-            letters=settings.spool.dead_letters,
+            max_dead_letters=settings.spool.dead_letters,
         )
         self.keystore = open_keystore(settings.keys, settings.keystore)
         self.assignments = SubjectAssignments(self.keystore)
         self.encryptor = BiometricEncryptor(self.assignments)
         root = identity.directory / ROOT_FILE
-        self._trust = ChainVerifier.following(root)
+        self._verifier = ChainVerifier.following(root)
         self._revocations = RevocationFile(
-            self._trust, IdentityKind.NODE, settings.identity.revocations
+            self._verifier, IdentityKind.NODE, settings.identity.revocations
         )
         self._presence = Presence(settings.nodes.silence_s)
         self._presence.restore(self.spool, monotonic())
         self.commands = PendingCommands(settings.commands.resend_s)
-        self.broker = self._make_broker()
-        self._viewers = Viewers()
-        self.worker = self._make_worker()
-        reach: _Reach = {
-            "headers": StatusReport(self.spool, self._presence).headers,
-            "context": client_context(root, identity),
-            "timeout_s": settings.cloud.timeout_s,
-        }
-        self._client = CloudClient(settings.cloud.url, **reach)
-        self.certificates = HttpsCertificates(self._client, self.spool)
-        self.forwarder = self._make_forwarder()
-        self.command_poller = self._make_command_poller(
-            HttpsDeliveries(settings.cloud.url, **reach)
-        )
-        self.subject_sync = SubjectSync(
-            self.keystore,
-            self.assignments,
-            encryptor=self.encryptor,
-            subjects_client=HttpsNotices(self._client),
-            certificates=self.certificates,
-            share=settings.keys.share,
-            backoff=Backoff(
-                settings.cloud.retry_s, settings.cloud.retry_most_s, random=SystemRandom()
-            ),
-        )
-        self.metrics.gauge(
-            "erasures_pending",
-            "erasures that the cloud has not confirmed",
-            lambda: self.subject_sync.pending,
-        )
-        self.metrics.gauge(
-            "confirmed_missing",
-            "messages that the cloud had confirmed and no longer has",
-            lambda: self.forwarder.missing,
-        )
-        self.monitor = self._make_monitor()
-
-    def _make_broker(self) -> MqttTransport:
-        return MqttTransport(
-            self._settings.broker,
+        self.broker = MqttTransport(
+            settings.broker,
             name=self.name,
             context=self.keyring.context,
             receive_queue=self.receive_queue,
             backoff=Backoff(0.2, 10.0, random=SystemRandom()),
         )
+        self._viewers = Viewers()
+        self.commit_loop = self._make_commit_loop()
+        cloud_client = partial(
+            CloudClient,
+            settings.cloud.url,
+            headers=StatusReport(self.spool, self._presence).headers,
+            context=client_context(root, identity),
+            timeout_s=settings.cloud.timeout_s,
+        )
+        self._client = cloud_client()
+        self.certificates_client = CertificatesClient(self._client, self.spool)
+        self.forwarder = Forwarder(
+            settings.cloud,
+            spool=self.spool,
+            ingest_client=IngestClient(self._client, self._viewers),
+            certificates_client=self.certificates_client,
+            backoff=self._make_cloud_backoff(),
+            metrics=self.metrics,
+            confirmations_client=ConfirmationsClient(self._client, self.certificates_client),
+        )
+        self.command_poller = CommandPoller(
+            self.commands,
+            commands_client=CommandsClient(cloud_client(abortable=True)),
+            wait_s=settings.commands.wait_s,
+            backoff=self._make_cloud_backoff(),
+            metrics=self.metrics,
+        )
+        self.subject_sync = SubjectSync(
+            self.keystore,
+            self.assignments,
+            encryptor=self.encryptor,
+            subjects_client=SubjectsClient(self._client),
+            certificates_client=self.certificates_client,
+            share=settings.keys.share,
+            backoff=self._make_cloud_backoff(),
+        )
+        health = Health(
+            broker=self.broker,
+            receive_queue=self.receive_queue,
+            commit_loop=self.commit_loop,
+            spool=self.spool,
+            forwarder=self.forwarder,
+            command_poller=self.command_poller,
+            presence=self._presence,
+            revocations=self._revocations,
+            subject_sync=self.subject_sync,
+        )
+        health.export(self.metrics)
+        self.health_server = HealthServer(settings.http, health=health, metrics=self.metrics)
 
-    def _make_worker(self) -> CommitLoop:
+    def _make_cloud_backoff(self) -> Backoff:
+        cloud = self._settings.cloud
+        return Backoff(cloud.retry_s, cloud.retry_max_s, random=SystemRandom())
+
+    def _make_commit_loop(self) -> CommitLoop:
         node_certificates = NodeCertificates(
             self.spool,
-            self._trust,
+            self._verifier,
             revocations=self._revocations,
             site=self.keyring.gateway.site,
         )
-        validator = Validator(
-            opener=self.keyring.make_opener(node_certificates.find),
-            node_certificates=node_certificates,
-            records=NodeStates(self.spool),
-            encryptor=self.encryptor,
-        )
-        sealer_cache = SealerCache(self.keyring.answering)
-        answers = PostCommit(
-            broker=self.broker,
-            acknowledger=Acknowledger(sealer_cache),
-            node_certificates=node_certificates,
-            presence=self._presence,
-            metrics=self.metrics,
-            viewers=self._viewers,
-            discovery=self._make_discovery(node_certificates),
-            senml=self._settings.public.senml,
-        )
-        command_publisher = CommandPublisher(
-            self.commands,
-            broker=self.broker,
-            sealer_cache=sealer_cache,
-            node_certificates=node_certificates,
-            spool=self.spool,
-            metrics=self.metrics,
-        )
+        sealer_cache = SealerCache(self.keyring.find_site)
         return CommitLoop(
             self._settings.spool,
             receive_queue=self.receive_queue,
-            validator=validator,
+            validator=Validator(
+                opener=self.keyring.make_opener(node_certificates.find),
+                node_certificates=node_certificates,
+                node_states=NodeStates(self.spool),
+                encryptor=self.encryptor,
+            ),
             spool=self.spool,
-            answers=answers,
-            command_publisher=command_publisher,
+            post_commit=PostCommit(
+                broker=self.broker,
+                sealer_cache=sealer_cache,
+                node_certificates=node_certificates,
+                presence=self._presence,
+                metrics=self.metrics,
+                viewers=self._viewers,
+                discovery=self._make_discovery(node_certificates),
+                senml=self._settings.public.senml,
+            ),
+            command_publisher=CommandPublisher(
+                self.commands,
+                broker=self.broker,
+                sealer_cache=sealer_cache,
+                node_certificates=node_certificates,
+                metrics=self.metrics,
+            ),
             metrics=self.metrics,
         )
 
@@ -226,69 +225,33 @@ class Gateway:
             return None
         return Discovery(
             public.homeassistant_prefix,
-            forget_ns=round(public.homeassistant_forget_days * 86_400 * SECOND),
+            expire_ns=round(public.homeassistant_expire_days * 86_400 * SECOND),
             spool=self.spool,
             node_certificates=node_certificates,
             now=time_ns,
         )
 
-    def _make_forwarder(self) -> Forwarder:
-        cloud = self._settings.cloud
-        return Forwarder(
-            cloud,
-            spool=self.spool,
-            cloud=HttpsCloud(self._client, self._viewers),
-            certificates=self.certificates,
-            backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
-            metrics=self.metrics,
-            confirmations=HttpsConfirmations(self._client, self.certificates),
-        )
-
-    def _make_command_poller(self, commands_client: HttpsDeliveries) -> CommandPoller:
-        cloud = self._settings.cloud
-        return CommandPoller(
-            self.commands,
-            commands_client=commands_client,
-            wait_s=self._settings.commands.wait_s,
-            backoff=Backoff(cloud.retry_s, cloud.retry_most_s, random=SystemRandom()),
-            metrics=self.metrics,
-        )
-
-    def _make_monitor(self) -> HealthServer:
-        health = Health(
-            broker=self.broker,
-            receive_queue=self.receive_queue,
-            worker=self.worker,
-            spool=self.spool,
-            forwarder=self.forwarder,
-            command_poller=self.command_poller,
-            presence=self._presence,
-            revocations=self._revocations,
-            subject_sync=self.subject_sync,
-        )
-        health.export(self.metrics)
-        return HealthServer(self._settings.http, health=health, metrics=self.metrics)
-
     def start(self) -> None:
         """Start all threads."""
         self.keyring.start()
-        self.monitor.start()
+        self.health_server.start()
         self.forwarder.start()
         self.command_poller.start()
         self.subject_sync.start()
-        self.worker.start()
+        self.commit_loop.start()
         self.broker.start()
 
-    def stop(self) -> None:
-        """Take nothing more, commit and answer what came, forward what the cloud takes, close."""
-        self.broker.refuse()
+    def stop(self) -> int:
+        """Drain and close; return how many messages are left in the spool."""
+        self.broker.pause()
         self.command_poller.stop()
         self.subject_sync.stop()
-        self.worker.stop()
+        self.commit_loop.stop()
         self.broker.stop()
         self.forwarder.stop()
-        self.monitor.stop()
+        self.health_server.stop()
         self._client.close()
-        self.left = self.spool.statistics.messages
+        left = self.spool.statistics.messages
         self.spool.close()
         self.keyring.stop()
+        return left

@@ -15,33 +15,37 @@ from eskin.wire.topics import HOME_ASSISTANT
 class BrokerSection(Section):
     """The MQTT broker."""
 
-    host: Host = Field(default="localhost", description="broker's name or address, as certified")
+    host: Host = Field(
+        default="localhost", description="broker's name or address, as in its certificate"
+    )
     port: int = Field(default=8883, ge=1, le=65535, description="broker's TLS port")
     protocol: Literal["3.1.1", "5"] = Field(default="3.1.1", description="MQTT version: 3.1.1 or 5")
     keepalive_s: int = Field(default=15, ge=1, le=3600, description="seconds between pings")
     group: str = Field(
         default="",
         pattern=r"^[A-Za-z0-9_-]{0,64}$",
-        description="group that shares blocks and events ($share); empty: this gateway takes all",
+        description="shared subscription ($share) for blocks and events; empty: not shared",
     )
     receive_queue_messages: int = Field(
         default=4096,
         ge=16,
         le=65535,
-        description="messages held between broker and spool; more than the broker's window",
+        description="messages between broker and spool; more than the broker's window",
     )
     receive_queue_bytes: int = Field(
-        default=67_108_864, ge=1_048_576, description="their bytes; when full, the broker waits"
+        default=67_108_864,
+        ge=1_048_576,
+        description="their bytes; when full, the gateway stops reading",
     )
 
 
 class IdentitySection(Section):
-    """Who the gateway is, and whom it trusts."""
+    """The gateway's identity and its site's keys."""
 
     directory: Path = Field(description="folder of the gateway's identity")
-    site: Path = Field(description="folder of the site's identity, to which nodes seal")
+    site: Path = Field(description="folder of the site's identity, to which nodes seal messages")
     revocations: Path | None = Field(
-        default=None, description="the nodes' revocation list (PEM); read again when it changes"
+        default=None, description="the nodes' revocation list (PEM); reloaded when it changes"
     )
 
 
@@ -51,17 +55,17 @@ class CloudSection(Section):
     url: str = Field(
         default="https://localhost:8443/api/v1/ingest",
         pattern=r"^https://[^\s/@]+(/\S*)?$",
-        description="where to send; https only; commands come from `deliveries` beside it",
+        description="cloud's ingest; https only; commands come from `deliveries` beside it",
     )
     timeout_s: float = Field(
-        default=10.0, gt=0, le=600, description="seconds to wait for an answer"
+        default=10.0, gt=0, le=600, description="seconds to wait for a response"
     )
     batch_messages: int = Field(default=512, ge=1, le=10_000, description="messages in one request")
     batch_bytes: int = Field(
         default=4_194_304, ge=65_536, le=67_108_864, description="bytes of messages in one request"
     )
     retry_s: float = Field(default=0.5, gt=0, le=60, description="seconds before the first retry")
-    retry_most_s: float = Field(
+    retry_max_s: float = Field(
         default=30.0, gt=0, le=3600, description="most seconds between retries"
     )
 
@@ -70,10 +74,16 @@ class CommandsSection(Section):
     """Commands from the cloud to nodes."""
 
     wait_s: float = Field(
-        default=20.0, ge=0, le=60, description="seconds that the cloud may let a question wait"
+        default=20.0,
+        ge=0,
+        le=60,
+        description="seconds that the cloud may hold a request for commands",
     )
     resend_s: float = Field(
-        default=5.0, gt=0, le=3600, description="seconds before an unanswered one is sent again"
+        default=5.0,
+        gt=0,
+        le=3600,
+        description="seconds before an unanswered command is resent",
     )
 
 
@@ -82,35 +92,35 @@ class SpoolSection(Section):
 
     path: Path = Field(description="SQLite file")
     capacity_bytes: int = Field(
-        default=1_073_741_824, ge=2_097_152, description="bytes of messages that it may hold"
+        default=1_073_741_824, ge=2_097_152, description="most bytes of messages"
     )
     dead_letters: int = Field(
-        default=10_000, ge=1, description="dead letters kept; the oldest goes first, and is counted"
+        default=10_000, ge=1, description="most dead letters; the oldest is dropped and counted"
     )
     batch_messages: int = Field(default=256, ge=1, le=900, description="messages in one commit")
     batch_ms: float = Field(
         default=10.0,
         ge=0,
         le=1000,
-        description="milliseconds to wait for more in one commit, where more are coming",
+        description="milliseconds to wait for more messages in one commit",
     )
 
 
 class SiteKeysSection(KeysSection):
-    """Where the site keeps its subjects' keys; without a folder, in `keys` beside the spool."""
+    """The site's key store; by default the folder `keys` beside the spool."""
 
     share: bool = Field(
         default=False,
-        description="whether the cloud is given the keys, to show biometric channels to tokens "
-        "with the scope `biometric`",
+        description="whether the cloud gets the keys, to show biometric channels to tokens with "
+        "the scope `biometric`",
     )
 
 
 class HttpSection(Section):
-    """Health and figures."""
+    """Health and metrics."""
 
     host: Host = Field(default="127.0.0.1", description="loopback address to listen on")
-    port: int = Field(default=9464, ge=0, le=65535, description="port; 0 takes a free one")
+    port: int = Field(default=9464, ge=0, le=65535, description="port; 0: any free one")
     requests_per_s: int = Field(
         default=20, ge=1, le=1_000_000, description="requests a second, over ten seconds"
     )
@@ -118,7 +128,7 @@ class HttpSection(Section):
         default=32,
         ge=1,
         le=100_000,
-        description="connections open at once; for one more, the one idle longest goes",
+        description="open connections; for one more, the one idle longest is closed",
     )
 
     @field_validator("host")
@@ -130,18 +140,18 @@ class HttpSection(Section):
 
 
 class NodesSection(Section):
-    """How nodes are judged."""
+    """When nodes count as offline."""
 
     silence_s: float = Field(
         default=15.0,
         gt=0,
         le=86_400,
-        description="seconds of silence after which a node is offline",
+        description="seconds without a message after which a node is offline",
     )
 
 
 class PublicSection(Section):
-    """What is published for other clients besides the plain JSON of `eskin/v1/live`."""
+    """What is published besides the plain JSON of `eskin/v1/live`."""
 
     homeassistant: bool = Field(
         default=False, description="whether channels are announced to Home Assistant"
@@ -149,16 +159,16 @@ class PublicSection(Section):
     homeassistant_prefix: str = Field(
         default=HOME_ASSISTANT,
         pattern=r"^[A-Za-z0-9_-]{1,64}$",
-        description="its discovery topic; another one must be allowed by the broker, too",
+        description="its discovery topic; the broker's ACL must allow another one",
     )
-    homeassistant_forget_days: float = Field(
+    homeassistant_expire_days: float = Field(
         default=30.0,
         gt=0,
         le=3650,
-        description="days without a word from a node after which its channels are taken away",
+        description="days without a status after which a node's channels are removed",
     )
     senml: bool = Field(
-        default=False, description="whether hulls are published as SenML, too (`eskin/v1/senml`)"
+        default=False, description="whether blocks are published as SenML, too (`eskin/v1/senml`)"
     )
 
 

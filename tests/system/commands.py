@@ -116,7 +116,7 @@ class Chain:
             cloud=CloudSection(
                 url=f"https://127.0.0.1:{self.cloud.ingest_port}/api/v1/ingest",
                 retry_s=0.05,
-                retry_most_s=0.2,
+                retry_max_s=0.2,
             ),
             commands=CommandsSection(resend_s=0.5),
             spool=SpoolSection(path=folder / "spool.db"),

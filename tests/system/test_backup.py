@@ -15,14 +15,13 @@ from eskin_cloud.store.write.missing_messages import find_missing, find_tails
 from eskin_gateway.forward.forwarder import Forwarder
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.settings import CloudSection
-from eskin_gateway.spool.batch import Batch, Entry, Sender
+from eskin_gateway.spool.batch import Batch, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
-from eskin_gateway.upstream.certificates_client import HttpsCertificates
+from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.confirmations_client import HttpsConfirmations
-from eskin_gateway.upstream.ingest_client import HttpsCloud
-from eskin_gateway.upstream.viewers import Viewers
+from eskin_gateway.upstream.confirmations_client import ConfirmationsClient
+from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
 
 from eskin.cli.backup import backup, copy
 from eskin.errors import IdentityError, SettingsError
@@ -35,7 +34,7 @@ from tests.support.processes import ESKIN, Running, wait_until
 from tests.unit.cloud.clouds import Clock, put
 from tests.unit.cloud.messages import NODE, START, block
 from tests.unit.cloud.service import PATIENCE_S, Service
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.stores import Store as FlashStore
 
@@ -121,10 +120,10 @@ def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
         backup([str(path)], out)
     own = identities.make(IdentityKind.NODE, NODE)
     record = NodeState(thumbprint=own.thumbprint)
-    sender = Sender(own.thumbprint, 2**40, *(der(part) for part in own.chain))
-    entries = [Entry(NODE, 1, block(number).encode(), 1, number) for number in range(4)]
-    spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, letters=3)
-    spool.commit(Batch(entries, nodes={NODE: record}, node_certificates=[sender]))
+    sender = NodeCertificate(own.thumbprint, 2**40, *(der(part) for part in own.chain))
+    entries = [SpoolMessage(NODE, 1, block(number).encode(), 1, number) for number in range(4)]
+    spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, max_dead_letters=3)
+    spool.commit(Batch(entries, nodes={NODE: record}, certificates=[sender]))
     with Service(tmp_path, identities, place=path) as cloud, forwarding(spool, cloud) as forwarder:
         wait_until(lambda: spool.confirmed() == [(NODE, 1, 3)], "the cloud confirmed all")
         assert forwarder.missing == 0
@@ -142,8 +141,8 @@ def test_store_from_before_a_node_names_all_of_it_though_the_node_says_nothing(
 def test_node_that_the_restored_cloud_refuses_is_named_by_the_gateway(
     tmp_path: Path, identities: Identities
 ) -> None:
-    spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, letters=3)
-    entry = Entry("unseen", 1, b"x", 5, 6)
+    spool = Spool(tmp_path / "spool.sqlite", capacity=10**7, max_dead_letters=3)
+    entry = SpoolMessage("unseen", 1, b"x", 5, 6)
     spool.commit(Batch([entry]))
     (stored,) = spool.take(1, 99)
     spool.settle([stored], confirmed=[stored])
@@ -161,15 +160,15 @@ def forwarding(spool: Spool, cloud: Service) -> Iterator[Forwarder]:
         context=client_context(cloud.server.directory / ROOT_FILE, cloud.gateway),
         timeout_s=PATIENCE_S,
     )
-    certificates = HttpsCertificates(client, spool)
+    certificates = CertificatesClient(client, spool)
     forwarder = Forwarder(
         CloudSection(),
         spool=spool,
-        cloud=HttpsCloud(client, Viewers()),
-        certificates=certificates,
+        ingest_client=IngestClient(client, Viewers()),
+        certificates_client=certificates,
         backoff=quick(),
         metrics=Metrics(),
-        confirmations=HttpsConfirmations(client, certificates),
+        confirmations_client=ConfirmationsClient(client, certificates),
     )
     forwarder.start()
     try:
@@ -199,21 +198,21 @@ def test_spool_from_yesterday_sends_again_and_takes_what_comes(tmp_path: Path) -
     path, out = tmp_path / "spool.sqlite", tmp_path / "out"
 
     def opened() -> Spool:
-        return Spool(path, capacity=10**7, letters=3)
+        return Spool(path, capacity=10**7, max_dead_letters=3)
 
     spool, record = opened(), NodeState()
     record.add(Position(1, 0))
-    spool.commit(Batch([Entry("n", 1, b"old", 1, 0)], nodes={"n": record}))
+    spool.commit(Batch([SpoolMessage("n", 1, b"old", 1, 0)], nodes={"n": record}))
     backup([str(path)], out)
     record.add(Position(1, 1))
-    spool.commit(Batch([Entry("n", 1, b"new", 1, 1)], nodes={"n": record}))
+    spool.commit(Batch([SpoolMessage("n", 1, b"new", 1, 1)], nodes={"n": record}))
     spool.close()
     restore(out / path.name, path)
     spool = opened()
     known = spool.node("n")
     assert known is not None
-    assert known.seen(Position(1, 0))  # is sent again, which is safe
-    assert not known.seen(Position(1, 1))  # lost, unless the node still holds it
+    assert known.is_duplicate(Position(1, 0))  # is sent again, which is safe
+    assert not known.is_duplicate(Position(1, 1))  # lost, unless the node still holds it
     assert [each.body for each in spool.take(9, 99)] == [b"old"]
     spool.close()
 

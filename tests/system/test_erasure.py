@@ -14,6 +14,7 @@ import pytest
 from eskin_cloud.store.schema.sealed_tables import veiled
 from eskin_cloud.store.write.audit_log import check_audit_entries, list_audit_entries
 from eskin_gateway.ops.subject_sync import SubjectSync
+from eskin_gateway.upstream.subjects_client import SubjectsClient
 from sqlalchemy import select
 
 from eskin.cli import app
@@ -26,8 +27,8 @@ from tests.unit.cloud.clouds import admit
 from tests.unit.cloud.messages import block, peak
 from tests.unit.cloud.sealing import ask, physician, remains, sealing
 from tests.unit.gateway.certificates import KnownNodes
-from tests.unit.gateway.test_intake import introduce
-from tests.unit.gateway.twins import Inside, quick
+from tests.unit.gateway.in_memory import Inside, quick
+from tests.unit.gateway.test_validator import introduce
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ CHANNEL: Final = "t05.bioelectric"
 SERIES: Final = f"/api/v1/series/{NODE}/{CHANNEL}"
 
 
-class House:
+class House(SubjectsClient):
     """A gateway and a cloud on real files, without a network between them."""
 
     def __init__(self, folder: Path, identities: Identities, stand: Stand) -> None:
@@ -58,7 +59,7 @@ class House:
             self.inside.assignments,
             encryptor=self.inside.encryptor,
             subjects_client=self,
-            certificates=KnownNodes(),
+            certificates_client=KnownNodes(),
             share=True,
             backoff=quick(),
         )
@@ -144,7 +145,7 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
 ) -> None:
     caplog.set_level(logging.DEBUG)
     house.command("assign", "--node", NODE, "--name", NAME)
-    house.subject_sync.tend()
+    house.subject_sync.sync()
     told = heart(1)
     house.say(*told)
     house.forward()
@@ -156,7 +157,7 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
     assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").text.count("\n") == 3
 
     house.command("erase", "--name", NAME)
-    house.subject_sync.tend()
+    house.subject_sync.sync()
     house.forward()  # what waited in the spool was sealed already
     assert house.ask(SERIES).status_code == 410
     assert house.ask(f"/api/v1/subjects/{ada.pseudonym}/export").status_code == 404
@@ -179,12 +180,12 @@ def test_erased_person_is_unreadable_and_unlinkable_in_every_file(
 
 def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: House) -> None:
     house.command("assign", "--node", NODE, "--name", NAME)
-    house.subject_sync.tend()
+    house.subject_sync.sync()
     house.say(*heart(1))
     house.forward()
     (ada,) = house.inside.keystore.named(NAME)
     house.command("erase", "--pseudonym", ada.pseudonym)
-    house.subject_sync.tend()
+    house.subject_sync.sync()
     house.command("assign", "--node", NODE, "--name", NAME)
     (again,) = house.inside.keystore.named(NAME)
     assert again.pseudonym != ada.pseudonym
@@ -209,7 +210,7 @@ def test_nothing_that_is_left_opens_what_was_sealed_or_names_the_person(house: H
 
 def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: House) -> None:
     house.command("assign", "--node", NODE, "--name", NAME)
-    house.subject_sync.tend()
+    house.subject_sync.sync()
     (ada,) = house.inside.keystore.named(NAME)
     own = house.stand.cloud.key_access.of(SITE)
     assert own.find(ada.pseudonym).key == ada.key
@@ -217,12 +218,12 @@ def test_erasure_waits_for_the_cloud_and_is_told_again_until_it_confirms(house: 
     house.reachable = False
     house.command("erase", "--name", NAME)
     with pytest.raises(CloudError):
-        house.subject_sync.tend()
+        house.subject_sync.sync()
     (tombstone,) = house.inside.keystore.graves()
     assert tombstone.confirmed is None
     assert house.subject_sync.pending == 1
     house.reachable = True
-    house.subject_sync.tend()
+    house.subject_sync.sync()
     assert house.subject_sync.pending == 0
     (tombstone,) = house.inside.keystore.graves()
     assert tombstone.confirmed is not None

@@ -39,7 +39,7 @@ def gateway(folder: Path, own: Identities, port: int, url: str) -> Gateway:
         GatewaySettings(
             broker=BrokerSection(host="127.0.0.1", port=port),
             identity=IdentitySection(directory=own.gateway.directory, site=own.site.directory),
-            cloud=CloudSection(url=url, retry_s=0.05, retry_most_s=0.2, timeout_s=120.0),
+            cloud=CloudSection(url=url, retry_s=0.05, retry_max_s=0.2, timeout_s=120.0),
             spool=SpoolSection(path=folder / "spool.db"),
             http=HttpSection(port=0),
         )

@@ -1,4 +1,4 @@
-"""The commands that the cloud wants delivered now, at most one for each node."""
+"""Commands that the cloud wants delivered, at most one for each node."""
 
 from __future__ import annotations
 
@@ -11,77 +11,78 @@ if TYPE_CHECKING:
 
 
 @dataclass(slots=True)
-class _Held:
+class _Command:
     id: int
     signed: bytes
-    sent: float | None = None
+    published: float | None = None
     answered: bool = False
 
 
 class PendingCommands:
     """Shared by the thread that fetches commands and the one that publishes them.
 
-    Nothing of it is durable: after a start the cloud gives all of it again.
+    Nothing of it is durable: after a restart the cloud sends all of it again.
 
     Args:
         resend_s: Seconds after which a command is published again.
     """
 
     def __init__(self, resend_s: float) -> None:
-        self._resend = resend_s
+        self._resend_s = resend_s
         self._lock = Lock()
-        self._held: dict[str, _Held] = {}
+        self._commands: dict[str, _Command] = {}
         self._withdrawn: set[str] = set()
 
     def change(
         self, give: Iterable[tuple[str, int, bytes]], drop: Iterable[tuple[str, int]]
     ) -> None:
-        """Take over what the cloud says."""
+        """Apply changes of the cloud."""
         with self._lock:
             for node, number in drop:
-                held = self._held.get(node)
-                if held is not None and held.id == number:
-                    del self._held[node]
+                command = self._commands.get(node)
+                if command is not None and command.id == number:
+                    del self._commands[node]
                     self._withdrawn.add(node)
             for node, number, signed in give:
-                self._held[node] = _Held(number, signed)
+                self._commands[node] = _Command(number, signed)
 
-    def held(self) -> list[tuple[str, int, bool]]:
+    def pending(self) -> list[tuple[str, int, bool]]:
         """Node, id, and whether it was published."""
         with self._lock:
-            return [(node, held.id, held.sent is not None) for node, held in self._held.items()]
+            return [(n, c.id, c.published is not None) for n, c in self._commands.items()]
 
     def due(self, now: float) -> list[tuple[str, int, bytes]]:
-        """Node, id and bytes of what should be published now.
+        """Node, id and bytes of commands to publish now.
 
         Args:
             now: Monotonic seconds.
         """
         with self._lock:
             return [
-                (node, held.id, held.signed)
-                for node, held in self._held.items()
-                if not held.answered and (held.sent is None or now >= held.sent + self._resend)
+                (node, command.id, command.signed)
+                for node, command in self._commands.items()
+                if not command.answered
+                and (command.published is None or now >= command.published + self._resend_s)
             ]
 
-    def sent(self, node: str, number: int, now: float) -> None:
-        """A command was published."""
+    def published(self, node: str, number: int, now: float) -> None:
+        """Note that a command was published."""
         with self._lock:
-            held = self._held.get(node)
-            if held is not None and held.id == number:
-                held.sent = now
+            command = self._commands.get(node)
+            if command is not None and command.id == number:
+                command.published = now
             self._withdrawn.discard(node)
 
     def answered(self, node: str, number: int) -> None:
-        """A node has said what became of a command, and of all before."""
+        """Note the result of a command, which also ends all earlier ones."""
         with self._lock:
-            held = self._held.get(node)
-            if held is not None and held.id <= number and not held.answered:
-                held.answered = True
+            command = self._commands.get(node)
+            if command is not None and command.id <= number and not command.answered:
+                command.answered = True
                 self._withdrawn.add(node)
 
-    def withdrawn(self) -> list[str]:
-        """Nodes whose last command the broker should keep no more; told once."""
+    def take_withdrawn(self) -> list[str]:
+        """Nodes whose retained command must be cleared, each once."""
         with self._lock:
             nodes, self._withdrawn = sorted(self._withdrawn), set()
             return nodes

@@ -5,37 +5,32 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from eskin.errors import UntrustedCertificateError
 from eskin.wire.messages import Result
 from eskin.wire.topics import Stream, node_topic
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from cryptography import x509
-
     from eskin.wire.messages import Summary
     from eskin_gateway.commands.pending import PendingCommands
     from eskin_gateway.metrics import Metrics
+    from eskin_gateway.mqtt.sealer_cache import SealerCache
     from eskin_gateway.mqtt.transport import Transport
     from eskin_gateway.spool.node_certificates import NodeCertificates
-    from eskin_gateway.spool.sealer_cache import SealerCache
-    from eskin_gateway.spool.spool import Spool
 
 
 class CommandPublisher:
-    """Hands commands to the broker. Only for one thread.
+    """Publishes pending commands. Not thread-safe.
 
-    The broker keeps a node's command (retain), so that a node which wakes for a moment only finds
-    it at once; and it is published again until it is answered, as a broker may forget.
+    A command is retained, so that a node which wakes for a moment finds it at once. It is published
+    again until it is answered, because a broker may lose retained messages.
 
     Args:
-        commands: What should be delivered.
-        broker: Takes it.
-        sealer_cache: Seal for nodes.
-        node_certificates: Know the nodes' certificates.
-        spool: Remembers which certificate a node used last.
-        metrics: What is counted.
+        commands: The pending commands.
+        broker: The connection to the MQTT broker.
+        sealer_cache: Seals commands.
+        node_certificates: Finds the nodes' certificates.
+        metrics: Counts commands.
         clock: Monotonic seconds.
     """
 
@@ -46,7 +41,6 @@ class CommandPublisher:
         broker: Transport,
         sealer_cache: SealerCache,
         node_certificates: NodeCertificates,
-        spool: Spool,
         metrics: Metrics,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
@@ -54,42 +48,30 @@ class CommandPublisher:
         self._broker = broker
         self._sealer_cache = sealer_cache
         self._node_certificates = node_certificates
-        self._spool = spool
         self._metrics = metrics
         self._clock = clock
 
-    def note(self, messages: Iterable[tuple[str, Summary, bool]]) -> None:
-        """Take notice of answers that are durable."""
+    def note_results(self, messages: Iterable[tuple[str, Summary, bool]]) -> None:
+        """Note the results among messages that are durable."""
         for node, message, _ in messages:
             if isinstance(message, Result):
                 self._commands.answered(node, message.command)
-                self._metrics.answers.inc()
+                self._metrics.command_results.inc()
 
-    def dispatch(self) -> None:
-        """Publish what is due, and have the broker forget what was answered."""
+    def publish_due(self) -> None:
+        """Publish commands that are due, and clear those that were withdrawn."""
         if not self._broker.connected:
             return
         now = self._clock()
-        for node in self._commands.withdrawn():
+        for node in self._commands.take_withdrawn():
             self._broker.publish([(node_topic(node, Stream.COMMANDS), b"", True)])
         for node, number, signed in self._commands.due(now):
-            found = self._certificate(node)
-            if found is None:
-                continue  # a node of another site, or one that is not trusted any more
-            certificate, named = found
+            latest = self._node_certificates.find_latest(node)
+            if latest is None:
+                continue  # a node of another site, or one that is not trusted
+            to, thumbprint = latest
             topic = node_topic(node, Stream.COMMANDS)
-            sealed = self._sealer_cache.seal(signed, topic=topic, to=certificate, named=named)
+            sealed = self._sealer_cache.seal(signed, topic=topic, to=to, thumbprint=thumbprint)
             self._broker.publish([(topic, sealed, True)])
-            self._commands.sent(node, number, now)
+            self._commands.published(node, number, now)
             self._metrics.commands.inc()
-
-    def _certificate(self, node: str) -> tuple[x509.Certificate, bytes] | None:
-        record = self._spool.node(node)
-        if record is None or record.thumbprint is None:
-            return None
-        self._node_certificates.refresh()
-        try:
-            certificate = self._node_certificates.find(record.thumbprint)
-        except UntrustedCertificateError:
-            return None
-        return None if certificate is None else (certificate, record.thumbprint)

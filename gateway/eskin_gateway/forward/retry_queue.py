@@ -1,4 +1,4 @@
-"""Messages that the cloud fails at, each one alone, while it takes others."""
+"""Messages and nodes that the cloud does not take, while it takes others."""
 
 from __future__ import annotations
 
@@ -8,117 +8,170 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Collection, Sequence
 
-    from eskin_gateway.spool.spool import Stored
+    from eskin_gateway.spool.batch import SpoolMessage
+    from eskin_gateway.upstream.certificates_client import CertificatesClient
 
 log = logging.getLogger(__name__)
 
-_MOST: Final = 16
-"""So many failures one after another, with nothing taken between them, are the cloud's."""
-_LONGEST_PAUSE_S: Final = 60.0
-_MOST_DOUBLINGS: Final = 6
-"""Of the first pause; more of them, after a day or so, would be no float any more."""
+_MAX_MESSAGES: Final = 16
+"""If more messages fail, one after another, the cloud fails and not the messages."""
+_MAX_DELAY_S: Final = 60.0
+_MAX_DOUBLINGS: Final = 6
+"""Bounds the exponent of the delay."""
+_NODE_DELAY_S: Final = 60.0
 
 
-@dataclass
-class _Held:
-    """One message that waits beside the rest.
+@dataclass(slots=True)
+class _Retry:
+    """A message that is retried by itself.
 
     Attributes:
-        message: As it stays in the spool.
-        refused: How often it was tried in vain although the cloud had taken others.
-        due: When it is tried again, in the clock's seconds; ``None`` while it is not known
-            whether the cloud takes anything.
+        message: As it is in the spool.
+        failures: How often it failed although the cloud took others.
+        due: When it is retried, in the clock's seconds; ``None`` until the cloud takes another one.
     """
 
-    message: Stored
-    refused: int = 0
+    message: SpoolMessage
+    failures: int = 0
     due: float | None = None
 
 
 class RetryQueue:
-    """Keeps what the cloud fails at out of the way of what it takes; nothing of it is given up.
+    """Messages at which the cloud fails, each by itself.
 
-    That the cloud failed at one message alone says little: the cloud may fail at all of them. It is
-    the message's fault once the cloud takes another one; until then, it is only left out. What is
-    held stays in the spool; after a restart it is found again in the same way.
+    A single failure does not show that the message causes it: the cloud may fail at all messages.
+    So a failed message is only left out until the cloud takes another one. From then on it is
+    retried with growing delays. It stays in the spool; after a restart it fails again.
 
     Args:
-        clock: Seconds that never go back.
+        clock: Monotonic seconds.
     """
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._held: dict[int, _Held] = {}
+        self._retries: dict[int, _Retry] = {}
 
     @property
     def ids(self) -> tuple[int, ...]:
-        """Which messages of the spool are held."""
-        return tuple(self._held)
+        """Rows of the messages."""
+        return tuple(self._retries)
 
     def __len__(self) -> int:
-        return len(self._held)
+        return len(self._retries)
 
     @property
     def fault(self) -> str | None:
-        """What is to be told of it; ``None`` where nothing is held."""
-        if not self._held:
+        """What fails, or ``None`` if the queue is empty."""
+        if not self._retries:
             return None
-        one = next(iter(self._held.values())).message
+        message = next(iter(self._retries.values())).message
         return (
-            f"the cloud fails at {len(self._held)} message(s), one of {one.node}, while it takes "
-            "others: they stay in the spool and are tried again; its log tells why"
+            f"the cloud fails at {len(self)} message(s), one of {message.node}, while it takes "
+            "others: they stay in the spool and are retried; see the cloud's log"
         )
 
-    def due(self) -> Stored | None:
-        """One that is to be tried again now, alone."""
+    def due(self) -> SpoolMessage | None:
+        """A message to retry now, by itself."""
         now = self._clock()
-        for held in self._held.values():
-            if held.due is not None and held.due <= now:
-                return held.message
+        for retry in self._retries.values():
+            if retry.due is not None and retry.due <= now:
+                return retry.message
         return None
 
-    def hold(self, message: Stored) -> bool:
-        """The cloud failed at a message alone.
-
-        Returns:
-            Whether the others are to be tried without it.
-        """
-        held = self._held.get(message.id)
-        if held is None:
-            if len(self._held) >= _MOST:
-                return False
-            self._held[message.id] = _Held(message)
+    def add(self, message: SpoolMessage) -> bool:
+        """Add a message that failed by itself; return whether others may be sent without it."""
+        if message.id in self._retries:
+            self.delay(message)
+        elif len(self) >= _MAX_MESSAGES:
+            return False
         else:
-            self.put_off(message)
+            self._retries[message.id] = _Retry(message)
         return True
 
-    def put_off(self, message: Stored) -> None:
-        """Try one that is at fault again after a longer pause, and after the others."""
-        held = self._held.get(message.id)
-        if held is None or held.due is None:
+    def delay(self, message: SpoolMessage) -> None:
+        """Double the delay of a message that failed again, and move it to the end."""
+        retry = self._retries.get(message.id)
+        if retry is None or retry.due is None:
             return
-        self._held[message.id] = self._held.pop(message.id)
-        held.refused = min(held.refused + 1, _MOST_DOUBLINGS)
-        held.due = self._clock() + min(2.0**held.refused, _LONGEST_PAUSE_S)
+        self._retries[message.id] = self._retries.pop(message.id)
+        retry.failures = min(retry.failures + 1, _MAX_DOUBLINGS)
+        retry.due = self._clock() + min(2.0**retry.failures, _MAX_DELAY_S)
 
-    def forget(self, message: Stored) -> None:
-        """It has left the spool."""
-        self._held.pop(message.id, None)
+    def remove(self, message: SpoolMessage) -> None:
+        """Remove a message that has left the spool."""
+        self._retries.pop(message.id, None)
 
-    def release_suspects(self) -> bool:
-        """Leave out only what is at fault; gives whether anything else was left out."""
-        suspects = [number for number, held in self._held.items() if held.due is None]
-        for number in suspects:
-            del self._held[number]
-        return bool(suspects)
+    def release_unconfirmed(self) -> bool:
+        """Remove messages without a delay; return whether there were any."""
+        unconfirmed = [row for row, retry in self._retries.items() if retry.due is None]
+        for row in unconfirmed:
+            del self._retries[row]
+        return bool(unconfirmed)
 
-    def taken(self, messages: Sequence[Stored]) -> None:
-        """The cloud took messages: now those that it had failed at are tried once more."""
+    def succeeded(self, messages: Sequence[SpoolMessage]) -> None:
+        """Note that the cloud took messages: those that failed are retried now."""
         for message in messages:
-            self.forget(message)
-        for held in self._held.values():
-            if held.due is None:
-                log.warning("left out, as the cloud fails at it: node=%s", held.message.node)
-                held.due = self._clock()
+            self.remove(message)
+        for retry in self._retries.values():
+            if retry.due is None:
+                log.warning("cloud fails at a message: node=%s", retry.message.node)
+                retry.due = self._clock()
+
+
+class UnknownNodes:
+    """Registers nodes at the cloud, and leaves out those whose certificate it rejects.
+
+    Their messages stay in the spool and are retried each minute.
+
+    Args:
+        certificates_client: Registers certificates.
+        clock: Monotonic seconds.
+    """
+
+    def __init__(
+        self, certificates_client: CertificatesClient, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._certificates_client = certificates_client
+        self._clock = clock
+        self._registered: set[str] = set()
+        self._rejected: dict[str, tuple[float, str]] = {}
+
+    def rejected(self) -> list[str]:
+        """Nodes whose messages are left out now."""
+        now = self._clock()
+        for node in [node for node, (due, _) in self._rejected.items() if due <= now]:
+            del self._rejected[node]
+        return list(self._rejected)
+
+    def register(self, nodes: Collection[str]) -> None:
+        """Register the certificates of nodes that the cloud does not know.
+
+        Raises:
+            CloudError: The request failed.
+            SpoolError: The spool cannot be read.
+        """
+        rejected = dict.fromkeys(self._registered.intersection(nodes), "it is unknown still")
+        rejected |= self._certificates_client.register(set(nodes) - self._registered)
+        due = self._clock() + _NODE_DELAY_S
+        for node, reason in rejected.items():
+            self._rejected[node] = due, reason
+            log.warning("cloud rejects a certificate: node=%s reason=%s", node, reason)
+        self._registered -= rejected.keys()
+        self._registered |= set(nodes) - rejected.keys()
+
+    def known(self, nodes: Collection[str]) -> None:
+        """Note that the cloud took messages of these nodes."""
+        self._registered -= set(nodes)
+
+    @property
+    def fault(self) -> str | None:
+        """What is rejected, or ``None``."""
+        if not self._rejected:
+            return None
+        node, (_, reason) = next(iter(self._rejected.items()))
+        return (
+            f"the cloud rejects {len(self._rejected)} node(s), one of them {node}: {reason}; their "
+            "messages stay in the spool"
+        )

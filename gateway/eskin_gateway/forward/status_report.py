@@ -16,16 +16,16 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.spool import Spool
 
 HEADER: Final = "Eskin-Gateway-Status"
-_FRESH_S: Final = 0.5
-"""What was looked up is told for so long: a look waits for the spool's commit."""
+_MAX_AGE_S: Final = 0.5
+"""The report is cached, because reading the spool waits for its commit."""
 
 
 class StatusReport:
-    """Looks at the spool, now and then.
+    """Reports the state of spool and nodes.
 
     Args:
-        spool: What waits.
-        presence: Which nodes are heard.
+        spool: Holds messages for the cloud.
+        presence: Knows which nodes are online.
         clock: Monotonic seconds.
         now: UTC ns.
     """
@@ -42,20 +42,20 @@ class StatusReport:
         self._presence = presence
         self._clock = clock
         self._now = now
-        self._seen: tuple[float, dict[str, int | None]] | None = None
+        self._cached: tuple[float, dict[str, int | None]] | None = None
 
     def headers(self) -> dict[str, str]:
-        """Headers of a request whose body is CBOR, with the status where it can be had."""
-        kind = {"Content-Type": "application/cbor"}
+        """Headers of a request with a CBOR body, with the status if the spool can be read."""
+        headers = {"Content-Type": "application/cbor"}
         at = self._clock()
-        if self._seen is None or at - self._seen[0] > _FRESH_S:
+        if self._cached is None or at - self._cached[0] > _MAX_AGE_S:
             try:
-                self._seen = at, self._look()
-            except SpoolError:  # told by those who need the spool; the request goes out
-                return kind
-        return {**kind, HEADER: orjson.dumps(self._seen[1]).decode()}
+                self._cached = at, self._report()
+            except SpoolError:  # the forwarder reports it
+                return headers
+        return {**headers, HEADER: orjson.dumps(self._cached[1]).decode()}
 
-    def _look(self) -> dict[str, int | None]:
+    def _report(self) -> dict[str, int | None]:
         spool, oldest = self._spool.statistics, self._spool.oldest()
         return {
             "messages": spool.messages,

@@ -1,4 +1,4 @@
-"""The one place where the gateway seals what tells of a person, before anything is written."""
+"""Encrypts biometric data before anything is written."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.batch import DeadLetter
     from eskin_gateway.spool.subject_assignments import SubjectAssignments
 
-WITHHELD: Final = "cannot be read; it is kept sealed with the reason, as it may tell of a person"
+WITHHELD: Final = "unreadable; encrypted with the reason, as it may be biometric"
 
 
 class BiometricEncryptor:
-    """Seals blocks and peaks of biometric channels. Only for one thread.
+    """Encrypts blocks and peaks of biometric channels. Not thread-safe.
 
     Args:
-        assignments: Whose data they are.
+        assignments: Finds the subject of a message.
     """
 
     def __init__(self, assignments: SubjectAssignments) -> None:
@@ -29,43 +29,46 @@ class BiometricEncryptor:
         self._encryptor = Encryptor()
 
     def forget(self, pseudonym: str) -> None:
-        """Drop what was derived from an erased subject's key; from any thread."""
+        """Drop keys derived from an erased subject's key. Thread-safe."""
         self._encryptor.forget(pseudonym)
 
     def read(self, summary: Summary, plaintext: bytes) -> Block | Peak | None:
-        """A message that tells of a person, whole: behind us nobody can check it any more.
+        """Decode a biometric message completely: behind the gateway it cannot be checked.
+
+        Returns:
+            The message, or ``None`` if it is not biometric.
 
         Raises:
-            MessageError: It is none.
+            MessageError: It is invalid.
         """
         if not isinstance(summary, BlockSummary | Peak) or not is_biometric(summary.channel):
             return None
         message = decode_message(plaintext)
         return message if isinstance(message, Block | Peak) else None
 
-    def guard(self, node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
-        """What may be written of what `read` gave: its plaintext, or a veiled message.
+    def encrypt(self, node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
+        """Encrypt a message that `read` returned; else return the plaintext.
 
         Raises:
-            PrivacyError: No key can be had.
+            PrivacyError: The subject has no key.
         """
         if message is None:
             return plaintext
         subject = self._assignments.subject(node, span(message)[0])
         return self._encryptor.veil(subject, node, message, plaintext).encode()
 
-    def guard_unread(self, letter: DeadLetter, position: Position | None) -> DeadLetter:
-        """What may be written of a message that nobody can read: body and reason sealed together.
+    def encrypt_dead_letter(self, letter: DeadLetter, position: Position | None) -> DeadLetter:
+        """Encrypt body and reason of a dead letter that may be biometric.
 
         Raises:
-            PrivacyError: No key can be had.
+            PrivacyError: The subject has no key.
         """
         if is_impersonal(letter.body):
             return letter
-        subject = self._assignments.subject(letter.node, letter.at)
+        subject = self._assignments.subject(letter.node, letter.time)
         plaintext = b"%b\n%b" % (letter.reason.encode(), letter.body)
-        veiled = self._encryptor.veil_unread(
-            subject, letter.node, position, plaintext, now=letter.at
+        sealed = self._encryptor.veil_unread(
+            subject, letter.node, position, plaintext, now=letter.time
         )
-        mark = hmac.digest(subject.key, letter.body, "sha256")
-        return letter._replace(reason=WITHHELD, body=veiled.encode(), mark=mark)
+        fingerprint = hmac.digest(subject.key, letter.body, "sha256")
+        return letter._replace(reason=WITHHELD, body=sealed.encode(), fingerprint=fingerprint)

@@ -1,14 +1,15 @@
-"""The thread between inbox and spool: judge, commit, and only then answer."""
+"""The thread between receive queue and spool: validate, commit, then acknowledge."""
 
 from __future__ import annotations
 
 import logging
 import time
-from threading import Event, Thread
+from random import SystemRandom
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import SpoolError
-from eskin_gateway.reject_reason import RejectReason
+from eskin.runtime.supervised import Backoff, Supervised
+from eskin_gateway.metrics import RejectReason
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from eskin_gateway.ingest.validator import IngestResult, Validator
     from eskin_gateway.metrics import Metrics
     from eskin_gateway.mqtt.receive_queue import ReceiveQueue
-    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.settings import SpoolSection
     from eskin_gateway.spool.batch import Batch
     from eskin_gateway.spool.spool import Spool
@@ -27,23 +28,26 @@ log = logging.getLogger(__name__)
 
 _TICK_S: Final = 0.25
 _RETRY_S: Final = 0.25
-_RESTLESS_S: Final = 1.0
-_COMPANY: Final = 4
-"""Messages that make waiting for one commit worth while."""
+_PERIODIC_S: Final = 1.0
+_MIN_GROUP: Final = 4
+"""Expected messages for which a commit waits."""
 
 
 class CommitLoop:
-    """Takes batches from the inbox until it is stopped, and then until the inbox is empty.
+    """Takes batches from the receive queue until it is stopped and the queue is empty.
 
     Args:
         settings: Sizes of a batch.
-        receive_queue: Where arrivals wait.
-        validator: Judges them.
+        receive_queue: Holds received messages.
+        validator: Validates them.
         spool: Makes them durable.
-        answers: Given only then.
-        command_publisher: Publishes commands meanwhile.
-        metrics: What is counted.
+        post_commit: Acknowledges and publishes what is durable.
+        command_publisher: Publishes commands after each batch.
+        metrics: Counts messages.
         clock: Monotonic seconds.
+
+    Attributes:
+        fault: Why nothing can be committed.
     """
 
     def __init__(
@@ -53,7 +57,7 @@ class CommitLoop:
         receive_queue: ReceiveQueue,
         validator: Validator,
         spool: Spool,
-        answers: PostCommit,
+        post_commit: PostCommit,
         command_publisher: CommandPublisher,
         metrics: Metrics,
         clock: Callable[[], float] = time.monotonic,
@@ -62,114 +66,101 @@ class CommitLoop:
         self._receive_queue = receive_queue
         self._validator = validator
         self._spool = spool
-        self._answers = answers
+        self._post_commit = post_commit
         self._command_publisher = command_publisher
         self._metrics = metrics
         self._clock = clock
-        self._taken = self._looked = clock()
-        self._pace = 0.0
-        self._stopping = Event()
+        self._last_take = self._last_periodic = clock()
+        self._rate = 0.0
         self.fault: str | None = None
-        self._thread = Thread(target=self._run, name="worker", daemon=True)
+        self._thread = Supervised(
+            "commit_loop",
+            self._step,
+            backoff=Backoff(0.01, _RETRY_S, random=SystemRandom()),
+            drain_s=float("inf"),
+        )
 
     def start(self) -> None:
-        """Work in a thread."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
-        """Finish what is in the inbox, and end the thread."""
-        self._stopping.set()
-        self._thread.join()
+        """Process what is in the receive queue, and end the thread."""
+        self._thread.stop()
 
-    def _run(self) -> None:
-        ended = False
-        while not ended:
-            received_messages = self._receive_queue.take(
-                self._settings.batch_messages, linger_s=self._linger(), wait_s=_TICK_S
-            )
-            self._note_pace(len(received_messages))
-            ended = not received_messages and self._stopping.is_set()
-            if received_messages:
-                self._metrics.received.inc(len(received_messages))
-                self.attempt(received_messages)
-            try:
-                self._look_around(idle=not received_messages)
-                self._command_publisher.dispatch()
-            except SpoolError as error:
-                log.warning("commands not published, trying again: %s", error)
-            except Exception:  # the thread's outermost loop, as in `attempt`
-                log.exception("what has no message for a reason broke; trying again")
+    def _step(self) -> bool:
+        received_messages = self._receive_queue.take(
+            self._settings.batch_messages, linger_s=self._linger(), wait_s=_TICK_S
+        )
+        now = self._clock()
+        self._rate = len(received_messages) / max(1e-6, now - self._last_take)
+        self._last_take = now
+        if received_messages:
+            self._metrics.received.inc(len(received_messages))
+            self.process_or_split(received_messages)
+        if not received_messages or now >= self._last_periodic + _PERIODIC_S:
+            self._last_periodic = now
+            self._post_commit.run_periodic()
+        self._command_publisher.publish_due()
+        self._thread.succeeded()
+        return bool(received_messages)
 
-    def attempt(self, received_messages: list[ReceivedMessage]) -> None:
-        """Process a batch, and where it breaks, each message for itself: one shall not hinder all.
+    def process_or_split(self, received_messages: list[ReceivedMessage]) -> None:
+        """Process a batch; after an unexpected error, process each message by itself.
 
-        What breaks alone is told, counted, and not acknowledged to its node.
+        A message that fails by itself is rejected, and not acknowledged to its node.
         """
         try:
             self.process(received_messages)
-        except Exception:  # the thread's outermost loop: what nobody foresaw ends it not
-            log.exception("batch broke: messages=%d", len(received_messages))
-            self._validator.forget()
+        except Exception:  # one message must not block all others
+            log.exception("batch failed: messages=%d", len(received_messages))
+            self._validator.reset()
             if len(received_messages) > 1:
-                for received_message in received_messages:
-                    self.attempt([received_message])
+                for message in received_messages:
+                    self.process_or_split([message])
                 return
-            self._metrics.rejected(RejectReason.FAULT, 1)
-            self._answers.release(received_messages)
-
-    def _look_around(self, *, idle: bool) -> None:
-        """Do what has no message for a reason, also where there is never a moment's rest."""
-        if idle or self._clock() >= self._looked + _RESTLESS_S:
-            self._looked = self._clock()
-            self._answers.idle()
+            self._metrics.rejected(RejectReason.INTERNAL_ERROR)
+            self._post_commit.release(received_messages)
 
     def _linger(self) -> float:
-        """How long to wait for company: not at all, where hardly any would come."""
+        """Seconds to wait for more messages: none if few would come."""
         longest = self._settings.batch_ms / 1000.0
-        return longest if self._pace * longest >= _COMPANY else 0.0
-
-    def _note_pace(self, taken: int) -> None:
-        now = self._clock()
-        self._pace = taken / max(1e-6, now - self._taken)
-        self._taken = now
+        return longest if self._rate * longest >= _MIN_GROUP else 0.0
 
     def process(self, received_messages: list[ReceivedMessage]) -> None:
-        """Judge a batch, make it durable, and answer."""
-        outcome = self._validator.sort(received_messages)
-        batch = outcome.batch
-        if (batch.nodes or batch.node_certificates) and not self._commit(batch):
-            # What was refused must not count as seen when its copies come.
-            self._validator.forget()
+        """Validate a batch, commit it, and acknowledge."""
+        result = self._validator.validate(received_messages)
+        batch = result.batch
+        if (batch.nodes or batch.certificates) and not self._commit(batch):
+            # Positions that are not durable must not count as duplicates.
+            self._validator.reset()
             return
         self._validator.committed(batch)
-        self._count(outcome)  # before the answers: who was answered finds himself counted
-        self._command_publisher.note(outcome.messages)
-        self._answers.give(outcome, received_messages)
+        self._count(result)  # before the acknowledgements, so that they are never ahead of it
+        self._command_publisher.note_results(result.messages)
+        self._post_commit.run(result, received_messages)
 
     def _commit(self, batch: Batch) -> bool:
-        """Commit; while there is no room, hold the batch: unanswered, so that nodes keep it."""
+        """Commit. While the spool is full, hold the batch unacknowledged, so nodes keep it."""
         while True:
             try:
                 self._spool.commit(batch)
             except SpoolError as error:
-                self._refuse(error)
-                if self._stopping.wait(_RETRY_S):
+                self._metrics.commit_failures.inc()
+                if self.fault is None:
+                    log.error("commits fail: error=%s", error)  # noqa: TRY400 - no traceback
+                self.fault = str(error)
+                if self._thread.stopping.wait(_RETRY_S):
                     return False
                 continue
             if self.fault is not None:
-                log.info("accepting again: the spool has room")
+                log.info("commits succeed again")
                 self.fault = None
             self._metrics.batches.inc()
             return True
 
-    def _refuse(self, error: SpoolError) -> None:
-        self._metrics.refusals.inc()
-        if self.fault is None:
-            log.error("accepting nothing: %s", error)
-        self.fault = str(error)
-
-    def _count(self, outcome: IngestResult) -> None:
-        self._metrics.accepted.inc(len(outcome.batch.entries))
-        self._metrics.duplicate.inc(outcome.duplicates)
-        for reason, count in outcome.rejected.items():
+    def _count(self, result: IngestResult) -> None:
+        self._metrics.accepted.inc(len(result.batch.messages))
+        self._metrics.duplicate.inc(result.duplicates)
+        for reason, count in result.rejected.items():
             self._metrics.rejected(reason, count)

@@ -1,4 +1,4 @@
-"""From sealed arrivals to one batch that can become durable."""
+"""Turns received messages into one batch for the spool."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ from eskin.wire.messages import (
     Summary,
     decode_summary,
 )
+from eskin.wire.messages.cbor_map import MOST_COUNT, integer, load_any
 from eskin.wire.topics import FROM_NODE, Stream, parse_node_topic
-from eskin_gateway.ingest.unreadable import poison_position
-from eskin_gateway.reject_reason import RejectReason
-from eskin_gateway.spool.batch import Batch, DeadLetter, Entry
+from eskin_gateway.metrics import RejectReason
+from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from eskin.wire.envelope import Opener
     from eskin_gateway.ingest.biometric import BiometricEncryptor
-    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.spool.node_certificates import NodeCertificates
-    from eskin_gateway.spool.node_states import NodeStates
+    from eskin_gateway.spool.node_state import NodeStates
 
 log = logging.getLogger(__name__)
 
-_LONGEST_TOPIC: Final = 200
-_FITS: Final = {
+_MAX_LOGGED_TOPIC: Final = 200
+_MESSAGE_TYPES: Final = {
     Stream.BLOCKS: (BlockSummary,),
     Stream.EVENTS: (Peak, Gap, Result),
     Stream.STATUS: (Status,),
@@ -58,21 +58,21 @@ _REASONS: Final = (
     (UnknownSenderError, RejectReason.UNKNOWN_SENDER),
     (UntrustedCertificateError, RejectReason.UNTRUSTED),
     (ForgedEnvelopeError, RejectReason.FORGED),
-    (PrivacyError, RejectReason.FAULT),
-    (SpoolError, RejectReason.FAULT),
+    (PrivacyError, RejectReason.INTERNAL_ERROR),
+    (SpoolError, RejectReason.INTERNAL_ERROR),
 )
 
 
 @dataclass(slots=True)
 class IngestResult:
-    """What a batch of arrivals came to.
+    """Result of a batch of received messages.
 
     Attributes:
-        batch: What must become durable.
-        positions: What to acknowledge to each node, once it is durable.
-        messages: What to publish, once it is durable: node, message, whether it is fresh.
-        duplicates: How many had been accepted before.
-        rejected: How many were refused, by reason.
+        batch: What must be committed.
+        positions: What to acknowledge to each node after the commit.
+        messages: What to publish after the commit: node, message, whether it was not retained.
+        duplicates: Messages that were accepted before.
+        rejected: Rejected messages by reason.
     """
 
     batch: Batch = field(default_factory=Batch)
@@ -83,13 +83,13 @@ class IngestResult:
 
 
 class Validator:
-    """Authenticates, decodes and sorts arrivals. Only for one thread.
+    """Decrypts, authenticates, decodes and deduplicates messages. Not thread-safe.
 
     Args:
         opener: Opens envelopes.
-        node_certificates: Certificates of nodes.
-        records: What was accepted before.
-        encryptor: Seals what tells of a person.
+        node_certificates: Finds the nodes' certificates.
+        node_states: Knows which messages were accepted before.
+        encryptor: Encrypts biometric messages.
         now: UTC ns.
     """
 
@@ -98,150 +98,163 @@ class Validator:
         *,
         opener: Opener,
         node_certificates: NodeCertificates,
-        records: NodeStates,
+        node_states: NodeStates,
         encryptor: BiometricEncryptor,
         now: Callable[[], int] = time.time_ns,
     ) -> None:
         self._opener = opener
         self._node_certificates = node_certificates
-        self._records = records
+        self._node_states = node_states
         self._encryptor = encryptor
         self._now = now
 
-    def sort(self, received_messages: Sequence[ReceivedMessage]) -> IngestResult:
-        """Judge arrivals, in order. What was accepted counts as known only once committed.
+    def validate(self, received_messages: Sequence[ReceivedMessage]) -> IngestResult:
+        """Validate messages, in order. Call `committed` or `reset` afterwards.
 
-        What one node's key or record hinders is not acknowledged to it, and hinders no other.
+        A node whose key or state cannot be read gets no acknowledgement; other nodes do.
         """
         self._node_certificates.refresh()
-        outcome = IngestResult()
+        result = IngestResult()
         received = self._now()
-        for received_message in received_messages:
+        for message in received_messages:
             try:
-                node, stream = _address(received_message)
-                opened = self._open(received_message, node, stream)
+                node, stream = _parse_topic(message)
+                opened = self._open(message, node, stream)
             except EskinError as error:
-                self._reject(outcome, received_message, _reason(error, received_message), error)
+                self._reject(result, message, _reason(error, message), error)
                 continue
             if opened.sender != node:
-                claim = MessageError(f"sealed by {opened.sender!r}")
-                self._reject(outcome, received_message, RejectReason.MISADDRESSED, claim)
+                forgery = MessageError(f"sealed by {opened.sender!r}")
+                self._reject(result, message, RejectReason.MISADDRESSED, forgery)
                 continue
             try:
-                self._accept(outcome, received_message, node, stream, opened, received)
-            except (PrivacyError, SpoolError) as error:  # the others' keys and records are good
-                self._reject(outcome, received_message, RejectReason.FAULT, error)
-        outcome.batch.node_certificates = self._node_certificates.fresh()
-        return outcome
+                self._accept(result, message, node, stream, opened, received)
+            except (PrivacyError, SpoolError) as error:
+                self._reject(result, message, RejectReason.INTERNAL_ERROR, error)
+        result.batch.certificates = self._node_certificates.uncommitted()
+        return result
 
     def committed(self, batch: Batch) -> None:
-        """A batch is durable now, and so is what it taught."""
-        self._node_certificates.remembered()
-        self._records.committed(batch.nodes)
+        """Keep what was learned from a batch that is durable now."""
+        self._node_certificates.committed()
+        self._node_states.committed(batch.nodes)
 
-    def forget(self) -> None:
-        """A batch failed: memory may know positions that never became durable."""
-        self._records.forget()
+    def reset(self) -> None:
+        """Drop the cached node states after a failed batch."""
+        self._node_states.reset()
 
-    def _open(self, received_message: ReceivedMessage, node: str, stream: Stream) -> Opened:
+    def _open(self, message: ReceivedMessage, node: str, stream: Stream) -> Opened:
         if stream is Stream.STATUS:
-            chain = introduction(received_message.payload)
+            chain = introduction(message.payload)
             if chain is not None:
                 self._node_certificates.introduce(chain, node)
-        return self._opener.open(received_message.payload, topic=received_message.topic)
+        return self._opener.open(message.payload, topic=message.topic)
 
     def _accept(
         self,
-        outcome: IngestResult,
+        result: IngestResult,
         received_message: ReceivedMessage,
         node: str,
         stream: Stream,
         opened: Opened,
         received: int,
     ) -> None:
-        record = self._records[node]
-        outcome.batch.nodes[node] = record
-        record.thumbprint = opened.thumbprint
+        state = self._node_states[node]
+        result.batch.nodes[node] = state
+        state.thumbprint = opened.thumbprint
         try:
             message = decode_summary(opened.plaintext)
-            if not isinstance(message, _FITS[stream]):
-                raise MessageError(f"a message of its kind has no place among the {stream}")
-            personal = self._encryptor.read(message, opened.plaintext)
+            if not isinstance(message, _MESSAGE_TYPES[stream]):
+                raise MessageError(f"{type(message).__name__} is no message for {stream}")
+            biometric = self._encryptor.read(message, opened.plaintext)
         except EskinError as error:
-            self._bury(outcome, received_message, node, opened, str(error))
+            self._add_dead_letter(result, received_message, node, opened.plaintext, str(error))
             return
         position = message.position
-        if record.seen(position):
-            outcome.duplicates += 1
+        if state.is_duplicate(position):
+            result.duplicates += 1
         else:
-            body = self._encryptor.guard(node, personal, opened.plaintext)
-            record.add(position)
-            outcome.batch.entries.append(Entry(node, received, body, *position))
-            # It may have been said long ago, and be forgotten here: the cloud knows.
-            if position.boot >= record.held.boot:
-                outcome.messages.append((node, message, not received_message.retained))
+            body = self._encryptor.encrypt(node, biometric, opened.plaintext)
+            state.add(position)
+            result.batch.messages.append(SpoolMessage(node, received, body, *position))
+            # A message of an earlier boot may be a duplicate that only the cloud can detect.
+            if position.boot >= state.held.boot:
+                result.messages.append((node, message, not received_message.retained))
                 if isinstance(message, Status):
-                    record.status = opened.plaintext
-        outcome.positions.setdefault(node, []).append(position)
-        record.release(opened.held)
+                    state.status = opened.plaintext
+        result.positions.setdefault(node, []).append(position)
+        state.release(opened.held)
 
-    def _bury(
+    def _add_dead_letter(
         self,
-        outcome: IngestResult,
-        received_message: ReceivedMessage,
+        result: IngestResult,
+        message: ReceivedMessage,
         node: str,
-        opened: Opened,
-        why: str,
+        plaintext: bytes,
+        reason: str,
     ) -> None:
-        """An authentic message that nobody can read: kept aside, and acknowledged."""
-        record = self._records[node]
-        position = poison_position(opened.plaintext)
-        if position is not None and record.seen(position):
-            outcome.positions.setdefault(node, []).append(position)
-            outcome.duplicates += 1
+        """Store an authentic message that cannot be decoded, and acknowledge its position."""
+        state = self._node_states[node]
+        position = _read_position(plaintext)
+        if position is not None and state.is_duplicate(position):
+            result.positions.setdefault(node, []).append(position)
+            result.duplicates += 1
             return
-        letter = DeadLetter(self._now(), node, why, opened.plaintext)
-        letter = self._encryptor.guard_unread(letter, position)
+        letter = DeadLetter(self._now(), node, reason, plaintext)
+        letter = self._encryptor.encrypt_dead_letter(letter, position)
         if position is not None:
-            outcome.positions.setdefault(node, []).append(position)
-            record.add(position)
-        outcome.batch.dead.append(letter)
-        self._reject(outcome, received_message, RejectReason.POISON, MessageError(letter.reason))
+            result.positions.setdefault(node, []).append(position)
+            state.add(position)
+        result.batch.dead_letters.append(letter)
+        self._reject(result, message, RejectReason.UNREADABLE, MessageError(letter.reason))
 
     def _reject(
         self,
-        outcome: IngestResult,
-        received_message: ReceivedMessage,
+        result: IngestResult,
+        message: ReceivedMessage,
         reason: RejectReason,
         error: EskinError,
     ) -> None:
-        outcome.rejected[reason] += 1
+        result.rejected[reason] += 1
+        topic = message.topic[:_MAX_LOGGED_TOPIC]
         log.warning(
             "message rejected: reason=%s topic=%r error=%s",
             reason,
-            received_message.topic[:_LONGEST_TOPIC],
+            topic,
             error,
             extra={"source": reason},
         )
 
 
-def _address(received_message: ReceivedMessage) -> tuple[str, Stream]:
-    if len(received_message.payload) > MOST_ENVELOPE:
+def _parse_topic(message: ReceivedMessage) -> tuple[str, Stream]:
+    if len(message.payload) > MOST_ENVELOPE:
         raise MessageError(
-            f"message of {len(received_message.payload)} bytes; at most {MOST_ENVELOPE} are allowed"
+            f"message of {len(message.payload)} bytes; at most {MOST_ENVELOPE} are allowed"
         )
-    node, stream = parse_node_topic(received_message.topic)
+    node, stream = parse_node_topic(message.topic)
     if stream not in FROM_NODE:
         raise MessageError(f"nodes do not write {stream}")
     return node, stream
 
 
-def _reason(error: EskinError, received_message: ReceivedMessage) -> RejectReason:
+def _reason(error: EskinError, message: ReceivedMessage) -> RejectReason:
     for kind, reason in _REASONS:
         if isinstance(error, kind):
             return reason
-    return (
-        RejectReason.OVERSIZED
-        if len(received_message.payload) > MOST_ENVELOPE
-        else RejectReason.TOPIC
-    )
+    oversized = len(message.payload) > MOST_ENVELOPE
+    return RejectReason.OVERSIZED if oversized else RejectReason.TOPIC
+
+
+def _read_position(plaintext: bytes) -> Position | None:
+    """Boot and sequence (fields 2 and 3) of an invalid message, if they are valid.
+
+    The node stops sending a message whose position is acknowledged.
+    """
+    try:
+        fields = load_any(plaintext, "message")
+        if not isinstance(fields, dict):
+            return None
+        boot = integer(fields.get(2), "field 2", 0, MOST_COUNT)
+        return Position(boot, integer(fields.get(3), "field 3", 0, MOST_COUNT))
+    except MessageError:
+        return None

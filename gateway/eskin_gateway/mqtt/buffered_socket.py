@@ -1,7 +1,7 @@
-"""A TLS socket that reads and writes in large pieces, for a client that asks for single bytes.
+"""A TLS socket that reads and writes in large pieces.
 
-paho reads a packet's first byte, its length byte by byte, and its rest; and it writes each packet
-alone. Each of these would be a call of OpenSSL, which gives up Python's lock to another thread.
+paho reads a packet's first byte, its length byte by byte and its rest, and writes each packet
+alone. Each of these would be a call of OpenSSL, which releases Python's lock.
 """
 
 from __future__ import annotations
@@ -12,83 +12,83 @@ from typing import Any, Final
 
 from eskin.identity.tls import ClosingSocket
 
-_PIECE: Final = 16_384
-"""Bytes of one call: a TLS record holds no more (RFC 8446, section 5.1)."""
-_CLOGGED: Final = 1_048_576
+_RECORD: Final = 16_384
+"""Bytes of one call: the most of a TLS record (RFC 8446, section 5.1)."""
+_CONGESTED: Final = 1_048_576
 
 
 class BufferedSocket(ClosingSocket):
-    """What arrives is read record by record; what leaves waits for `flush`.
+    """Reads record by record; what is sent waits for `flush`.
 
-    Made by a context whose ``sslsocket_class`` it is. Not for several threads at once.
+    A context with this ``sslsocket_class`` makes it. Not thread-safe.
     """
 
-    _arrived = b""
+    _input = b""
     _at = 0
-    _leaving: bytearray | None = None
+    _output: bytearray | None = None
     drained = False
     """Whether the last `recv` found nothing."""
 
     def recv(self, buflen: int = 1024, flags: int = 0) -> bytes:
-        """Give at most ``buflen`` bytes, as ``SSLSocket.recv`` does."""
-        if self._at == len(self._arrived):
-            self._arrived, self._at = self._receive(flags), 0
+        """Return at most ``buflen`` bytes, as ``SSLSocket.recv`` does."""
+        if self._at == len(self._input):
+            self._input, self._at = self._receive(flags), 0
         start = self._at
-        self._at = min(start + buflen, len(self._arrived))
-        return self._arrived[start : self._at]
+        self._at = min(start + buflen, len(self._input))
+        return self._input[start : self._at]
 
     def fill(self) -> bool:
-        """Have at least one byte at hand; ``False`` where none came.
+        """Read until at least one byte is pending; return whether there is one.
 
         Raises:
             OSError: The connection ended.
         """
-        if self._at == len(self._arrived):
+        if self._at == len(self._input):
             try:
-                self._arrived, self._at = self._receive(0), 0
+                self._input, self._at = self._receive(0), 0
             except (ssl.SSLWantReadError, ssl.SSLWantWriteError):
                 return False
-        return self._at < len(self._arrived)
+        return self._at < len(self._input)
 
     def _receive(self, flags: int) -> bytes:
         self.drained = True
-        piece = super().recv(_PIECE, flags)
+        data = super().recv(_RECORD, flags)
         self.drained = False
-        return piece
+        return data
 
     @property
-    def at_hand(self) -> tuple[bytes, int]:
-        """Bytes that arrived, and from where on nobody read them."""
-        return self._arrived, self._at
+    def unread(self) -> tuple[bytes, int]:
+        """The input, and the offset of the first byte that is not consumed."""
+        return self._input, self._at
 
     def skip(self, to: int) -> None:
-        """Take the bytes at hand for read, up to a place."""
+        """Consume the input up to an offset."""
         self._at = to
 
     def send(self, data: Any, flags: int = 0) -> int:
-        """Take all of ``data``; it leaves with the next `flush`."""
+        """Take all of ``data``; the next `flush` writes it."""
         del flags
-        if self._leaving is None:
-            self._leaving = bytearray()
-        self._leaving += data
+        if self._output is None:
+            self._output = bytearray()
+        self._output += data
         return len(data)
 
     def flush(self) -> None:
-        """Write what was taken, as far as the network takes it now.
+        """Write what was sent, as far as the network takes it now.
 
         Raises:
             OSError: The connection ended.
         """
-        while self._leaving:
+        while self._output:
             try:
-                # Of a piece that found no room, OpenSSL wants the same bytes again first.
-                sent = super().send(bytes(self._leaving[:_PIECE]))
+                # After a short write, OpenSSL wants the same bytes first.
+                sent = super().send(bytes(self._output[:_RECORD]))
             except (ssl.SSLWantReadError, ssl.SSLWantWriteError):
                 return
-            del self._leaving[:sent]
+            del self._output[:sent]
 
     def close(self) -> None:
-        """Write what can still be written, and close."""
+        """Flush what can be written, and close."""
         with suppress(OSError):
             self.flush()
         super().close()
@@ -96,9 +96,9 @@ class BufferedSocket(ClosingSocket):
     @property
     def unsent(self) -> int:
         """Bytes that wait for `flush`."""
-        return len(self._leaving or b"")
+        return len(self._output or b"")
 
     @property
-    def clogged(self) -> bool:
-        """Whether the peer reads so little that no more should be handed over."""
-        return self.unsent > _CLOGGED
+    def congested(self) -> bool:
+        """Whether the peer reads too slowly to take more."""
+        return self.unsent > _CONGESTED

@@ -1,7 +1,7 @@
-"""The packets of MQTT that come and go in masses: PUBLISH and PUBACK (3.1.1, sections 3.3 and 3.4).
+"""The two frequent MQTT packets: PUBLISH and PUBACK (MQTT 3.1.1, sections 3.3 and 3.4).
 
 Version 5 adds a list of properties to them (its sections 3.3.2.3 and 3.4.2.2), which is empty here.
-All other packets, and each of these that is not as most are, are paho's.
+paho handles all other packets, and unusual ones of these two.
 """
 
 from __future__ import annotations
@@ -16,23 +16,23 @@ if TYPE_CHECKING:
 _PUBLISH: Final = 0x30
 _QOS_2: Final = 0x04
 _RETAIN: Final = 0x01
-_LEAST: Final = 6
-"""Remaining length of the least PUBLISH at QoS 1: a topic of one letter, an identifier."""
+_MIN_LENGTH: Final = 6
+"""Remaining length of the shortest PUBLISH at QoS 1: a topic of one letter, an identifier."""
 _PUBACK: Final = struct.Struct(">HH")
 _ACKNOWLEDGED: Final = 0x4002
 """Type and remaining length of a PUBACK."""
 
 
 class Publish(NamedTuple):
-    """A PUBLISH; a tuple, because there are many.
+    """A PUBLISH. A tuple, because there are many.
 
     Attributes:
-        end: Where the next packet begins.
-        topic: Where it was published.
-        payload: What was.
-        mid: Its identifier; 0 at QoS 0.
+        end: Offset of the next packet.
+        topic: MQTT topic.
+        payload: Application message.
+        mid: Packet identifier; 0 at QoS 0.
         qos: 0 or 1.
-        retained: Whether the broker had kept it.
+        retained: The retain flag.
     """
 
     end: int
@@ -43,33 +43,33 @@ class Publish(NamedTuple):
     retained: bool
 
 
-def read_publication(data: bytes, at: int, *, five: bool) -> Publish | None:
-    """Read the packet at a place, if it is an ordinary PUBLISH of QoS 0 or 1 and whole.
+def read_publication(data: bytes, at: int, *, v5: bool) -> Publish | None:
+    """Read a packet if it is complete and an ordinary PUBLISH of QoS 0 or 1.
 
     Args:
-        data: What the broker sent.
-        at: Where a packet begins.
-        five: Whether version 5 is spoken.
+        data: Bytes from the broker.
+        at: Offset of the packet.
+        v5: Whether the protocol is version 5.
     """
     if len(data) < at + 5 or data[at] & (0xF0 | _QOS_2) != _PUBLISH:
         return None
     length, start = data[at + 1], at + 2
-    if length > 127:  # three bytes hold two million, more than any message has
+    if length > 127:  # three bytes reach two million, more than any message has
         length, start = length + (data[start] << 7) - 128, start + 1
         if length > 16_383:
             length, start = length + (data[start] << 14) - 16_384, start + 1
     end = start + length
-    if length < _LEAST or end > len(data) or length > 2_097_151:
+    if length < _MIN_LENGTH or end > len(data) or length > 2_097_151:
         return None
     qos = data[at] >> 1 & 1
-    named = start + 2 + (data[start] << 8 | data[start + 1])
-    body = named + 2 * qos + five
-    if named == start + 2 or body > end or (five and data[body - 1]):
+    topic_end = start + 2 + (data[start] << 8 | data[start + 1])
+    body = topic_end + 2 * qos + v5
+    if topic_end == start + 2 or body > end or (v5 and data[body - 1]):
         return None
-    topic = _topic(data[start + 2 : named])
+    topic = _topic(data[start + 2 : topic_end])
     if topic is None:
         return None
-    mid = data[named] << 8 | data[named + 1] if qos else 0
+    mid = data[topic_end] << 8 | data[topic_end + 1] if qos else 0
     return Publish(end, topic, data[body:end], mid, qos, bool(data[at] & _RETAIN))
 
 
@@ -81,28 +81,32 @@ def _topic(raw: bytes) -> str | None:
         return None
 
 
-def write_publication(topic: str, payload: bytes, *, retain: bool, five: bool) -> bytes:
+def write_publication(topic: str, payload: bytes, *, retain: bool, v5: bool) -> bytes:
     """Write a PUBLISH at QoS 0."""
-    named = _named(topic, five=five)
-    return b"%b%b%b" % (_head(_PUBLISH | retain, len(named) + len(payload)), named, payload)
+    header = _variable_header(topic, v5=v5)
+    return b"%b%b%b" % (
+        _fixed_header(_PUBLISH | retain, len(header) + len(payload)),
+        header,
+        payload,
+    )
 
 
 @lru_cache(16_384)
-def _named(topic: str, *, five: bool) -> bytes:
-    """What stands before the payload: topic, and no properties."""
+def _variable_header(topic: str, *, v5: bool) -> bytes:
+    """The variable header: topic and no properties."""
     name = topic.encode()
-    return b"%b%b%b" % (len(name).to_bytes(2), name, bytes(five))
+    return b"%b%b%b" % (len(name).to_bytes(2), name, bytes(v5))
 
 
 @lru_cache(4096)
-def _head(kind: int, length: int) -> bytes:
+def _fixed_header(kind: int, length: int) -> bytes:
     """The fixed header (section 2.2)."""
-    head = bytearray((kind,))
+    header = bytearray((kind,))
     while length > 127:
-        head.append(length & 127 | 128)
+        header.append(length & 127 | 128)
         length >>= 7
-    head.append(length)
-    return bytes(head)
+    header.append(length)
+    return bytes(header)
 
 
 def write_acknowledgements(mids: Iterable[int]) -> bytes:

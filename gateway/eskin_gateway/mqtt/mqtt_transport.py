@@ -1,7 +1,7 @@
-"""The broker over MQTT: paho's client, driven by a thread of ours.
+"""The connection to the MQTT broker: paho's client in a thread of the gateway.
 
-paho's own thread wakes for each packet that another thread hands it. Ours takes a whole batch of
-PUBACKs and publications at once, and outlives whatever a broken broker sends.
+paho's own thread wakes for each packet that another thread hands over. This thread sends a whole
+batch of PUBACKs and publications at once.
 """
 
 from __future__ import annotations
@@ -9,33 +9,38 @@ from __future__ import annotations
 import logging
 import select
 import socket
-import threading
 import time
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Final
 
 import paho.mqtt.client as paho
-from paho.mqtt.enums import MQTTProtocolVersion
+from paho.mqtt.enums import CallbackAPIVersion, MQTTProtocolVersion
 from paho.mqtt.packettypes import PacketTypes
 from paho.mqtt.properties import Properties
 from paho.mqtt.subscribeoptions import SubscribeOptions
 
+from eskin.runtime.nodelay import send_at_once
+from eskin.runtime.supervised import Supervised
+from eskin.wire.envelope import MOST_ENVELOPE
 from eskin.wire.topics import Stream, node_topic
 from eskin_gateway.mqtt.buffered_socket import BufferedSocket
-from eskin_gateway.mqtt.mqtt_packets import write_acknowledgements, write_publication
-from eskin_gateway.mqtt.paho_client import PahoClient
-from eskin_gateway.mqtt.receiver import Receiver
+from eskin_gateway.mqtt.mqtt_packets import (
+    read_publication,
+    write_acknowledgements,
+    write_publication,
+)
 from eskin_gateway.mqtt.send_queue import SendQueue
+from eskin_gateway.mqtt.transport import ReceivedMessage
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from paho.mqtt.reasoncodes import ReasonCode
 
-    from eskin_gateway.backoff import Backoff
+    from eskin.runtime.supervised import Backoff
     from eskin_gateway.mqtt.receive_queue import ReceiveQueue
-    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.mqtt.transport import Publication
     from eskin_gateway.settings import BrokerSection
 
 log = logging.getLogger(__name__)
@@ -44,18 +49,23 @@ _PROTOCOLS: Final = {"3.1.1": MQTTProtocolVersion.MQTTv311, "5": MQTTProtocolVer
 _TICK_S: Final = 0.5
 _READS: Final = 64
 _FULL_TICK_S: Final = 0.005
-_FAREWELL_S: Final = 1.0
+_DISCONNECT_S: Final = 1.0
 
 
 class MqttTransport:
-    """A connection that comes back by itself.
+    """A connection to the broker that reconnects after failures.
 
     Args:
-        settings: Where, and how.
+        settings: Address and protocol.
         name: The gateway's name, also its client id.
-        context: Shows the gateway's certificate, and checks the broker's.
-        receive_queue: Takes what arrives.
-        backoff: Between attempts to connect.
+        context: Presents the gateway's certificate and verifies the broker's.
+        receive_queue: Takes received messages.
+        backoff: Delays between connection attempts.
+
+    Attributes:
+        dropped: Publications that were dropped.
+        accepting: Whether received messages are queued.
+        connection: Number of connections so far.
     """
 
     def __init__(
@@ -69,35 +79,34 @@ class MqttTransport:
     ) -> None:
         self._settings = settings
         self._receive_queue = receive_queue
-        self._backoff = backoff
-        self._stopping = threading.Event()
         self._send_queue = SendQueue()
         self._wake_in, self._wake_out = socket.socketpair()
         for end in (self._wake_in, self._wake_out):
             end.settimeout(0.0)
         self._subscribed = False
-        self._full_seen = self._full_since = float("-inf")
+        self._full_checked = self._full_since = float("-inf")
         self._had_room = True
         self.dropped = 0
-        self.fault: str | None = "not connected yet"
-        self._five = settings.protocol == "5"
-        self._received_messages = Receiver(receive_queue, five=self._five, release=self.acknowledge)
+        self.accepting = True
+        self.connection = 0
+        self._fault: str | None = None
+        self._v5 = settings.protocol == "5"
         self._client = self._make_client(name, context)
-        self._thread = threading.Thread(target=self._run, name="broker", daemon=True)
+        self._thread = Supervised("broker", self._connect_and_serve, backoff=backoff)
 
     def start(self) -> None:
-        """Connect, and keep connected, in a thread."""
+        """Connect, and stay connected, in a thread."""
         self._thread.start()
 
-    def refuse(self) -> None:
-        """Take no further messages; answers still go out."""
-        self._received_messages.accepting = False
+    def pause(self) -> None:
+        """Queue no further messages; publications are still sent."""
+        self.accepting = False
 
     def stop(self) -> None:
-        """Send what waits, say goodbye, and end the thread."""
-        self._stopping.set()
+        """Send what is queued, disconnect and end the thread."""
+        self._thread.stopping.set()
         self._wake()
-        self._thread.join()
+        self._thread.stop()
         self._wake_in.close()
         self._wake_out.close()
 
@@ -106,34 +115,39 @@ class MqttTransport:
         """Whether the broker has granted all subscriptions."""
         return self._subscribed
 
+    @property
+    def fault(self) -> str | None:
+        """Why there is no connection; ``None`` while connected."""
+        if self._subscribed:
+            return None
+        return self._fault or self._thread.fault or "not connected yet"
+
     def acknowledge(self, received_messages: Sequence[ReceivedMessage]) -> None:
-        """Send PUBACKs."""
+        """See `Transport.acknowledge`."""
         by_connection: dict[int, list[int]] = {}
-        for received_message in received_messages:
-            if received_message.qos:
-                by_connection.setdefault(received_message.connection, []).append(
-                    received_message.mid
-                )
+        for message in received_messages:
+            if message.qos:
+                by_connection.setdefault(message.connection, []).append(message.mid)
         for connection, mids in by_connection.items():
             self._send_queue.acknowledge(write_acknowledgements(mids), connection=connection)
         self._wake()
 
-    def publish(self, publications: Iterable[tuple[str, bytes, bool]]) -> None:
-        """Publish at QoS 0; dropped and counted where there is no broker, or it does not read."""
+    def publish(self, publications: Iterable[Publication]) -> None:
+        """Publish at QoS 0; drop and count while disconnected or while the send queue is full."""
         for topic, payload, retain in publications:
-            packet = write_publication(topic, payload, retain=retain, five=self._five)
+            packet = write_publication(topic, payload, retain=retain, v5=self._v5)
             if not self._subscribed or not self._send_queue.put(packet):
                 self.dropped += 1
         self._wake()
 
-    def _make_client(self, name: str, context: ssl.SSLContext) -> PahoClient:
-        five = self._five
-        # The context makes the sockets of this connection alone.
+    def _make_client(self, name: str, context: ssl.SSLContext) -> _PahoClient:
+        v5 = self._v5
+        # The context makes the sockets of this connection only.
         context.sslsocket_class = BufferedSocket
-        client = PahoClient(
-            take=self._received_messages.take_read,
+        client = _PahoClient(
+            receive=self.receive_from_paho,
             client_id=name,
-            clean_session=None if five else True,
+            clean_session=None if v5 else True,
             protocol=_PROTOCOLS[self._settings.protocol],
             manual_ack=True,
         )
@@ -141,102 +155,145 @@ class MqttTransport:
         client.on_connect = self._on_connect
         client.on_subscribe = self._on_subscribe
         client.on_disconnect = self._on_disconnect
-        # Tells paho that a loop of ours writes; otherwise it would write in the caller's thread.
+        # Without this callback, paho would write in the caller's thread.
         client.on_socket_register_write = lambda *_: None
         properties = None
-        if five:
+        if v5:
             properties = Properties(PacketTypes.CONNECT)  # type: ignore[no-untyped-call]  # paho has no annotations here
             properties.ReceiveMaximum = self._settings.receive_queue_messages
         client.connect_async(
             self._settings.host,
             self._settings.port,
             keepalive=self._settings.keepalive_s,
-            clean_start=True if five else paho.MQTT_CLEAN_START_FIRST_ONLY,
+            clean_start=True if v5 else paho.MQTT_CLEAN_START_FIRST_ONLY,
             properties=properties,
         )
         return client
 
-    def _run(self) -> None:
-        while not self._stopping.is_set():
+    def _connect_and_serve(self) -> bool:
+        """Connect, and serve until the connection ends or the thread is stopped.
+
+        Raises:
+            ConnectionError: The connection ended.
+        """
+        try:
             try:
                 self._client.reconnect()
-                self._serve()
             except OSError as error:
-                self._lost(f"cannot connect: {error}")
-            except Exception:  # the thread's outermost loop: a broken broker must not end it
-                log.exception("broker: unexpected failure; connecting again")
-                self._lost("unexpected failure")
-            self._stopping.wait(0 if self._stopping.is_set() else self._backoff.failed())
-        self._farewell()
+                raise ConnectionError(f"cannot connect: {error}") from error
+            self._serve()
+            if self._thread.stopping.is_set():
+                self._disconnect()
+                return False
+            raise ConnectionError(self._fault or "connection lost")
+        finally:
+            self._subscribed = False
+            self._fault = None
 
     def _serve(self) -> None:
-        """Read and write until the connection ends or the thread shall."""
-        while isinstance(own := self._client.socket(), BufferedSocket):
-            if self._stopping.is_set():
+        """Read and write until the connection ends or the thread is stopped."""
+        while isinstance(tls := self._client.socket(), BufferedSocket):
+            if self._thread.stopping.is_set():
                 return
-            patient = self._is_patient()
-            if patient or own.drained:
-                self._wait(own, read=not patient)
-            if not patient and self._read(own):
+            holding = self._is_holding_back()
+            if holding or tls.drained:
+                self._wait(tls, read=not holding)
+            if not holding and self._read(tls):
                 return
-            if self._write(own) or self._client.loop_misc():
+            if self._write(tls) or self._client.loop_misc():
                 return
 
-    def _is_patient(self) -> bool:
-        """Whether the inbox is full, and not yet for so long that pings would be missed."""
+    def _is_holding_back(self) -> bool:
+        """Whether the receive queue is full, but not for so long that pings would be missed."""
         if not self._receive_queue.full:
             self._had_room = True
             return False
         now = time.monotonic()
-        # That nobody looked for a while does not say that there was room.
-        if self._had_room and now > self._full_seen + _FULL_TICK_S * 20:
+        # A long time without a check does not mean that there was room.
+        if self._had_room and now > self._full_checked + _FULL_TICK_S * 20:
             self._full_since = now
-        self._full_seen, self._had_room = now, False
+        self._full_checked, self._had_room = now, False
         return now <= self._full_since + self._settings.keepalive_s / 2
 
-    def _wait(self, own: BufferedSocket, *, read: bool) -> None:
-        """Wait for something to do; with a full inbox, reading is not: TCP holds the broker."""
-        waiting = [own] if own.unsent else []
-        reading = [own, self._wake_out] if read else [self._wake_out]
-        readable, _, _ = select.select(reading, waiting, [], _TICK_S if read else _FULL_TICK_S)
+    def _wait(self, tls: BufferedSocket, *, read: bool) -> None:
+        """Wait for I/O. While the queue is full nothing is read, so TCP holds the broker back."""
+        writing = [tls] if tls.unsent else []
+        reading = [tls, self._wake_out] if read else [self._wake_out]
+        readable, _, _ = select.select(reading, writing, [], _TICK_S if read else _FULL_TICK_S)
         if self._wake_out in readable:
             self._wake_out.recv(4096)
 
-    def _read(self, own: BufferedSocket) -> bool:
-        """Read what is there, up to a batch; tells whether the connection ended."""
+    def _read(self, tls: BufferedSocket) -> bool:
+        """Read what has arrived, up to a batch; return whether the connection ended."""
         for _ in range(_READS):
-            whole = self._client.between_packets and self._received_messages.take(own)
-            # The socket does not block: where nothing is there, this returns at once.
-            if not whole and not own.drained and self._client.loop_read():
+            whole = self._client.between_packets and self.receive(tls)
+            # The socket does not block, so this returns at once.
+            if not whole and not tls.drained and self._client.loop_read():
                 return True
-            if own.drained or self._receive_queue.full:
+            if tls.drained or self._receive_queue.full:
                 return False
         return False
 
-    def _write(self, own: BufferedSocket) -> bool:
-        """Write what other threads left, all together; tells whether the connection ended."""
-        self._hand_over(own)
+    def receive(self, tls: BufferedSocket) -> bool:
+        """Queue ordinary messages from the front of the input; return whether there were any.
+
+        Raises:
+            OSError: The connection ended.
+        """
+        if not tls.fill():
+            return False
+        data, at = tls.unread
+        found: list[ReceivedMessage] = []
+        most = self._receive_queue.room or len(data)
+        while len(found) < most:
+            packet = read_publication(data, at, v5=self._v5)
+            if packet is None:
+                break
+            at, topic, payload, mid, qos, retained = packet
+            # One byte too many is enough to reject it.
+            payload = payload[: MOST_ENVELOPE + 1]
+            found.append(ReceivedMessage(topic, payload, mid, qos, retained, self.connection))
+        tls.skip(at)
+        self._queue(found)
+        return bool(found)
+
+    def receive_from_paho(self, message: paho.MQTTMessage) -> None:
+        """Queue a message that paho has read."""
+        payload = bytes(message.payload[: MOST_ENVELOPE + 1])
+        self._queue([
+            ReceivedMessage(
+                message.topic, payload, message.mid, message.qos, message.retain, self.connection
+            )
+        ])  # fmt: skip
+
+    def _queue(self, received_messages: list[ReceivedMessage]) -> None:
+        if not self.accepting:
+            return
+        queued = self._receive_queue.put(received_messages)
+        if queued < len(received_messages):
+            # The nodes send these again; without a PUBACK they would fill the broker's window.
+            self.acknowledge(received_messages[queued:])
+
+    def _write(self, tls: BufferedSocket) -> bool:
+        """Write what other threads queued; return whether the connection ended."""
+        self._write_queued(tls)
         if self._client.want_write() and self._client.loop_write():
             return True
-        own.flush()
+        tls.flush()
         return False
 
-    def _hand_over(self, own: BufferedSocket) -> None:
-        """Write what other threads left, as long as the broker reads it."""
-        while (
-            not own.clogged
-            and (packet := self._send_queue.take(self._received_messages.connection)) is not None
-        ):
-            own.send(packet)
+    def _write_queued(self, tls: BufferedSocket) -> None:
+        while not tls.congested and (packet := self._send_queue.take(self.connection)) is not None:
+            tls.send(packet)
 
-    def _farewell(self) -> None:
-        own = self._client.socket()
-        if self._client.is_connected() and isinstance(own, BufferedSocket):
-            self._hand_over(own)
+    def _disconnect(self) -> None:
+        tls = self._client.socket()
+        if self._client.is_connected() and isinstance(tls, BufferedSocket):
+            self._write_queued(tls)
             self._client.loop_write()
             with suppress(OSError):
-                own.settimeout(_FAREWELL_S)
-                own.flush()
+                tls.settimeout(_DISCONNECT_S)
+                tls.flush()
             self._client.disconnect()
             self._client.loop_write()
 
@@ -244,25 +301,25 @@ class MqttTransport:
         try:
             self._wake_in.send(b"\0")
         except BlockingIOError:
-            return  # enough wake-ups are under way
+            return  # enough wake-ups are pending
 
     def _on_connect(
         self, client: paho.Client, userdata: Any, flags: Any, code: ReasonCode, properties: Any
     ) -> None:
         del userdata, flags, properties
         if code.is_failure:
-            self._lost(f"broker refuses: {code}")
+            self._lose(f"broker refuses: {code}")
             return
-        self._received_messages.connection += 1
+        self.connection += 1
         shared = f"$share/{self._settings.group}/" if self._settings.group else ""
-        # Every gateway needs every status: it carries the certificate, and is kept by the broker,
-        # which gives no kept message to a shared subscription.
+        # Every gateway needs every status: it carries the certificate. It is retained, and a
+        # shared subscription gets no retained messages.
         wanted = [
             shared + node_topic("+", Stream.BLOCKS),
             shared + node_topic("+", Stream.EVENTS),
             node_topic("+", Stream.STATUS),
         ]
-        if self._five:
+        if self._v5:
             options = SubscribeOptions(qos=1)
             client.subscribe([(topic, options) for topic in wanted])
         else:
@@ -273,25 +330,43 @@ class MqttTransport:
     ) -> None:
         del client, userdata, mid, properties
         if any(code.is_failure for code in codes):
-            self._lost("broker refuses the subscriptions; check its ACL for this gateway")
+            self._lose("broker refuses the subscriptions; check its ACL for this gateway")
             return
-        self._backoff.succeeded()
-        self.fault = None
+        self._thread.succeeded()
+        self._fault = None
         self._subscribed = True
-        log.info("broker connected: %s:%d", self._settings.host, self._settings.port)
+        log.info("broker connected: host=%s port=%d", self._settings.host, self._settings.port)
 
     def _on_disconnect(
         self, client: paho.Client, userdata: Any, flags: Any, code: ReasonCode, properties: Any
     ) -> None:
         del client, userdata, flags, properties
-        if not self._stopping.is_set():
-            self._lost(f"connection lost: {code}")
+        self._lose(f"connection lost: {code}")
 
-    def _lost(self, fault: str) -> None:
-        new = fault != self.fault
-        self.fault = fault  # first: whoever sees that it is lost is told why
+    def _lose(self, fault: str) -> None:
+        self._fault = self._fault or fault  # before: a reader that sees no connection sees why
         self._subscribed = False
-        if new:
-            log.warning(
-                "broker: %s; trying again: %s:%d", fault, self._settings.host, self._settings.port
-            )
+
+
+class _PahoClient(paho.Client):
+    """Hands each message to one receiver.
+
+    paho looks for receivers by topic, under two locks: a third of the cost of reading a message.
+
+    Args:
+        receive: Takes messages.
+        options: paho's.
+    """
+
+    def __init__(self, *, receive: Callable[[paho.MQTTMessage], None], **options: Any) -> None:
+        super().__init__(CallbackAPIVersion.VERSION2, **options)
+        self._receive = receive
+        self.on_socket_open = send_at_once
+
+    def _handle_on_message(self, message: paho.MQTTMessage) -> None:
+        self._receive(message)
+
+    @property
+    def between_packets(self) -> bool:
+        """Whether no packet is partly read."""
+        return self._in_packet["command"] == 0

@@ -1,4 +1,4 @@
-"""The bounded queue between the broker's thread and the spool's."""
+"""The bounded queue between the broker's thread and the commit loop."""
 
 from __future__ import annotations
 
@@ -13,37 +13,37 @@ from eskin.wire.envelope import MOST_ENVELOPE
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.mqtt.transport import ReceivedMessage
 
 BATCH_BYTES: Final = 1_048_576
-"""Most bytes of one batch (one message more may start below it)."""
+"""Bytes at which a batch ends. Its last message may exceed them."""
 
 
 @dataclass(frozen=True, slots=True)
 class ReceiveQueueStatistics:
-    """How the inbox fares.
+    """State of the receive queue.
 
     Attributes:
-        depth: Messages waiting.
-        capacity: Most that may wait.
-        most: Most that ever waited.
-        refused: Messages that found it full, and were dropped without acknowledgement.
-        used: Bytes waiting.
+        depth: Queued messages.
+        capacity: Most messages.
+        peak: Most messages queued so far.
+        dropped: Messages dropped because the queue was full.
+        used: Queued bytes.
     """
 
     depth: int
     capacity: int
-    most: int
-    refused: int
+    peak: int
+    dropped: int
     used: int
 
 
 class ReceiveQueue:
-    """Holds arrivals in order; one thread puts, one takes.
+    """Received messages in order. One thread puts, one takes.
 
     Args:
         capacity: Most messages.
-        most_bytes: Most bytes; one message has room in any case.
+        most_bytes: Most bytes. One message always has room.
     """
 
     def __init__(self, capacity: int, *, most_bytes: int) -> None:
@@ -53,24 +53,24 @@ class ReceiveQueue:
         self._waiting: deque[ReceivedMessage] = deque()
         self._changed = Condition()
         self._wanted = 1
-        self._most = 0
-        self._refused = 0
+        self._peak = 0
+        self._dropped = 0
 
     def put(self, received_messages: Sequence[ReceivedMessage]) -> int:
-        """Add some, in order; gives how many found room. What found none is counted."""
+        """Add messages in order and return how many had room. Others are counted as dropped."""
         with self._changed:
             taken = self._room_for(received_messages)
             self._waiting.extend(received_messages[:taken])
-            self._refused += len(received_messages) - taken
+            self._dropped += len(received_messages) - taken
             depth = len(self._waiting)
-            self._most = max(self._most, depth)
-            # The taker says how many are worth waking it for: a wake-up costs more than a message.
+            self._peak = max(self._peak, depth)
+            # A wake-up costs more than a message, so the taker waits for as many as it wants.
             if taken and depth >= self._wanted:
                 self._changed.notify()
             return taken
 
     def _room_for(self, received_messages: Sequence[ReceivedMessage]) -> int:
-        """How many of them have room, and now take it."""
+        """Reserve room and return how many of the messages have it."""
         depth, used = len(self._waiting), self._used
         for count, received_message in enumerate(received_messages):
             depth, used = depth + 1, used + len(received_message.payload)
@@ -81,24 +81,21 @@ class ReceiveQueue:
 
     @property
     def room(self) -> int:
-        """How many messages more it may take."""
+        """How many more messages have room."""
         return max(0, self._capacity - len(self._waiting))
 
     @property
     def full(self) -> bool:
-        """Whether the next message would find no room, or might not."""
+        """Whether the next message may find no room."""
         return len(self._waiting) >= self._capacity or self._used > self._most_bytes - MOST_ENVELOPE
 
     def take(self, most: int, *, linger_s: float, wait_s: float) -> list[ReceivedMessage]:
-        """Take a batch.
+        """Take a batch of the oldest messages, or none.
 
         Args:
-            most: Most messages in it.
-            linger_s: How long to wait for more, once there is one.
-            wait_s: How long to wait for the first.
-
-        Returns:
-            The oldest messages in order; empty where none came.
+            most: Most messages.
+            linger_s: Seconds to wait for more after the first.
+            wait_s: Seconds to wait for the first.
         """
         with self._changed:
             self._await(1, wait_s)
@@ -123,8 +120,8 @@ class ReceiveQueue:
 
     @property
     def statistics(self) -> ReceiveQueueStatistics:
-        """How it fares now."""
+        """Current state."""
         with self._changed:
             return ReceiveQueueStatistics(
-                len(self._waiting), self._capacity, self._most, self._refused, self._used
+                len(self._waiting), self._capacity, self._peak, self._dropped, self._used
             )

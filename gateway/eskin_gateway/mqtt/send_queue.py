@@ -1,4 +1,4 @@
-"""What other threads leave for the broker's thread to send."""
+"""Packets that other threads queue for the broker."""
 
 from __future__ import annotations
 
@@ -11,38 +11,38 @@ MOST_BYTES: Final = 33_554_432
 
 
 class SendQueue:
-    """A bounded queue of packets; one thread puts, one takes.
+    """A bounded queue of packets. One thread puts, one takes.
 
-    PUBACKs are not counted: there are no more than arrivals.
+    PUBACKs are not counted: there are no more than received messages.
     """
 
     def __init__(self) -> None:
         self._waiting: deque[tuple[bytes, int | None]] = deque()
-        # Bytes that came and that went, ever: each is counted by one thread alone.
-        self._came = self._went = 0
+        # Bytes ever put and ever taken. One thread writes each counter.
+        self._put = self._taken = 0
 
     def __len__(self) -> int:
         return len(self._waiting)
 
     def put(self, publication: bytes) -> bool:
-        """Add a PUBLISH; ``False`` where there is no room."""
-        if len(self._waiting) >= MOST or self._came - self._went >= MOST_BYTES:
+        """Add a PUBLISH; return whether there was room."""
+        if len(self._waiting) >= MOST or self._put - self._taken >= MOST_BYTES:
             return False
-        self._came += len(publication)
+        self._put += len(publication)
         self._waiting.append((publication, None))
         return True
 
     def acknowledge(self, acknowledgements: bytes, *, connection: int) -> None:
-        """Add PUBACKs, which are good on one connection alone."""
+        """Add PUBACKs, which are valid on one connection only."""
         self._waiting.append((acknowledgements, connection))
 
     def take(self, connection: int) -> bytes | None:
-        """The oldest that is good on a connection; ``None`` where none waits."""
+        """Take the oldest packet that is valid on a connection, if there is one."""
         while self._waiting:
-            packet, bound = self._waiting.popleft()
-            if bound is None:
-                self._went += len(packet)
-            # On another connection an identifier may name another message.
-            if bound is None or bound == connection:
+            packet, bound_to = self._waiting.popleft()
+            if bound_to is None:
+                self._taken += len(packet)
+            # On another connection, the identifier may name another message.
+            if bound_to in {None, connection}:
                 return packet
         return None

@@ -1,4 +1,4 @@
-"""How the gateway fares, for people and for supervisors."""
+"""Health and metrics of the gateway."""
 
 from __future__ import annotations
 
@@ -26,24 +26,24 @@ if TYPE_CHECKING:
 
 @dataclass(kw_only=True, slots=True)
 class Health:
-    """Asks all parts; holds nothing itself."""
+    """Collects the state of all parts."""
 
     broker: MqttTransport
     receive_queue: ReceiveQueue
-    worker: CommitLoop
+    commit_loop: CommitLoop
     spool: Spool
     forwarder: Forwarder
     command_poller: CommandPoller
     presence: Presence
     revocations: RevocationFile
     subject_sync: SubjectSync
-    _unread: str | None = field(default=None, init=False)
+    _spool_fault: str | None = field(default=None, init=False)
 
     def reasons(self) -> list[str]:
-        """Why the gateway is not healthy; empty where it is."""
+        """Why the gateway is not healthy; empty if it is."""
         faults = {
             "broker": self.broker.fault,
-            "spool": self.worker.fault or self._unread,
+            "spool": self.commit_loop.fault or self._spool_fault,
             "cloud": self.forwarder.fault,
             "commands": self.command_poller.fault,
             "revocations": self.revocations.fault,
@@ -52,7 +52,7 @@ class Health:
         return [f"{part}: {fault}" for part, fault in faults.items() if fault is not None]
 
     def report(self) -> dict[str, Any]:
-        """All of it, as ``/healthz`` answers."""
+        """The document of ``/healthz``."""
         spool, receive_queue = self.spool.statistics, self.receive_queue.statistics
         oldest_age = self.oldest_age()
         reasons = self.reasons()
@@ -61,11 +61,11 @@ class Health:
             "reasons": reasons,
             "broker": {"connected": self.broker.connected},
             "cloud": {"reachable": self.forwarder.reachable},
-            "inbox": {
+            "receive_queue": {
                 "messages": receive_queue.depth,
                 "capacity": receive_queue.capacity,
-                "most": receive_queue.most,
-                "refused": receive_queue.refused,
+                "peak": receive_queue.peak,
+                "dropped": receive_queue.dropped,
                 "bytes": receive_queue.used,
             },
             "spool": {
@@ -73,58 +73,72 @@ class Health:
                 "bytes": spool.used,
                 "capacity_bytes": spool.capacity,
                 "oldest_age_s": oldest_age,
-                "left_out": self.forwarder.left_out,
+                "retrying": self.forwarder.retrying,
                 "dead_letters": spool.dead_letters,
-                "dropped_letters": spool.dropped_letters,
+                "dead_letters_dropped": spool.dead_letters_dropped,
             },
             "nodes": {"online": self.presence.online},
         }
 
     def oldest_age(self) -> float | None:
-        """Seconds since the oldest message in the spool came; ``None`` where there is none.
+        """Seconds since the oldest message in the spool was received; ``None`` if it is empty.
 
-        NaN where the spool cannot be read: no other figure shall be missing for it.
+        NaN if the spool cannot be read, so that the other metrics are still exported.
         """
         try:
             oldest = self.spool.oldest()
         except SpoolError as error:
-            self._unread = str(error)
+            self._spool_fault = str(error)
             return math.nan
-        self._unread = None
+        self._spool_fault = None
         return None if oldest is None else max(0.0, (time.time_ns() - oldest) / 1e9)
 
     def export(self, metrics: Metrics) -> None:
-        """Add the parts' own figures to the counters."""
-        spool, receive_queue, broker = self.spool, self.receive_queue, self.broker
+        """Add the state of the parts to the metrics."""
+        spool, receive_queue, forwarder = self.spool, self.receive_queue, self.forwarder
         gauges: dict[str, tuple[str, Callable[[], float]]] = {
             "spool_messages": ("messages in the spool", lambda: spool.statistics.messages),
             "spool_bytes": ("bytes of messages in the spool", lambda: spool.statistics.used),
             "spool_capacity_bytes": ("its capacity", lambda: spool.statistics.capacity),
             "spool_oldest_seconds": ("age of its oldest", lambda: self.oldest_age() or 0.0),
-            "dead_letters": ("dead letters kept", lambda: spool.statistics.dead_letters),
+            "dead_letters": ("stored dead letters", lambda: spool.statistics.dead_letters),
             "dead_letters_dropped": (
-                "dead letters that gave way to newer ones",
-                lambda: spool.statistics.dropped_letters,
+                "dead letters dropped for newer ones",
+                lambda: spool.statistics.dead_letters_dropped,
             ),
-            "spool_left_out": (
-                "messages in the spool that the cloud fails at",
-                lambda: self.forwarder.left_out,
+            "spool_retrying": (
+                "messages in the spool at which the cloud fails",
+                lambda: forwarder.retrying,
             ),
-            "inbox_messages": ("messages in the inbox", lambda: receive_queue.statistics.depth),
-            "inbox_bytes": ("their bytes", lambda: receive_queue.statistics.used),
-            "inbox_most": ("most messages ever in it", lambda: receive_queue.statistics.most),
-            "inbox_refused": (
-                "messages that found it full",
-                lambda: receive_queue.statistics.refused,
+            "receive_queue_messages": (
+                "messages in the receive queue",
+                lambda: receive_queue.statistics.depth,
             ),
-            "publications_dropped": ("publications without a broker", lambda: broker.dropped),
-            "broker_connected": ("1 while connected", lambda: broker.connected),
-            "cloud_reachable": (
-                "1 while the cloud answers",
-                lambda: self.forwarder.reachable is True,
+            "receive_queue_bytes": ("their bytes", lambda: receive_queue.statistics.used),
+            "receive_queue_peak": (
+                "most messages in it so far",
+                lambda: receive_queue.statistics.peak,
             ),
-            "nodes_online": ("nodes heard lately", lambda: self.presence.online),
-            "healthy": ("1 while nothing is wrong", lambda: not self.reasons()),
+            "receive_queue_dropped": (
+                "messages dropped because it was full",
+                lambda: receive_queue.statistics.dropped,
+            ),
+            "publications_dropped": (
+                "publications dropped while disconnected or congested",
+                lambda: self.broker.dropped,
+            ),
+            "broker_connected": ("1 while connected", lambda: self.broker.connected),
+            "cloud_reachable": ("1 while the cloud answers", lambda: forwarder.reachable is True),
+            "confirmed_missing": (
+                "messages that the cloud confirmed and no longer has",
+                lambda: forwarder.missing,
+            ),
+            "erasures_pending": (
+                "erasures that the cloud has not confirmed",
+                lambda: self.subject_sync.pending,
+            ),
+            "nodes_online": ("nodes online", lambda: self.presence.online),
+            "healthy": ("1 while the gateway is healthy", lambda: not self.reasons()),
         }
         for name, (text, read) in gauges.items():
             metrics.gauge(name, text, read)

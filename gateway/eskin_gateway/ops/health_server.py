@@ -1,4 +1,4 @@
-"""Health and figures over plain HTTP, on loopback only."""
+"""Serves health and metrics over plain HTTP, on loopback only."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
 
 _HEAD_S: Final = 5.0
 _HEAD_BYTES: Final = 8192
-_FRESH_S: Final = 1.0
+_MAX_AGE_S: Final = 1.0
 
 
 class HealthServer:
     """Serves ``/healthz`` and ``/metrics``.
 
-    On loopback nobody can be told from others by their address. So where all connections are taken,
-    the one gives way that has waited longest for a request to come.
+    On loopback all clients have the same address. If all connections are taken, the one that has
+    been idle longest is closed.
 
     Args:
-        settings: Where to listen, and how much at most.
-        health: Asked for ``/healthz``.
-        metrics: Shown by ``/metrics``.
+        settings: Address and limits.
+        health: Makes the report of ``/healthz``.
+        metrics: The metrics of ``/metrics``.
 
     Raises:
-        SettingsError: The address cannot be listened on.
+        SettingsError: The server cannot listen on the address.
     """
 
     def __init__(self, settings: HttpSection, *, health: Health, metrics: Metrics) -> None:
         bound = bind("http", settings.host, settings.port)
         self.port: Final = int(bound.getsockname()[1])
-        bounds = HttpLimits(
+        limits = HttpLimits(
             head_s=_HEAD_S,
             head_bytes=_HEAD_BYTES,
             body_bytes=0,
@@ -57,11 +57,11 @@ class HealthServer:
             hosts=LOCALHOST,
         )
         pages = _Pages(health, metrics, RateLimit.per_second(settings.requests_per_s))
-        self._listener = Listener(pages, bound, context=None, bounds=bounds, headers=BARE_HEADERS)
-        self._thread = Thread(target=self._serve, name="monitor", daemon=True)
+        self._listener = Listener(pages, bound, context=None, bounds=limits, headers=BARE_HEADERS)
+        self._thread = Thread(target=self._serve, name="health_server", daemon=True)
 
     def start(self) -> None:
-        """Serve in a thread."""
+        """Start the thread."""
         self._thread.start()
 
     def stop(self) -> None:
@@ -80,54 +80,55 @@ class _Pages:
         self._health = health
         self._metrics = metrics
         self._rate = rate
-        self._told: dict[str, Any] | None = None
-        self._told_at = 0.0
+        self._cached: dict[str, Any] | None = None
+        self._cached_at = 0.0
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer a request."""
+        """Handle a request."""
         del receive
         host = (scope.get("client") or ("",))[0]
         allowed, health = await self._rate.take(host), scope["path"] == "/healthz"
-        # Whoever looks after us asks from the address of all others here, and needs an answer.
+        # A flood from the same address must not hide the health from a supervisor.
         if not allowed and not health:
-            said = "too many requests; wait a little"
-            await _refuse(send, HTTPStatus.TOO_MANY_REQUESTS, said, self._rate.pause)
+            detail = "too many requests; retry later"
+            await _send_problem(send, HTTPStatus.TOO_MANY_REQUESTS, detail, self._rate.pause)
         elif scope["method"] not in {"GET", "HEAD"}:
-            ways = {"Allow": "GET, HEAD"}
-            await _refuse(send, HTTPStatus.METHOD_NOT_ALLOWED, "only GET is possible here", ways)
+            headers = {"Allow": "GET, HEAD"}
+            detail = "only GET is allowed"
+            await _send_problem(send, HTTPStatus.METHOD_NOT_ALLOWED, detail, headers)
         elif health:
-            report = self._report(fresh=allowed)
+            report = self._report(cached=not allowed)
             status = HTTPStatus.SERVICE_UNAVAILABLE if report["reasons"] else HTTPStatus.OK
-            await _answer(send, status, "application/json", orjson.dumps(report))
+            await _send(send, status, "application/json", orjson.dumps(report))
         elif scope["path"] == "/metrics":
-            figures = generate_latest(self._metrics.registry)
-            await _answer(send, HTTPStatus.OK, CONTENT_TYPE_LATEST, figures)
+            text = generate_latest(self._metrics.registry)
+            await _send(send, HTTPStatus.OK, CONTENT_TYPE_LATEST, text)
         else:
-            await _refuse(send, HTTPStatus.NOT_FOUND, "there are only /healthz and /metrics")
+            await _send_problem(send, HTTPStatus.NOT_FOUND, "only /healthz and /metrics exist")
 
-    def _report(self, *, fresh: bool) -> dict[str, Any]:
-        """How the gateway fares; as a moment ago, where too many ask."""
+    def _report(self, *, cached: bool) -> dict[str, Any]:
+        """The health report, or the last one if it is recent enough."""
         now = monotonic()
-        if fresh or self._told is None or now > self._told_at + _FRESH_S:
-            self._told, self._told_at = self._health.report(), now
-        return self._told
+        if not cached or self._cached is None or now > self._cached_at + _MAX_AGE_S:
+            self._cached, self._cached_at = self._health.report(), now
+        return self._cached
 
 
-async def _refuse(
-    send: Send, status: HTTPStatus, detail: str, more: Mapping[str, str] | None = None
+async def _send_problem(
+    send: Send, status: HTTPStatus, detail: str, headers: Mapping[str, str] | None = None
 ) -> None:
-    """Answer with problem details (RFC 9457)."""
-    await _answer(send, status, MEDIA_TYPE, details(status, detail), more)
+    """Send problem details (RFC 9457)."""
+    await _send(send, status, MEDIA_TYPE, details(status, detail), headers)
 
 
-async def _answer(
+async def _send(
     send: Send,
     status: HTTPStatus,
-    kind: str,
+    media_type: str,
     body: bytes,
-    more: Mapping[str, str] | None = None,
+    headers: Mapping[str, str] | None = None,
 ) -> None:
-    headers = {"Content-Type": kind, "Content-Length": str(len(body)), **(more or {})}
-    raw = [(name.lower().encode(), value.encode()) for name, value in headers.items()]
+    every = {"Content-Type": media_type, "Content-Length": str(len(body)), **(headers or {})}
+    raw = [(name.lower().encode(), value.encode()) for name, value in every.items()]
     await send({"type": "http.response.start", "status": status, "headers": raw})
     await send({"type": "http.response.body", "body": body})

@@ -1,4 +1,4 @@
-"""Which nodes are there: whoever was heard lately."""
+"""Which nodes are online, by the time since their last message."""
 
 from __future__ import annotations
 
@@ -11,72 +11,82 @@ from eskin_gateway.publish import public_payloads
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from eskin_gateway.mqtt.transport import Publication
     from eskin_gateway.spool.spool import Spool
 
 
 @dataclass(slots=True)
 class _Node:
-    heard: float
+    last_seen: float
     status: Status | None
     online: bool | None
 
 
 class Presence:
-    """Decides from silence, and says so on the public status topics.
+    """Tracks which nodes are online, and publishes changes on the public status topics.
 
     Args:
-        silence_s: Seconds of silence after which a node is offline.
+        offline_after_s: Seconds without a message after which a node is offline.
     """
 
-    def __init__(self, silence_s: float) -> None:
-        self._silence = silence_s
+    def __init__(self, offline_after_s: float) -> None:
+        self._offline_after_s = offline_after_s
         self._nodes: dict[str, _Node] = {}
 
     def restore(self, spool: Spool, now: float) -> None:
-        """Take over the nodes of an earlier start, whose public status may still say online."""
-        for name in spool.nodes():
-            record = spool.node(name)
-            if record is not None and record.status is not None:
-                self._nodes[name] = _Node(now, Status.decode(record.status), None)
+        """Add the nodes of the last run, whose public status may still be online."""
+        for name, status in latest_statuses(spool).items():
+            self._nodes[name] = _Node(now, status, None)
 
-    def heard(
+    def update(
         self, name: str, status: Status | None, *, live: bool, now: float
-    ) -> Iterator[tuple[str, bytes, bool]]:
-        """A node's message came; gives what there is to publish.
+    ) -> Iterator[Publication]:
+        """Note a message of a node, and publish changes.
 
         Args:
             name: The node.
-            status: The message, where it is a status.
-            live: Whether it came from the node just now, not from the broker's memory.
+            status: The message, if it is a status.
+            live: Whether the node sent it now, and the broker had not retained it.
             now: Monotonic seconds.
         """
         node = self._nodes.setdefault(name, _Node(now, None, None))
-        came_back = live and node.online is not True
+        came_online = live and node.online is not True
         if live:
-            node.heard, node.online = now, True
+            node.last_seen, node.online = now, True
         if status is not None:
             node.status = status
-        if came_back or (status is not None and node.online is not None):
-            yield from self._say(name, node)
+        if came_online or (status is not None and node.online is not None):
+            yield from _publication(name, node)
 
-    def silent(self, now: float) -> Iterator[tuple[str, bytes, bool]]:
-        """Gives what there is to publish of nodes that fell silent."""
+    def expire(self, now: float) -> Iterator[Publication]:
+        """Publish the nodes that went offline."""
         for name, node in self._nodes.items():
-            if node.online is not False and now >= node.heard + self._silence:
+            if node.online is not False and now >= node.last_seen + self._offline_after_s:
                 node.online = False
-                yield from self._say(name, node)
+                yield from _publication(name, node)
 
-    def excuse(self, now: float) -> None:
-        """Nobody could be heard until now, so silence counts from now."""
+    def restart_timers(self, now: float) -> None:
+        """Restart all timers: no message could arrive until now."""
         for node in self._nodes.values():
-            node.heard = now
+            node.last_seen = now
 
     @property
     def online(self) -> int:
-        """How many nodes are there."""
+        """Nodes that are online."""
         return sum(node.online is True for node in list(self._nodes.values()))
 
-    def _say(self, name: str, node: _Node) -> Iterator[tuple[str, bytes, bool]]:
-        if node.status is not None:
-            topic, body = public_payloads.status(name, node.status, online=node.online is True)
-            yield topic, body, True
+
+def latest_statuses(spool: Spool) -> dict[str, Status]:
+    """Latest status of each node in the spool."""
+    states = ((name, spool.node(name)) for name in spool.nodes())
+    return {
+        name: Status.decode(state.status)
+        for name, state in states
+        if state is not None and state.status is not None
+    }
+
+
+def _publication(name: str, node: _Node) -> Iterator[Publication]:
+    if node.status is not None:
+        topic, body = public_payloads.status(name, node.status, online=node.online is True)
+        yield topic, body, True

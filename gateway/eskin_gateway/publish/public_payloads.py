@@ -1,4 +1,4 @@
-"""The public face: plain JSON for any MQTT client, every number exact, every interval whole."""
+"""Public payloads for any MQTT client: plain JSON with exact numbers and whole intervals."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 
 
 def is_public(message: BlockSummary | Peak) -> bool:
-    """Whether everybody may know of what a channel measures."""
+    """Whether a channel is not biometric."""
     return not is_biometric(message.channel)
 
 
 def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
     """Topic and JSON of a block's hull.
 
-    ``t0`` is the earliest moment of the first sample, ``t1`` the latest of the last. An unbounded
-    side is null.
+    ``t0`` is the earliest time of the first sample, ``t1`` the latest of the last. An infinite
+    bound is null.
     """
     lo, hi = block.bounds
     body = orjson.dumps(
@@ -44,27 +44,27 @@ def live(node: str, block: BlockSummary) -> tuple[str, bytes]:
 
 
 def live_senml(node: str, block: BlockSummary) -> Iterator[tuple[str, bytes]]:
-    """Topic and SenML (RFC 8428) of a block's hull, which holds for ``span`` s from its time on.
+    """Topic and SenML (RFC 8428) of a block's hull, which is valid for ``span`` s from its time.
 
-    A time before 1978 cannot be told: SenML would take it for one before now.
+    Nothing is yielded for a time before 1978, which SenML reads as relative to now.
     """
     t0 = block.time[0]
     if t0 < senml.EARLIEST:
         return
     t1 = block.time[1] + (block.n - 1) * block.dt
     coverage = union_coverage(block.coverage, n=block.n)
-    about = {
+    extra = {
         "coverage": (coverage, senml.RATIO),
         "span": (senml.seconds(t1 - t0), senml.SECONDS),
     }
     lo, hi = block.bounds
     name = f"{node}/{block.channel}/"
-    pack = senml.Pack(name, block.unit, t0, (0,), (lo,), (hi,), about)
+    pack = senml.Pack(name, block.unit, t0, (0,), (lo,), (hi,), extra)
     yield senml_topic(node, block.channel), senml.as_json(pack)
 
 
 def event(node: str, message: Peak | Gap) -> tuple[str, bytes]:
-    """Topic and JSON of a peak or gap, as REST's ``/events`` lists it."""
+    """Topic and JSON of a peak or gap, with the fields of REST's ``/events``."""
     position = message.position
     item: dict[str, Any] = {
         "id": f"{node}/{position.boot}/{position.sequence}",
@@ -111,9 +111,9 @@ def status(node: str, message: Status, *, online: bool) -> tuple[str, bytes]:
     }
     if message.faults is not None:
         item["faults"] = [
-            {"taxel": each.taxel}
-            | {"dead": each.dead.name.lower(), "stuck": each.stuck.name.lower()}
-            for each in message.faults
+            {"taxel": fault.taxel}
+            | {"dead": fault.dead.name.lower(), "stuck": fault.stuck.name.lower()}
+            for fault in message.faults
         ]
     if message.energy is not None:
         item["energy"] = _energy(message.energy)

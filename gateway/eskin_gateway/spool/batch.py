@@ -9,31 +9,53 @@ if TYPE_CHECKING:
     from eskin_gateway.spool.node_state import NodeState
 
 
-class Entry(NamedTuple):
-    """One accepted message: the node's name, when it came (UTC ns), plaintext and position."""
+class SpoolMessage(NamedTuple):
+    """An accepted message.
+
+    Attributes:
+        node: The node's name.
+        received: When the message was received, UTC ns.
+        body: Plaintext, or a sealed message where it is biometric.
+        boot: First part of its position.
+        sequence: Second part.
+        id: Its row; 0 before the commit.
+    """
 
     node: str
     received: int
     body: bytes
     boot: int | None = None
     sequence: int | None = None
+    id: int = 0
 
 
 class DeadLetter(NamedTuple):
-    """A message that can go no further, when (UTC ns), and why.
+    """A message that cannot be decoded or stored.
 
-    ``mark`` tells one from another where bodies do not: what is sealed twice differs.
+    Attributes:
+        time: When it became a dead letter, UTC ns.
+        node: The node's name.
+        reason: Why.
+        body: Its bytes.
+        fingerprint: Identifies its content, where the body was sealed with a fresh nonce.
     """
 
-    at: int
+    time: int
     node: str
     reason: str
     body: bytes
-    mark: bytes = b""
+    fingerprint: bytes = b""
 
 
-class Sender(NamedTuple):
-    """A verified sender's certificates (DER), by thumbprint; ``expires`` in s since 1970."""
+class NodeCertificate(NamedTuple):
+    """A verified certificate of a node and its issuer (DER).
+
+    Attributes:
+        thumbprint: SHA-256 of ``leaf``.
+        expires: Seconds since 1970.
+        leaf: The node's certificate.
+        issuer: The certificate that signed it.
+    """
 
     thumbprint: bytes
     expires: int
@@ -43,21 +65,21 @@ class Sender(NamedTuple):
 
 @dataclass(slots=True)
 class Batch:
-    """All that becomes durable together, or not at all.
+    """What becomes durable in one transaction.
 
     Attributes:
-        entries: Accepted messages, in order.
-        dead: Authentic messages that nobody can read.
-        nodes: What is remembered of each node that the batch touched.
-        node_certificates: Certificates seen for the first time.
+        messages: Accepted messages, in order.
+        dead_letters: Authentic messages that cannot be decoded.
+        nodes: State of each node of the batch.
+        certificates: Certificates that the spool does not have yet.
     """
 
-    entries: list[Entry] = field(default_factory=list)
-    dead: list[DeadLetter] = field(default_factory=list)
+    messages: list[SpoolMessage] = field(default_factory=list)
+    dead_letters: list[DeadLetter] = field(default_factory=list)
     nodes: dict[str, NodeState] = field(default_factory=dict)
-    node_certificates: list[Sender] = field(default_factory=list)
+    certificates: list[NodeCertificate] = field(default_factory=list)
 
     @property
     def size(self) -> int:
         """Bytes of the messages."""
-        return sum(len(entry.body) for entry in self.entries)
+        return sum(len(message.body) for message in self.messages)

@@ -1,27 +1,24 @@
-"""Room on the disk that is kept back, so that a full disk cannot stop a spool from emptying."""
+"""Disk space that is reserved so that a spool on a full disk can still delete messages."""
 
 from __future__ import annotations
 
 import os
 from contextlib import suppress
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-LEAST: Final = 1 / 2
-"""The share of the room that has to be regained before it counts as kept back."""
-
 
 class DiskReserve:
-    """A file that only takes room, until the room is needed.
+    """A file that only takes space, until the space is needed.
 
-    Deleting from a database takes room, too: without a reserve, a spool whose disk is full can
-    never forget what the cloud has taken, and never gets better.
+    Deleting rows needs space, too: without a reserve, a spool on a full disk could not delete what
+    the cloud has stored.
 
     Args:
         path: The file.
-        size: Bytes to keep back.
+        size: Bytes to reserve. Half of them are enough.
     """
 
     def __init__(self, path: Path, *, size: int) -> None:
@@ -31,15 +28,13 @@ class DiskReserve:
         self.hold()
 
     def hold(self) -> bool:
-        """Keep the room back, or as much of it as there is; tells whether it is enough."""
-        for size in (self._size, int(self._size * LEAST)):
-            if self.held:
-                break
-            self.held = self._allocate(size)
+        """Reserve the space if it is not held; return whether it is held now."""
+        for size in (self._size, self._size // 2):
+            self.held = self.held or self._allocate(size)
         return self.held
 
     def release(self) -> bool:
-        """Give the room up; tells whether there was any."""
+        """Release the space; return whether it was held."""
         held, self.held = self.held, False
         self._path.unlink(missing_ok=True)
         return held

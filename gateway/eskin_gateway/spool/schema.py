@@ -1,4 +1,4 @@
-"""The spool's tables; a spool of another version is refused."""
+"""The spool's tables."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ _CHECKPOINT_PAGES: Final = 1000
 
 VERSION: Final = 1
 _TABLES: Final = (
-    # digest: of all else but the id; once a message is opened, no signature covers it any more.
-    # AUTOINCREMENT: an id never comes back, so that order of ids is order of acceptance.
+    # digest: of all columns but the id; no signature covers a decrypted message.
+    # AUTOINCREMENT: ids are never reused, so their order is the order of acceptance.
     """CREATE TABLE messages (
         id INTEGER PRIMARY KEY AUTOINCREMENT,
         node TEXT NOT NULL,
@@ -34,14 +34,14 @@ _TABLES: Final = (
         thumbprint BLOB,
         digest INTEGER NOT NULL
     ) STRICT, WITHOUT ROWID""",
-    # The greatest number of each boot that the cloud has confirmed.
+    # The last sequence of each boot that the cloud has confirmed.
     """CREATE TABLE confirmed (
         node TEXT NOT NULL,
         boot INTEGER NOT NULL,
-        last INTEGER NOT NULL,
+        last_sequence INTEGER NOT NULL,
         PRIMARY KEY (node, boot)
     ) STRICT, WITHOUT ROWID""",
-    """CREATE TABLE senders (
+    """CREATE TABLE certificates (
         thumbprint BLOB PRIMARY KEY,
         expires INTEGER NOT NULL,
         leaf BLOB NOT NULL,
@@ -49,20 +49,20 @@ _TABLES: Final = (
     ) STRICT, WITHOUT ROWID""",
     """CREATE TABLE dead_letters (
         id INTEGER PRIMARY KEY AUTOINCREMENT,
-        at INTEGER NOT NULL,
+        time INTEGER NOT NULL,
         node TEXT NOT NULL,
         reason TEXT NOT NULL,
         body BLOB NOT NULL,
-        digest BLOB NOT NULL UNIQUE
+        fingerprint BLOB NOT NULL UNIQUE
     ) STRICT""",
 )
 
 
-def prepare(connection: sqlite3.Connection) -> None:
-    """Make the tables where there are none, in one transaction.
+def create_tables(connection: sqlite3.Connection) -> None:
+    """Create the tables of a new file, in one transaction.
 
     Raises:
-        SpoolError: The spool is of another version.
+        SpoolError: The file has another version.
     """
     version: int = connection.execute("PRAGMA user_version").fetchone()[0]
     if version not in {0, VERSION}:
@@ -79,13 +79,13 @@ def prepare(connection: sqlite3.Connection) -> None:
 
 
 def connect(path: Path, synchronous: str) -> sqlite3.Connection:
-    """Open the file; ``synchronous``: ``FULL`` where a commit must be durable, else ``NORMAL``."""
+    """Open the file; ``synchronous`` is ``FULL`` for durable commits, else ``NORMAL``."""
     connection = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
-    # A damaged text is read as another one, which its row's digest tells.
+    # A damaged text is decoded to another text, which the row's digest detects.
     connection.text_factory = lambda text: text.decode(errors="replace")
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute(f"PRAGMA synchronous = {synchronous}")
-    # Debian's SQLite overwrites what is deleted: twice the writing, for what the cloud has anyway.
+    # Debian's SQLite overwrites deleted rows: twice the writing, for data that the cloud has.
     connection.execute("PRAGMA secure_delete = OFF")
     connection.execute(f"PRAGMA wal_autocheckpoint = {_CHECKPOINT_PAGES}")
     connection.execute("PRAGMA busy_timeout = 5000")

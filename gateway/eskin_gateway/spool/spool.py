@@ -1,8 +1,8 @@
 """The durable spool: one SQLite file (WAL).
 
-What the nodes said is committed with ``synchronous=FULL``: it survives a power cut before anybody
-acknowledges it. What the cloud answered is committed with ``synchronous=NORMAL``: losing that word
-costs only sending again, which is always safe.
+Messages of nodes are committed with ``synchronous=FULL``: they survive a power cut before the
+gateway acknowledges them. Results of the cloud are committed with ``synchronous=NORMAL``: if one is
+lost, the gateway sends the messages again, and the cloud drops them as duplicates.
 """
 
 from __future__ import annotations
@@ -13,8 +13,9 @@ import logging
 import sqlite3
 import time
 from contextlib import ExitStack, closing, contextmanager
+from dataclasses import dataclass
 from threading import Event, Lock
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final
 
 from eskin.errors import LockedError, SpoolError
 from eskin.runtime.digest import row_checksum
@@ -22,11 +23,10 @@ from eskin.runtime.files.lock import LockFile
 from eskin.runtime.sqlite_integrity import UNREADABLE, require_whole, why
 from eskin.wire.messages import Position
 from eskin.wire.sequence_set import SequenceRanges
-from eskin_gateway.spool.batch import DeadLetter, Sender
+from eskin_gateway.spool.batch import DeadLetter, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.disk_reserve import DiskReserve
 from eskin_gateway.spool.node_state import NodeState
-from eskin_gateway.spool.schema import connect, prepare
-from eskin_gateway.spool.statistics import SpoolStatistics
+from eskin_gateway.spool.schema import connect, create_tables
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Sequence
@@ -37,56 +37,66 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 RESERVE: Final = 8_000_000
-"""Bytes kept back on the disk: twice the log (WAL) at its longest, which a checkpoint needs."""
-_ADD_MESSAGE: Final = """INSERT INTO messages (node, received, body, boot, sequence, digest)
+"""Bytes reserved on the disk: twice the longest log (WAL), which a checkpoint needs."""
+_INSERT_MESSAGE: Final = """INSERT INTO messages (node, received, body, boot, sequence, digest)
     VALUES (?, ?, ?, ?, ?, ?)"""
-_OLDEST: Final = """SELECT id, node, received, body, boot, sequence, digest FROM messages
+_SELECT_OLDEST: Final = """SELECT node, received, body, boot, sequence, id, digest FROM messages
     WHERE id NOT IN (SELECT value FROM json_each(?))
     AND node NOT IN (SELECT value FROM json_each(?)) ORDER BY id LIMIT ?"""
-_FORGET: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
-_CONFIRM: Final = """INSERT INTO confirmed VALUES (?, ?, ?)
-    ON CONFLICT (node, boot) DO UPDATE SET last = max(last, excluded.last)"""
+_DELETE_MESSAGES: Final = "DELETE FROM messages WHERE id BETWEEN ? AND ?"
+_CONFIRM: Final = """INSERT INTO confirmed VALUES (?, ?, ?) ON CONFLICT (node, boot)
+    DO UPDATE SET last_sequence = max(last_sequence, excluded.last_sequence)"""
 _TRIM_CONFIRMED: Final = """DELETE FROM confirmed WHERE ? < (SELECT count(*)
     FROM confirmed AS later WHERE later.node = confirmed.node AND later.boot >= confirmed.boot)"""
-_MOST_BOOTS: Final = 16
-"""Of a node: what the cloud confirmed of the latest ones is kept."""
-_KEEP_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?, ?)"
-_KEEP_SENDER: Final = "INSERT OR REPLACE INTO senders VALUES (?, ?, ?, ?)"
-_ADD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters (at, node, reason, body, digest)
-    VALUES (?, ?, ?, ?, ?)"""
-_DROP_LETTERS: Final = """DELETE FROM dead_letters WHERE id IN
+_MAX_CONFIRMED_BOOTS: Final = 16
+"""The latest boots of a node whose confirmed sequences are stored."""
+_REPLACE_NODE: Final = "INSERT OR REPLACE INTO nodes VALUES (?, ?, ?, ?, ?, ?, ?)"
+_REPLACE_CERTIFICATE: Final = "INSERT OR REPLACE INTO certificates VALUES (?, ?, ?, ?)"
+_TRIM_CERTIFICATES: Final = """DELETE FROM certificates WHERE expires < ? AND thumbprint NOT IN
+    (SELECT thumbprint FROM nodes WHERE thumbprint IS NOT NULL)"""
+_INSERT_DEAD_LETTER: Final = """INSERT OR IGNORE INTO dead_letters
+    (time, node, reason, body, fingerprint) VALUES (?, ?, ?, ?, ?)"""
+_DELETE_DEAD_LETTERS: Final = """DELETE FROM dead_letters WHERE id IN
     (SELECT id FROM dead_letters ORDER BY id LIMIT ?)"""
 
 
-class Stored(NamedTuple):
-    """One message in the spool; ``received`` in UTC ns."""
+@dataclass(frozen=True, slots=True)
+class SpoolStatistics:
+    """State of the spool.
 
-    id: int
-    node: str
-    received: int
-    body: bytes
-    boot: int | None = None
-    sequence: int | None = None
+    Attributes:
+        messages: Messages waiting for the cloud.
+        used: Their bytes.
+        capacity: Most bytes.
+        dead_letters: Stored dead letters.
+        dead_letters_dropped: Dead letters dropped since the start, because newer ones came.
+    """
+
+    messages: int
+    used: int
+    capacity: int
+    dead_letters: int
+    dead_letters_dropped: int
 
 
 class Spool:
-    """A durable queue to the cloud, with all that must become durable with it.
+    """A durable queue of messages to the cloud, and the state of nodes. Thread-safe.
 
     Args:
-        path: SQLite file, made where there is none.
+        path: SQLite file, created if missing.
         capacity: Most bytes of messages.
-        letters: Most dead letters.
+        max_dead_letters: Most dead letters.
 
     Raises:
         SpoolError: The file cannot be opened.
     """
 
-    def __init__(self, path: Path, *, capacity: int, letters: int) -> None:
+    def __init__(self, path: Path, *, capacity: int, max_dead_letters: int) -> None:
         self._path = path
         self._capacity = capacity
-        self._letters_most = letters
+        self._max_dead_letters = max_dead_letters
         self._lock = Lock()
-        self._dropped = 0
+        self._dead_letters_dropped = 0
         self.filled = Event()
         try:
             with ExitStack() as opened:
@@ -100,60 +110,57 @@ class Spool:
             raise SpoolError(f"spool {path} cannot be opened: {why(error)}") from error
 
     def _open(self, path: Path, opened: ExitStack) -> None:
-        """Open all of it; what was opened before a failure is closed again."""
-        self._owner = opened.enter_context(LockFile(path))
-        self._intake = opened.enter_context(closing(connect(path, "FULL")))
-        require_whole(self._intake)
-        prepare(self._intake)
-        self._intake.execute(_TRIM_CONFIRMED, (_MOST_BOOTS,))
-        self._outlet = opened.enter_context(closing(connect(path, "NORMAL")))
-        # Nodes show new ones with each status; the last one says to which site each belongs.
-        self._intake.execute(
-            "DELETE FROM senders WHERE expires < ? AND thumbprint NOT IN "
-            "(SELECT thumbprint FROM nodes WHERE thumbprint IS NOT NULL)",
-            (int(time.time()),),
-        )
-        self._messages, self._used = self._intake.execute(
+        """Open the file, and close it again after a failure."""
+        self._lock_file = opened.enter_context(LockFile(path))
+        self._ingest = opened.enter_context(closing(connect(path, "FULL")))
+        require_whole(self._ingest)
+        create_tables(self._ingest)
+        self._ingest.execute(_TRIM_CONFIRMED, (_MAX_CONFIRMED_BOOTS,))
+        self._forward = opened.enter_context(closing(connect(path, "NORMAL")))
+        # The certificate that a node used last shows the node's site, also if it is expired.
+        self._ingest.execute(_TRIM_CERTIFICATES, (int(time.time()),))
+        self._messages, self._used = self._ingest.execute(
             "SELECT count(*), coalesce(sum(length(body)), 0) FROM messages"
         ).fetchone()
         self._reserve = DiskReserve(path.with_name(f"{path.name}.reserve"), size=RESERVE)
-        self._letters = self._intake.execute("SELECT count(*) FROM dead_letters").fetchone()[0]
+        (self._dead_letters,) = self._ingest.execute("SELECT count(*) FROM dead_letters").fetchone()
 
     def close(self) -> None:
-        """Close the file; what was committed stays."""
+        """Close the file."""
         with self._lock:
-            self._intake.close()
-            self._outlet.close()
-            self._owner.close()
+            self._ingest.close()
+            self._forward.close()
+            self._lock_file.close()
 
     def commit(self, batch: Batch) -> None:
-        """Make a batch durable, all of it or nothing.
+        """Commit a batch in one transaction.
 
         Raises:
-            SpoolError: There is no room, or the file cannot be written.
+            SpoolError: The spool is full, or the file cannot be written.
         """
         if not self._reserve.hold():
             raise SpoolError(
-                f"spool is full: the disk of {self._path} has no room; make some, or wait until "
+                f"spool is full: the disk of {self._path} has no space; free some, or wait until "
                 "the cloud takes messages"
             )
         size = batch.size
         if self._used + size > self._capacity:
             raise SpoolError(
                 f"spool is full: {self._used} of {self._capacity} bytes; {size} more do not fit "
-                "until the cloud takes some, or spool.capacity_bytes grows"
+                "until the cloud takes some, or spool.capacity_bytes is increased"
             )
         with self._lock:
-            with self._transaction(self._intake) as connection:
-                entries = [(*entry, row_checksum(entry)) for entry in batch.entries]
-                connection.executemany(_ADD_MESSAGE, entries)
-                connection.executemany(_KEEP_NODE, [_row(*node) for node in batch.nodes.items()])
-                connection.executemany(_KEEP_SENDER, batch.node_certificates)
-                buried = self._bury(connection, batch.dead)
-            self._messages += len(batch.entries)
+            with self._transaction(self._ingest) as connection:
+                connection.executemany(
+                    _INSERT_MESSAGE, [(*m[:5], row_checksum(m[:5])) for m in batch.messages]
+                )
+                connection.executemany(_REPLACE_NODE, [_row(*item) for item in batch.nodes.items()])
+                connection.executemany(_REPLACE_CERTIFICATE, batch.certificates)
+                counts = self._insert_dead_letters(connection, batch.dead_letters)
+            self._messages += len(batch.messages)
             self._used += size
-            self._count_letters(*buried)
-        if batch.entries:
+            self._count_dead_letters(*counts)
+        if batch.messages:
             self.filled.set()
 
     def take(
@@ -161,99 +168,99 @@ class Spool:
         most: int,
         most_bytes: int,
         *,
-        besides: Collection[int] = (),
-        without: Collection[str] = (),
-    ) -> list[Stored]:
-        """The oldest messages, in order; they stay until they are settled.
+        without_ids: Collection[int] = (),
+        without_nodes: Collection[str] = (),
+    ) -> list[SpoolMessage]:
+        """Read the oldest messages in order. They stay until they are settled.
 
-        What is not as it was committed becomes a dead letter, and is not given.
+        A damaged message becomes a dead letter and is not returned.
 
         Args:
             most: Most messages.
-            most_bytes: Most bytes; one message is given in any case.
-            besides: Ids of messages that are left out.
-            without: Nodes whose messages are left out.
+            most_bytes: Most bytes. One message is returned in any case.
+            without_ids: Messages that are left out.
+            without_nodes: Nodes whose messages are left out.
 
         Raises:
             SpoolError: The file cannot be read.
         """
         self.filled.clear()
-        here = json.dumps([*besides]), json.dumps([*without]), most
+        values = json.dumps([*without_ids]), json.dumps([*without_nodes]), most
         while True:
-            taken, damaged = self._take(here, most_bytes)
+            messages, damaged = self._take(values, most_bytes)
             if damaged:
-                self._give_up(damaged)
-            if taken or not damaged:
-                return taken
+                self._reject_damaged(damaged)
+            if messages or not damaged:
+                return messages
 
     def _take(
-        self, here: tuple[str, str, int], most_bytes: int
-    ) -> tuple[list[Stored], list[Stored]]:
-        """The oldest messages, and the damaged ones that were met on the way."""
-        taken: list[Stored] = []
-        damaged: list[Stored] = []
+        self, values: tuple[str, str, int], most_bytes: int
+    ) -> tuple[list[SpoolMessage], list[SpoolMessage]]:
+        """Read the oldest messages, and the damaged ones among them."""
+        messages: list[SpoolMessage] = []
+        damaged: list[SpoolMessage] = []
         size = 0
         try:
-            with closing(self._outlet.execute(_OLDEST, here)) as cursor:
-                for *values, digest in cursor:
-                    message = Stored(*values)
-                    if row_checksum(message[1:]) != digest:
-                        body = values[3] if isinstance(values[3], bytes) else b""
+            with closing(self._forward.execute(_SELECT_OLDEST, values)) as cursor:
+                for *columns, digest in cursor:
+                    message = SpoolMessage(*columns)
+                    if row_checksum(message[:5]) != digest:
+                        body = columns[2] if isinstance(columns[2], bytes) else b""
                         damaged.append(message._replace(body=body))
                         continue
                     size += len(message.body)
-                    if taken and size > most_bytes:
+                    if messages and size > most_bytes:
                         break
-                    taken.append(message)
+                    messages.append(message)
         except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
-        return taken, damaged
+        return messages, damaged
 
-    def _give_up(self, damaged: Sequence[Stored]) -> None:
-        """Keep damaged messages as dead letters; the cloud will miss their numbers."""
-        letters = []
-        for _, node, _, body, boot, sequence in damaged:
-            place = f"boot {boot} sequence {sequence}"
-            log.error("message damaged in the spool: path=%s node=%s %s", self._path, node, place)
-            reason = f"{place}: damaged in the spool: see whether the disk fails"
-            letters.append(DeadLetter(time.time_ns(), str(node), reason, body))
-        self.settle(damaged, letters)
+    def _reject_damaged(self, damaged: Sequence[SpoolMessage]) -> None:
+        """Turn damaged messages into dead letters. The cloud will report them as missing."""
+        dead_letters = []
+        for message in damaged:
+            position = f"boot {message.boot} sequence {message.sequence}"
+            log.error("message damaged: path=%s node=%s %s", self._path, message.node, position)
+            reason = f"{position}: damaged in the spool: check the disk"
+            dead_letters.append(DeadLetter(time.time_ns(), str(message.node), reason, message.body))
+        self.settle(damaged, dead_letters)
 
     def settle(
         self,
-        stored: Sequence[Stored],
-        dead: Sequence[DeadLetter] = (),
+        messages: Sequence[SpoolMessage],
+        dead_letters: Sequence[DeadLetter] = (),
         *,
-        confirmed: Sequence[Stored] = (),
+        confirmed: Sequence[SpoolMessage] = (),
     ) -> None:
-        """Forget messages that the cloud answered for; what it rejected stays as dead letters.
+        """Delete messages that the cloud answered for, and store the rejected as dead letters.
 
         Args:
-            stored: All that it answered for.
-            dead: What it rejected.
-            confirmed: What it says that it has: where that ends in each boot is remembered.
+            messages: All that it answered for.
+            dead_letters: What it rejected.
+            confirmed: What it stored. The last sequence of each boot is remembered.
 
         Raises:
-            SpoolError: The file cannot be written; nothing is forgotten.
+            SpoolError: The file cannot be written; nothing is deleted.
         """
         with self._lock:
             try:
-                buried = self._forget(stored, dead, confirmed)
+                counts = self._delete(messages, dead_letters, confirmed)
             except SpoolError:
                 if not self._reserve.release():
                     raise
-                log.warning("disk full, reserve given up to empty the spool: path=%s", self._path)
-                buried = self._forget(stored, dead, confirmed)
-            self._messages -= len(stored)
-            self._used -= sum(len(message.body) for message in stored)
-            self._count_letters(*buried)
+                log.warning("disk full, reserve released: path=%s", self._path)
+                counts = self._delete(messages, dead_letters, confirmed)
+            self._messages -= len(messages)
+            self._used -= sum(len(message.body) for message in messages)
+            self._count_dead_letters(*counts)
             if not self._reserve.held:
-                self._regain()
+                self._regain_reserve()
 
     def node(self, name: str) -> NodeState | None:
-        """What is remembered of a node; nothing where that is damaged.
+        """Read the state of a node; ``None`` if it is unknown or damaged.
 
-        What it forgets so, and sees again, the cloud knows to be stored.
+        Without it, duplicates are accepted, and the cloud drops them.
 
         Raises:
             SpoolError: The file cannot be read.
@@ -265,47 +272,46 @@ class Spool:
         *values, digest = rows[0]
         _, boot, sequence, ranges, status, thumbprint = values
         if row_checksum(values) != digest:
-            log.error("record damaged, and forgotten: path=%s node=%s", self._path, name)
+            log.error("node state damaged and dropped: path=%s node=%s", self._path, name)
             return None
         return NodeState.restore(Position(boot, sequence), ranges, status, thumbprint)
 
     def confirmed(self) -> list[tuple[str, int, int]]:
-        """Node, boot, and the greatest number of it that the cloud confirmed, of latest boots.
+        """Node, boot, and the last sequence of it that the cloud confirmed.
 
         Raises:
             SpoolError: The file cannot be read.
         """
-        rows = self._rows("SELECT node, boot, last FROM confirmed ORDER BY node, boot")
-        return [(node, boot, last) for node, boot, last in rows]
+        return self._rows("SELECT node, boot, last_sequence FROM confirmed ORDER BY node, boot")
 
     def nodes(self) -> list[str]:
-        """Names of all nodes ever accepted.
+        """Names of all nodes.
 
         Raises:
             SpoolError: The file cannot be read.
         """
         return [row[0] for row in self._rows("SELECT node FROM nodes ORDER BY node")]
 
-    def sender(self, thumbprint: bytes) -> Sender | None:
-        """A sender's certificates.
+    def certificate(self, thumbprint: bytes) -> NodeCertificate | None:
+        """Read the certificate with a thumbprint.
 
         Raises:
             SpoolError: The file cannot be read.
         """
-        rows = self._rows("SELECT * FROM senders WHERE thumbprint = ?", thumbprint)
-        return Sender(*rows[0]) if rows else None
+        rows = self._rows("SELECT * FROM certificates WHERE thumbprint = ?", thumbprint)
+        return NodeCertificate(*rows[0]) if rows else None
 
     def dead_letters(self) -> list[DeadLetter]:
-        """All dead letters, the oldest first.
+        """All dead letters, oldest first.
 
         Raises:
             SpoolError: The file cannot be read.
         """
-        rows = self._rows("SELECT at, node, reason, body FROM dead_letters ORDER BY id")
+        rows = self._rows("SELECT time, node, reason, body FROM dead_letters ORDER BY id")
         return [DeadLetter(*row) for row in rows]
 
     def oldest(self) -> int | None:
-        """When the oldest message came, UTC ns.
+        """When the oldest message was received, UTC ns.
 
         Raises:
             SpoolError: The file cannot be read.
@@ -315,44 +321,48 @@ class Spool:
 
     @property
     def statistics(self) -> SpoolStatistics:
-        """How it fares now."""
+        """Current state."""
         with self._lock:
             return SpoolStatistics(
-                self._messages, self._used, self._capacity, self._letters, self._dropped
+                self._messages,
+                self._used,
+                self._capacity,
+                self._dead_letters,
+                self._dead_letters_dropped,
             )
 
-    def _rows(self, query: str, *values: object) -> list[tuple[Any, ...]]:
+    def _rows(self, query: str, *values: object) -> list[Any]:
         try:
             with self._lock:
-                return self._intake.execute(query, values).fetchall()
+                return self._ingest.execute(query, values).fetchall()
         except UNREADABLE as error:
             raise SpoolError(f"spool {self._path} cannot be read: {why(error)}") from error
 
-    def _forget(
+    def _delete(
         self,
-        stored: Sequence[Stored],
-        dead: Sequence[DeadLetter],
-        confirmed: Sequence[Stored],
+        messages: Sequence[SpoolMessage],
+        dead_letters: Sequence[DeadLetter],
+        confirmed: Sequence[SpoolMessage],
     ) -> tuple[int, int]:
-        ends: dict[tuple[str, int], int] = {}
+        last: dict[tuple[str, int], int] = {}
         for message in confirmed:
             if message.boot is not None and message.sequence is not None:
-                place = message.node, message.boot
-                ends[place] = max(message.sequence, ends.get(place, 0))
-        with self._transaction(self._outlet) as connection:
-            connection.executemany(_CONFIRM, [(*place, last) for place, last in ends.items()])
-            for first, last in SequenceRanges((message.id, message.id) for message in stored):
-                connection.execute(_FORGET, (first, last))
-            return self._bury(connection, dead)
+                key = message.node, message.boot
+                last[key] = max(message.sequence, last.get(key, 0))
+        with self._transaction(self._forward) as connection:
+            connection.executemany(_CONFIRM, [(*key, sequence) for key, sequence in last.items()])
+            ids = SequenceRanges((message.id, message.id) for message in messages)
+            connection.executemany(_DELETE_MESSAGES, ids)
+            return self._insert_dead_letters(connection, dead_letters)
 
-    def _regain(self) -> None:
-        """Fold the log into the file, which frees its room, and keep the room back again."""
+    def _regain_reserve(self) -> None:
+        """Checkpoint, which frees the log's space, and reserve the space again."""
         try:
-            self._outlet.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
+            self._forward.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
         except sqlite3.Error as error:
-            log.warning("spool not folded yet: path=%s error=%s", self._path, error)
+            log.warning("checkpoint failed: path=%s error=%s", self._path, error)
         if self._reserve.hold():
-            log.info("reserve held again: path=%s", self._path)
+            log.info("reserve regained: path=%s", self._path)
 
     @contextmanager
     def _transaction(self, connection: sqlite3.Connection) -> Iterator[sqlite3.Connection]:
@@ -366,25 +376,28 @@ class Spool:
                 connection.execute("ROLLBACK")
             raise SpoolError(f"spool {self._path} cannot be written: {why(error)}") from error
 
-    def _bury(self, connection: sqlite3.Connection, dead: Sequence[DeadLetter]) -> tuple[int, int]:
-        """Keep dead letters, each content once; gives how many came and how many gave way."""
-        if not dead:
+    def _insert_dead_letters(
+        self, connection: sqlite3.Connection, dead_letters: Sequence[DeadLetter]
+    ) -> tuple[int, int]:
+        """Insert each content once; return how many were inserted and how many dropped."""
+        if not dead_letters:
             return 0, 0
         rows = [
-            (*letter[:4], letter.mark or hashlib.sha256(letter.body).digest()) for letter in dead
+            (*letter[:4], letter.fingerprint or hashlib.sha256(letter.body).digest())
+            for letter in dead_letters
         ]
-        added = connection.executemany(_ADD_LETTER, rows).rowcount
-        surplus = self._letters + added - self._letters_most
+        inserted = connection.executemany(_INSERT_DEAD_LETTER, rows).rowcount
+        surplus = self._dead_letters + inserted - self._max_dead_letters
         if surplus <= 0:
-            return added, 0
-        return added, connection.execute(_DROP_LETTERS, (surplus,)).rowcount
+            return inserted, 0
+        return inserted, connection.execute(_DELETE_DEAD_LETTERS, (surplus,)).rowcount
 
-    def _count_letters(self, added: int, dropped: int) -> None:
-        self._letters += added - dropped
-        self._dropped += dropped
+    def _count_dead_letters(self, inserted: int, dropped: int) -> None:
+        self._dead_letters += inserted - dropped
+        self._dead_letters_dropped += dropped
 
 
-def _row(name: str, record: NodeState) -> tuple[object, ...]:
-    held, ranges = record.held, record.encode_ranges()
-    values = name, held.boot, held.sequence, ranges, record.status, record.thumbprint
+def _row(name: str, state: NodeState) -> tuple[object, ...]:
+    held, ranges = state.held, state.encode_ranges()
+    values = name, held.boot, held.sequence, ranges, state.status, state.thumbprint
     return *values, row_checksum(values)

@@ -23,10 +23,10 @@ ALWAYS: Final = -(2**63)
 
 
 class SubjectAssignments:
-    """Says whose data a node's message is: of whoever wore the node when it was measured.
+    """Maps a node and a time of measurement to a subject.
 
     Args:
-        keystore: The site's key store, in whose folder they lie.
+        keystore: The site's key store, in whose folder the files are.
 
     Raises:
         PrivacyError: The folder cannot be used.
@@ -35,64 +35,64 @@ class SubjectAssignments:
     def __init__(self, keystore: KeyStore) -> None:
         self._keystore = keystore
         self._folder = keystore.directory / "nodes"
-        self._read: dict[str, tuple[Version, list[tuple[int, str]]]] = {}
-        self._lost: dict[str, Subject] = {}
+        self._histories: dict[str, tuple[Version, list[tuple[int, str]]]] = {}
+        self._erased: dict[str, Subject] = {}
         make_folder(self._folder)
 
     def assign(self, node: str, subject: Subject, *, since: int) -> None:
-        """Have a subject wear a node.
+        """Assign a node to a subject.
 
         Args:
             node: The node.
-            subject: Who wears it, or nobody.
-            since: UTC ns; what was measured before stays whose it is.
+            subject: The subject that wears it from now on.
+            since: UTC ns. Earlier measurements stay with their subject.
 
         Raises:
-            PrivacyError: It cannot be written.
-            IdentityError: The node's name is none.
+            PrivacyError: The file cannot be written.
+            IdentityError: The node's name is invalid.
         """
         IdentityKind.NODE.require_name(node)
-        self._history(node)  # there is one from here on
+        self._history(node)  # creates the file
         with turn(self._folder):
             history = [entry for entry in self._history(node) if entry[0] < since]
-            self._write(node, [*history, (since, subject.pseudonym)])
+            write_private(self._folder / node, _encode([*history, (since, subject.pseudonym)]))
 
     def release(self, pseudonym: str, *, since: int) -> list[str]:
-        """Have nobody wear the nodes that a subject wears; gives which they were."""
-        worn = [node for node, wearer in self.wearers().items() if wearer == pseudonym]
-        for node in worn:
+        """Unassign all nodes of a subject, and return them."""
+        released = [node for node, subject in self.wearers().items() if subject == pseudonym]
+        for node in released:
             self.assign(node, self._keystore.create(), since=since)
-        return worn
+        return released
 
     def wearers(self) -> dict[str, str]:
         """Each node's present subject, by node."""
         return {node: self._history(node)[-1][1] for node in self._nodes()}
 
-    def worn(self) -> list[tuple[str, str]]:
-        """Each node with each subject that ever wore it, by node, the first wearer first."""
+    def all_wearers(self) -> list[tuple[str, str]]:
+        """Each node with each of its subjects, in order of time."""
         ever = [(node, name) for node in self._nodes() for _, name in self._history(node)]
         return list(dict.fromkeys(ever))
 
-    def subject(self, node: str, moment: int) -> Subject:
-        """Whose data it is.
+    def subject(self, node: str, time: int) -> Subject:
+        """Find the subject of a measurement.
 
-        Data of an erased subject that come late are given a key that nobody keeps: they are stored
-        once like all else, and can never be read.
+        Late data of an erased subject get a random key that is not stored: they are stored once
+        like all data, and can never be decrypted.
 
         Args:
-            node: Who said it.
-            moment: When it was measured, UTC ns.
+            node: The node that measured.
+            time: When it measured, UTC ns.
 
         Raises:
             PrivacyError: A file cannot be read or written.
         """
         history = self._history(node)
-        pseudonym = next(name for since, name in reversed(history) if since <= moment)
+        pseudonym = next(name for since, name in reversed(history) if since <= time)
         try:
             return self._keystore.find(pseudonym)
         except NoKeyError:
-            lost = Subject(pseudonym, "", b"", os.urandom(KEY_BYTES))
-            return self._lost.setdefault(pseudonym, lost)
+            erased = Subject(pseudonym, "", b"", os.urandom(KEY_BYTES))
+            return self._erased.setdefault(pseudonym, erased)
 
     def _nodes(self) -> list[str]:
         return sorted(path.name for path in self._folder.iterdir() if path.name[0] != ".")
@@ -100,30 +100,27 @@ class SubjectAssignments:
     def _history(self, node: str) -> list[tuple[int, str]]:
         path = self._folder / node
         try:
-            seen = version(path)
+            stamp = version(path)
         except FileNotFoundError:
-            nobody = _encoded([(ALWAYS, self._keystore.create().pseudonym)])
-            # Somebody may have said meanwhile who wears it.
-            make_once(path, lambda: nobody)
-            seen = version(path)
-        known = self._read.get(node)
-        if known is None or known[0] != seen:
+            unnamed = _encode([(ALWAYS, self._keystore.create().pseudonym)])
+            # Another process may have assigned the node meanwhile.
+            make_once(path, lambda: unnamed)
+            stamp = version(path)
+        cached = self._histories.get(node)
+        if cached is None or cached[0] != stamp:
             try:
-                said = without_check(json.loads(read_private(path)))
-                entries = [(int(since), str(name)) for since, name in said["worn"]]
+                content = without_check(json.loads(read_private(path)))
+                entries = [(int(since), str(name)) for since, name in content["worn"]]
             except (ValueError, TypeError, KeyError) as error:
                 raise PrivacyError(
-                    f"{path}: is no list of who wore the node: {error}; bring back a copy of it, "
-                    "or remove it and say who wears the node (`eskin subjects assign`)"
+                    f"{path}: is no list of assignments: {error}; restore a copy of it, "
+                    "or remove it and assign the node again (`eskin subjects assign`)"
                 ) from error
             if not entries or entries[0][0] != ALWAYS:
-                raise PrivacyError(f"{path}: does not say who wore the node from the beginning")
-            known = self._read[node] = seen, entries
-        return known[1]
-
-    def _write(self, node: str, history: list[tuple[int, str]]) -> None:
-        write_private(self._folder / node, _encoded(history))
+                raise PrivacyError(f"{path}: has no assignment from the beginning")
+            cached = self._histories[node] = stamp, entries
+        return cached[1]
 
 
-def _encoded(history: list[tuple[int, str]]) -> bytes:
+def _encode(history: list[tuple[int, str]]) -> bytes:
     return json.dumps(with_check({"worn": [list(entry) for entry in history]})).encode()

@@ -1,11 +1,12 @@
-"""Requests to the cloud over HTTPS, as each of the gateway's ways to it makes them."""
+"""HTTPS requests to the cloud's resources for gateways."""
 
 from __future__ import annotations
 
-from contextlib import contextmanager
+import socket
+from contextlib import contextmanager, suppress
 from email.utils import parsedate_to_datetime
 from time import time
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import httpx
 import orjson
@@ -14,20 +15,21 @@ from eskin.errors import CloudError, IdentityError, MessageError
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
-MOST_ANSWER: Final = 8_388_608
-"""Bytes of an answer."""
+MAX_RESPONSE: Final = 8_388_608
+"""Bytes of a response."""
 
 
 class CloudClient:
-    """Posts to resources beside the cloud's ingest; for any thread.
+    """Posts to resources beside the cloud's ingest. Thread-safe.
 
     Args:
         url: The cloud's ingest.
-        headers: Gives those of a request.
-        context: Leads to our root, and shows the gateway's certificate.
+        headers: Returns the headers of a request.
+        context: Holds the root certificate, and presents the gateway's certificate.
         timeout_s: Seconds to wait.
+        abortable: Whether `abort` ends a request. Each request then has its own connection.
     """
 
     def __init__(
@@ -37,53 +39,81 @@ class CloudClient:
         headers: Callable[[], dict[str, str]],
         context: ssl.SSLContext,
         timeout_s: float,
+        abortable: bool = False,
     ) -> None:
         self._url = httpx.URL(url)
         self._headers = headers
-        # The environment's proxies are no part of the way from a gateway to its cloud.
-        self._client = httpx.Client(verify=context, timeout=timeout_s, trust_env=False)
+        self._timeout_s = timeout_s
+        limits = httpx.Limits(max_keepalive_connections=0 if abortable else None)
+        # Proxies of the environment are ignored: a gateway connects to its cloud directly.
+        self._client = httpx.Client(verify=context, trust_env=False, limits=limits)
+        self._extensions = {"trace": self._note_connection} if abortable else {}
+        self._connection: socket.socket | None = None
+        self._aborted = False
+
+    def abort(self) -> None:
+        """End the open request and all later ones, from another thread."""
+        self._aborted = True
+        self._shut_down()
 
     def close(self) -> None:
         """Close all connections."""
         self._client.close()
 
-    def post(self, resource: str, body: bytes) -> bytes:
-        """Post a body; gives the answer's.
+    def post(self, resource: str, body: bytes, *, wait_s: float = 0.0) -> bytes:
+        """Post a body and return that of the response.
 
         Args:
             resource: Its name, such as ``ingest``.
             body: CBOR.
+            wait_s: Seconds for which the cloud may hold the response back.
 
         Raises:
-            CloudError: The cloud did not answer with 200, or at too great a length.
+            CloudError: There is no response, or its status is not 200, or it is too long.
         """
-        url, found = self._url.join(resource), bytearray()
-        with (
-            answering(url),
-            self._client.stream("POST", url, content=body, headers=self._headers()) as answer,
-        ):
-            require_ok(answer)
-            for part in answer.iter_bytes():
-                found += part
-                require_short(found)
-        return bytes(found)
+        url, received = self._url.join(resource), bytearray()
+        try:
+            with self._client.stream(
+                "POST",
+                url,
+                content=body,
+                headers=self._headers(),
+                timeout=httpx.Timeout(self._timeout_s, read=self._timeout_s + wait_s),
+                extensions=self._extensions,
+            ) as response:
+                _require_ok(response)
+                for part in response.iter_bytes():
+                    received += part
+                    if len(received) > MAX_RESPONSE:
+                        raise CloudError(f"{url}: response exceeds {MAX_RESPONSE} bytes")
+        except httpx.HTTPError as error:
+            raise CloudError(
+                f"{url}: {type(error).__name__}: {error}",
+                unanswered=isinstance(error, httpx.ReadTimeout),
+            ) from error
+        finally:
+            connection, self._connection = self._connection, None
+            if connection is not None:
+                connection.close()
+        return bytes(received)
+
+    def _note_connection(self, event: str, info: Mapping[str, Any]) -> None:
+        if event == "connection.connect_tcp.complete":
+            # The TLS handshake takes the socket itself away from the stream.
+            self._connection = info["return_value"].get_extra_info("socket").dup()
+            if self._aborted:
+                self._shut_down()
+
+    def _shut_down(self) -> None:
+        connection = self._connection
+        if connection is not None:
+            with suppress(OSError):
+                connection.shutdown(socket.SHUT_RDWR)
 
 
 @contextmanager
-def answering(url: httpx.URL) -> Iterator[None]:
-    """Raise `CloudError` where a request fails before the cloud has answered."""
-    try:
-        yield
-    except httpx.HTTPError as error:
-        raise CloudError(
-            f"{url}: {type(error).__name__}: {error}",
-            unanswered=isinstance(error, httpx.ReadTimeout),
-        ) from error
-
-
-@contextmanager
-def as_agreed(body: bytes) -> Iterator[None]:
-    """Raise `CloudError` where an answer cannot be read."""
+def parsing(body: bytes) -> Iterator[None]:
+    """Raise `CloudError` if a response cannot be parsed."""
     try:
         yield
     except (
@@ -95,36 +125,19 @@ def as_agreed(body: bytes) -> Iterator[None]:
         MessageError,
         IdentityError,
     ) as error:
-        said = body[:100]
-        raise CloudError(f"the cloud's answer is not as agreed: {said!r}: {error}") from error
+        raise CloudError(f"invalid response of the cloud: {body[:100]!r}: {error}") from error
 
 
-def require_short(body: bytes | bytearray) -> None:
-    """Require that an answer is not too long.
-
-    Raises:
-        CloudError: It is longer than `MOST_ANSWER`.
-    """
-    if len(body) > MOST_ANSWER:
-        raise CloudError(f"the cloud's answer is longer than {MOST_ANSWER} bytes")
-
-
-def require_ok(answer: httpx.Response) -> None:
-    """Require status 200; the body need not have been read.
-
-    Raises:
-        CloudError: It has another status.
-    """
-    if answer.status_code == httpx.codes.OK:
-        return
-    raise CloudError(
-        f"{answer.url} answered {answer.status_code} {answer.reason_phrase}",
-        status=answer.status_code,
-        retry_after=_patience(answer.headers.get("Retry-After")),
-    )
+def _require_ok(response: httpx.Response) -> None:
+    if response.status_code != httpx.codes.OK:
+        raise CloudError(
+            f"{response.url} answered {response.status_code} {response.reason_phrase}",
+            status=response.status_code,
+            retry_after=_retry_after(response.headers.get("Retry-After")),
+        )
 
 
-def _patience(value: str | None) -> float | None:
+def _retry_after(value: str | None) -> float | None:
     """Seconds of a Retry-After: a number, or a date (RFC 9110, section 10.2.3)."""
     if value is None:
         return None

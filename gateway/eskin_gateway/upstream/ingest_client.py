@@ -1,31 +1,35 @@
-"""The seam to the cloud, and the cloud over HTTPS."""
+"""Sends batches of messages to the cloud."""
 
 from __future__ import annotations
 
 import math
+import time
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 import orjson
 
 from eskin.errors import CloudError
+from eskin.wire.messages.acknowledgement import MOST_WATCHED
 from eskin.wire.messages.cbor_head import ARRAY, BYTES, TEXT, opening
-from eskin_gateway.upstream.cloud_client import as_agreed
+from eskin_gateway.upstream.cloud_client import parsing
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from eskin_gateway.upstream.cloud_client import CloudClient
-    from eskin_gateway.upstream.viewers import Viewers
+
+_MAX_VIEWED_NODES: Final = 4096
+"""Bounds the memory that the cloud's responses take."""
 
 
-class Answer(NamedTuple):
-    """What the cloud did with one message; a tuple, because there are many.
+class ItemResult(NamedTuple):
+    """What the cloud did with one message. A tuple, because there are many.
 
     Attributes:
-        result: Both ``stored`` and ``duplicate`` mean that it is durable there; ``unknown_node``,
-            that nothing is kept of it before the node's certificate is presented.
-        reason: Why it was rejected.
+        result: ``stored`` and ``duplicate`` mean that the message is durable in the cloud.
+            ``unknown_node`` means that the node's certificate must be registered first.
+        reason: Why the message was rejected.
     """
 
     result: Literal["stored", "duplicate", "rejected", "unknown_node"]
@@ -33,81 +37,93 @@ class Answer(NamedTuple):
 
 
 _RESULTS: Final = {"stored", "duplicate", "rejected", "unknown_node"}
-_STORED: Final = {"result": "stored", "reason": None}
-_KEPT: Final = Answer("stored", None)
+_STORED_ITEM: Final = {"result": "stored", "reason": None}
+_STORED: Final = ItemResult("stored", None)
 
 
-class Cloud(Protocol):
-    """What the gateway needs of the cloud."""
-
-    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
-        """Send messages (node, plaintext) in order.
-
-        Returns:
-            One answer for each message, in the same order.
-
-        Raises:
-            CloudError: The cloud did not answer as agreed; nothing is known of any message.
-        """
-
-
-class HttpsCloud:
-    """The cloud's ingest over HTTPS.
+class IngestClient:
+    """The cloud's ``ingest``.
 
     Args:
-        client: The way to the cloud.
-        viewers: Hear which nodes people look at.
+        client: Posts to the cloud.
+        viewers: Updated with the nodes that are viewed.
     """
 
     def __init__(self, client: CloudClient, viewers: Viewers) -> None:
         self._client = client
         self._viewers = viewers
 
-    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
-        """See `Cloud.send`."""
-        body = self._client.post("ingest", as_batch(messages))
-        answers, watched = _answers(body, len(messages))
-        self._viewers.note(watched)
-        return answers
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
+        """Send messages (node, plaintext) and return a result for each, in order.
+
+        Raises:
+            CloudError: The request failed. The messages may be stored or not.
+        """
+        body = self._client.post("ingest", encode_batch(messages))
+        with parsing(body):
+            response = orjson.loads(body)
+            results = [_item_result(item) for item in response["items"]]
+            watched = {n: _seconds(span) for n, span in response.get("watched", {}).items()}
+        if len(results) != len(messages):
+            raise CloudError(f"the cloud answered for {len(results)} of {len(messages)} messages")
+        self._viewers.update(watched)
+        return results
 
 
-def as_batch(messages: Sequence[tuple[str, bytes]]) -> bytes:
-    """CBOR array of ``[node, plaintext]``: what is encoded already is only put together."""
+class Viewers:
+    """How long each node is viewed. One thread updates, another one reads.
+
+    Args:
+        clock: Monotonic seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._until: dict[str, float] = {}
+
+    def update(self, watched: Mapping[str, float]) -> None:
+        """Add nodes, with the seconds for which each is viewed."""
+        if not watched and not self._until:
+            return
+        now = self._clock()
+        until = {node: until for node, until in self._until.items() if until > now}
+        until |= {node: now + seconds for node, seconds in watched.items()}
+        self._until = dict(list(until.items())[-_MAX_VIEWED_NODES:])
+
+    def remaining(self, node: str) -> int:
+        """Milliseconds for which a node is viewed, or 0."""
+        until = self._until.get(node)
+        if until is None:
+            return 0
+        return max(0, min(MOST_WATCHED, round((until - self._clock()) * 1000)))
+
+
+def encode_batch(messages: Sequence[tuple[str, bytes]]) -> bytes:
+    """CBOR array of ``[node, plaintext]``, joined from encoded parts."""
     parts = [opening(ARRAY, len(messages))]
     for node, body in messages:
-        parts += _addressed(node), opening(BYTES, len(body)), body
+        parts += _encode_node(node), opening(BYTES, len(body)), body
     return b"".join(parts)
 
 
 @lru_cache(4096)
-def _addressed(node: str) -> bytes:
-    """The beginning of a pair, and its node."""
+def _encode_node(node: str) -> bytes:
+    """Head of a pair, and its node."""
     name = node.encode()
     return opening(ARRAY, 2) + opening(TEXT, len(name)) + name
-
-
-def _answers(body: bytes, expected: int) -> tuple[list[Answer], dict[str, float]]:
-    """What became of the messages; and nodes that are watched, and for how many seconds."""
-    with as_agreed(body):
-        said = orjson.loads(body)
-        answers = [_answer(item) for item in said["items"]]
-        watched = {str(node): _seconds(span) for node, span in said.get("watched", {}).items()}
-    if len(answers) != expected:
-        raise CloudError(f"the cloud answered for {len(answers)} of {expected} messages")
-    return answers, watched
 
 
 def _seconds(span: Any) -> float:
     seconds = float(span)
     if not math.isfinite(seconds):
-        raise ValueError(f"no span of time: {seconds}")
+        raise ValueError(f"no duration: {seconds}")
     return seconds
 
 
-def _answer(item: dict[str, Any]) -> Answer:
-    if item == _STORED:
-        return _KEPT
+def _item_result(item: dict[str, Any]) -> ItemResult:
+    if item == _STORED_ITEM:
+        return _STORED
     result, reason = item["result"], item.get("reason")
     if result not in _RESULTS or not isinstance(reason, str | None):
         raise TypeError(f"no result: {item!r}")
-    return Answer(result, reason)
+    return ItemResult(result, reason)

@@ -1,13 +1,13 @@
-"""Telling the cloud of subjects over HTTPS."""
+"""Sends subjects' keys and erasures to the cloud."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import cbor2
 import orjson
 
-from eskin_gateway.upstream.cloud_client import as_agreed
+from eskin_gateway.upstream.cloud_client import parsing
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -15,45 +15,36 @@ if TYPE_CHECKING:
     from eskin_gateway.upstream.cloud_client import CloudClient
 
 
-class Notices(Protocol):
-    """What the gateway needs of the cloud to have keys kept and destroyed."""
-
-    def send(
-        self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
-    ) -> dict[str, str]:
-        """Tell, and learn what became of each subject's key.
-
-        It is kept, declined or erased; in ``conflict`` with another one that is kept; or not taken,
-        as the cloud has no certificate of the node (``unknown_node``).
-
-        Args:
-            worn: Pseudonym, node, and the key if the cloud may have it.
-            erased: Pseudonyms whose keys are to be destroyed.
-
-        Raises:
-            CloudError: The cloud did not answer as agreed.
-        """
-
-
-class HttpsNotices:
-    """The cloud's subjects over HTTPS.
+class SubjectsClient:
+    """The cloud's ``subjects``.
 
     Args:
-        client: The way to the cloud.
+        client: Posts to the cloud.
     """
 
     def __init__(self, client: CloudClient) -> None:
         self._client = client
 
     def send(
-        self, worn: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
+        self, assigned: Sequence[tuple[str, str, bytes | None]], erased: Sequence[str]
     ) -> dict[str, str]:
-        """See `Notices.send`."""
-        body = cbor2.dumps({"worn": [list(one) for one in worn], "erased": list(erased)})
-        answer = self._client.post("subjects", body)
-        with as_agreed(answer):
-            items = orjson.loads(answer)["items"]
-            # Of a subject at several nodes, what keeps one of them from being told is told.
-            found: dict[str, str] = {item["id"]: item["result"] for item in items}
-            hindered = [item for item in items if item["result"] in {"conflict", "unknown_node"}]
-            return found | {item["id"]: item["result"] for item in hindered}
+        """Send subjects and return the result for each.
+
+        A result is ``kept``, ``declined`` or ``erased``; ``conflict`` if the cloud keeps another
+        key; ``unknown_node`` if the cloud has no certificate of the node.
+
+        Args:
+            assigned: Pseudonym, node, and the key if the cloud may have it.
+            erased: Pseudonyms whose keys the cloud must destroy.
+
+        Raises:
+            CloudError: The request failed.
+        """
+        body = cbor2.dumps({"worn": [list(item) for item in assigned], "erased": list(erased)})
+        response = self._client.post("subjects", body)
+        with parsing(response):
+            items = orjson.loads(response)["items"]
+            results: dict[str, str] = {item["id"]: item["result"] for item in items}
+            # Of a subject with several nodes, a failure is the result.
+            failed = [item for item in items if item["result"] in {"conflict", "unknown_node"}]
+            return results | {item["id"]: item["result"] for item in failed}

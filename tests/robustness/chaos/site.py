@@ -239,7 +239,7 @@ class Site:
                        "keepalive_s": 5},
             "identity": {"directory": own.directory, "site": self._identities.site.directory},
             "cloud": {"url": f"https://{self.cloud.host.address}:{_INGEST}/api/v1/ingest",
-                      "timeout_s": 3.0, "retry_most_s": 2.0},
+                      "timeout_s": 3.0, "retry_max_s": 2.0},
             "spool": {"path": spool},
         })  # fmt: skip
         argv = [ESKIN, "gateway", "--config", str(config)]

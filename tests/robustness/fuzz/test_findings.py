@@ -175,7 +175,7 @@ def test_flash_or_spool_that_asks_for_too_much_memory_is_damaged(
     with pytest.raises(FlashError, match="cannot be opened: the file is damaged, or"):
         open_flash(tmp_path / "flash.db")
     with pytest.raises(SpoolError, match="cannot be opened: the file is damaged, or"):
-        Spool(tmp_path / "spool.db", capacity=1 << 20, letters=5)
+        Spool(tmp_path / "spool.db", capacity=1 << 20, max_dead_letters=5)
 
 
 def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
 def test_damaged_page_is_noticed_when_it_is_opened(tmp_path: Path) -> None:
     flash, spool = tmp_path / "flash.db", tmp_path / "spool.db"
     open_flash(flash).close()
-    Spool(spool, capacity=1000, letters=5).close()
+    Spool(spool, capacity=1000, max_dead_letters=5).close()
     for path in (flash, spool):
         image = bytearray(path.read_bytes())
         image[4096:4200] = b"\xff" * 104
@@ -201,7 +201,7 @@ def test_damaged_page_is_noticed_when_it_is_opened(tmp_path: Path) -> None:
     with pytest.raises(FlashError):
         open_flash(flash)
     with pytest.raises(SpoolError):
-        Spool(spool, capacity=1000, letters=5)
+        Spool(spool, capacity=1000, max_dead_letters=5)
 
 
 @pytest.mark.parametrize("ranges", [b"\x01", b"\xa1\x01\x02", b"\xa1\x01\x81\x82\x02\x01", b"\xff"])
@@ -220,7 +220,7 @@ def test_host_without_end_is_refused_in_a_short_line(tmp_path: Path) -> None:
 
 def test_file_that_cannot_be_opened_is_not_held(tmp_path: Path) -> None:
     for name, make, error in (
-        ("spool", lambda path: Spool(path, capacity=1 << 20, letters=5), SpoolError),
+        ("spool", lambda path: Spool(path, capacity=1 << 20, max_dead_letters=5), SpoolError),
         ("truth", lambda path: GroundTruth(path, limit=1 << 20), FlashError),
     ):
         path = tmp_path / name

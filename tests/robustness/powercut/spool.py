@@ -7,7 +7,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING, Any, Final
 from unittest.mock import patch
 
-from eskin_gateway.spool.batch import Batch, DeadLetter, Entry
+from eskin_gateway.spool.batch import Batch, DeadLetter, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
 
@@ -40,7 +40,7 @@ def work(folder: Path, draw: random.Random, marks: Marks) -> None:
 
 
 def _open(folder: Path) -> Spool:
-    return Spool(folder / _NAME, capacity=1 << 30, letters=1000)
+    return Spool(folder / _NAME, capacity=1 << 30, max_dead_letters=1000)
 
 
 def _commit(spool: Spool, draw: random.Random, marks: Marks, numbers: dict[str, int]) -> None:
@@ -49,7 +49,7 @@ def _commit(spool: Spool, draw: random.Random, marks: Marks, numbers: dict[str, 
         node = draw.choice(_NODES)
         record = batch.nodes.setdefault(node, spool.node(node) or NodeState())
         record.add(Position(1, numbers[node]))
-        batch.entries.append(Entry(node, 5, _body(node, numbers[node])))
+        batch.messages.append(SpoolMessage(node, 5, _body(node, numbers[node])))
         said.append((node, numbers[node]))
         numbers[node] += 1
     marks.tell("will", *said)
@@ -75,7 +75,7 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
         waiting = [_place(message.body) for message in spool.take(1_000_000, 1 << 40)]
         dead = {_place(letter.body) for letter in spool.dead_letters()}
         records = {node: spool.node(node) or NodeState() for node in _NODES}
-        seen = {(node, number) for node, number in will if records[node].seen(Position(1, number))}
+        seen = {(n, k) for n, k in will if records[n].is_duplicate(Position(1, k))}
         assert spool.statistics.messages == len(waiting)
     there = set(waiting)
     assert len(there) == len(waiting), "doubled"

@@ -1,28 +1,30 @@
-"""A cloud that knows nodes, or refuses them, for tests."""
+"""A cloud that registers nodes or rejects them, for tests."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from eskin_gateway.upstream.certificates_client import CertificatesClient
+
 if TYPE_CHECKING:
     from collections.abc import Collection
 
 
-class KnownNodes:
-    """The in-memory twin of the way by which certificates are presented.
+class KnownNodes(CertificatesClient):
+    """Registers certificates in memory.
 
     Attributes:
-        refused: Why nodes are refused.
-        presented: Nodes in the order in which they were presented.
+        rejected: Why nodes are rejected, by node.
+        registered: Nodes in the order in which they were registered.
     """
 
     def __init__(self) -> None:
-        self.refused: dict[str, str] = {}
-        self.presented: list[str] = []
+        self.rejected: dict[str, str] = {}
+        self.registered: list[str] = []
 
     def has(self, node: str) -> bool:
         return bool(node)
 
-    def present(self, nodes: Collection[str]) -> dict[str, str]:
-        self.presented += sorted(nodes)
-        return {node: self.refused[node] for node in nodes if node in self.refused}
+    def register(self, nodes: Collection[str]) -> dict[str, str]:
+        self.registered += sorted(nodes)
+        return {node: self.rejected[node] for node in nodes if node in self.rejected}

@@ -20,8 +20,8 @@ from eskin_gateway.settings import (
 from eskin.identity import IdentityKind
 from tests.support.brokers import Mosquitto
 from tests.support.processes import wait_until
+from tests.unit.gateway.in_memory import Inside
 from tests.unit.gateway.stub_cloud import StubCloud
-from tests.unit.gateway.twins import Inside
 from tests.unit.gateway.wire_node import Seal, WireNode
 
 if TYPE_CHECKING:
@@ -56,8 +56,8 @@ def settings(
         identity=IdentitySection(
             directory=identities.gateway.directory, site=identities.site.directory
         ),
-        cloud=CloudSection(url=cloud.url, retry_s=0.05, retry_most_s=0.2, timeout_s=60.0),
-        # As long as may be: what comes sooner was not waited for.
+        cloud=CloudSection(url=cloud.url, retry_s=0.05, retry_max_s=0.2, timeout_s=60.0),
+        # The longest: what arrives sooner did not wait for a timeout.
         commands=CommandsSection(wait_s=60.0),
         spool=SpoolSection(path=tmp_path / "spool.db"),
         http=HttpSection(port=0),

@@ -7,27 +7,25 @@ from typing import TYPE_CHECKING, Literal
 from eskin_gateway.forward.forwarder import Forwarder
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.settings import CloudSection
-from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.spool.spool import Spool
-from eskin_gateway.upstream.ingest_client import Answer
+from eskin_gateway.upstream.ingest_client import IngestClient, ItemResult
 
 from eskin.errors import CloudError
 from tests.unit.gateway.certificates import KnownNodes
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
-
-    from eskin_gateway.upstream.ingest_client import Cloud
 
     from tests.unit.gateway.stub_cloud import StubCloud
 
 MESSAGES = [("n", bytes([number])) for number in range(10)]
 
 
-class MemoryCloud:
-    """The in-memory twin: stores, or fails as told; ``failing`` are bodies that break it.
+class MemoryCloud(IngestClient):
+    """Stores messages in memory, or fails by ``mode``; ``failing`` are bodies at which it fails.
 
     Attributes:
         failure: How it answers to those; ``None``: not at all.
@@ -41,7 +39,7 @@ class MemoryCloud:
         self.stored: list[tuple[str, bytes]] = []
         self.asked: list[list[bytes]] = []
 
-    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         self.asked.append([body for _, body in messages])
         if self.mode in {"error", "busy", "nonsense", "short"}:
             status = {"error": 500, "busy": 503}.get(self.mode)
@@ -52,31 +50,31 @@ class MemoryCloud:
             raise CloudError("too large", status=413)
         return [self._store(message) for message in messages]
 
-    def _store(self, message: tuple[str, bytes]) -> Answer:
+    def _store(self, message: tuple[str, bytes]) -> ItemResult:
         result: Literal["stored", "duplicate"] = "duplicate" if message in self.stored else "stored"
         if self.mode == "reject":
-            return Answer("rejected", "not wanted")
+            return ItemResult("rejected", "not wanted")
         if result == "stored":
             self.stored.append(message)
-        return Answer(result, None)
+        return ItemResult(result, None)
 
 
 class Setup:
     """A forwarder between a spool with ten messages and a cloud."""
 
     def __init__(
-        self, folder: Path, cloud: Cloud, told: StubCloud | MemoryCloud, *, most: int = 4
+        self, folder: Path, cloud: IngestClient, stub: StubCloud | MemoryCloud, *, most: int = 4
     ) -> None:
-        self.told = told
-        self.spool = Spool(folder / "spool.db", capacity=10**7, letters=100)
-        self.spool.commit(Batch([Entry(node, 1, body) for node, body in MESSAGES]))
+        self.cloud = stub
+        self.spool = Spool(folder / "spool.db", capacity=10**7, max_dead_letters=100)
+        self.spool.commit(Batch([SpoolMessage(node, 1, body) for node, body in MESSAGES]))
         self.metrics = Metrics()
         self.certificates = KnownNodes()
         self.forwarder = Forwarder(
             CloudSection(batch_messages=most),
             spool=self.spool,
-            cloud=cloud,
-            certificates=self.certificates,
+            ingest_client=cloud,
+            certificates_client=self.certificates,
             backoff=quick(),
             metrics=self.metrics,
         )

@@ -1,4 +1,4 @@
-"""Fills a small disk of its own with a spool, then lets a cloud take all: a child of the tests.
+"""Fills a small disk with a spool and then empties the spool: a child process of the tests.
 
 ``python -m tests.unit.gateway.full_disk FOLDER``, in a mount namespace of its own.
 """
@@ -11,7 +11,7 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.spool.spool import RESERVE, Spool
 
 from eskin.errors import SpoolError
@@ -21,7 +21,7 @@ def main(folder: Path) -> None:
     size = RESERVE + 8_000_000
     mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
     subprocess.run(mount, check=True)
-    spool = Spool(folder / "spool.db", capacity=10**9, letters=3)
+    spool = Spool(folder / "spool.db", capacity=10**9, max_dead_letters=3)
     committed, refusal = fill(spool)
     take_the_rest(folder / "other")
     taken = []
@@ -43,7 +43,7 @@ def take_the_rest(path: Path) -> None:
 def fill(spool: Spool) -> tuple[int, str]:
     number = 0
     while True:
-        entries = [Entry("n", 1, (number + k).to_bytes(8) + bytes(3000)) for k in range(3)]
+        entries = [SpoolMessage("n", 1, (number + k).to_bytes(8) + bytes(3000)) for k in range(3)]
         try:
             spool.commit(Batch(entries))
         except SpoolError as error:

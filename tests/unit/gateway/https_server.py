@@ -55,7 +55,7 @@ class HttpsServer(ThreadingHTTPServer):
         self.server_close()
 
     def get_request(self) -> tuple[socket.socket, object]:
-        """Take a connection; its handshake is its own thread's."""
+        """Accept a connection; its thread does the handshake."""
         plain, address = super().get_request()
         peer = self._context.wrap_socket(plain, server_side=True, do_handshake_on_connect=False)
         with self._lock:
@@ -71,7 +71,7 @@ class HttpsServer(ThreadingHTTPServer):
         request.close()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A peer that goes away is no news; anything else is told."""
+        """Report errors other than a lost connection."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]  # as given
 
@@ -102,4 +102,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(answer)
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """Log nothing."""

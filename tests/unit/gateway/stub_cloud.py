@@ -1,4 +1,4 @@
-"""A cloud's ingest for the gateway's tests, over HTTPS; misbehaves when told to."""
+"""A cloud's ingest for the gateway's tests, over HTTPS; fails by ``mode``."""
 
 from __future__ import annotations
 

@@ -91,7 +91,7 @@ def test_what_is_sent_waits_for_flush_and_for_a_slow_reader(identities: Identiti
         for start in range(0, len(data), 1000):
             assert own.send(data[start : start + 1000]) == len(data[start : start + 1000])
         assert own.unsent == len(data)
-        assert own.clogged
+        assert own.congested
         own.flush()
         assert 0 < own.unsent < len(data), "the peer reads nothing yet"
         found = bytearray()
@@ -99,7 +99,7 @@ def test_what_is_sent_waits_for_flush_and_for_a_slow_reader(identities: Identiti
             found += peer.recv(65_536)
             own.flush()
         assert found == data
-        assert not own.clogged
+        assert not own.congested
 
 
 def test_closing_sends_what_waits(identities: Identities) -> None:

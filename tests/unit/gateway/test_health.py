@@ -1,4 +1,4 @@
-"""A gateway is as well as its parts."""
+"""A gateway is healthy if all its parts are."""
 
 from __future__ import annotations
 
@@ -7,18 +7,24 @@ from unittest.mock import Mock
 import pytest
 from eskin_gateway.ops.health import Health
 
-_PARTS = ("broker", "worker", "forwarder", "courier", "revocations", "steward")
-_SHOWN = {"worker": "spool", "forwarder": "cloud", "courier": "commands", "steward": "subjects"}
+_SHOWN = {
+    "broker": "broker",
+    "commit_loop": "spool",
+    "forwarder": "cloud",
+    "command_poller": "commands",
+    "revocations": "revocations",
+    "subject_sync": "subjects",
+}
 
 
-def health(worn: str | None) -> Health:
-    parts = {part: Mock(fault="it is worn" if part == worn else None) for part in _PARTS}
+def health(broken: str | None) -> Health:
+    parts = {part: Mock(fault="it is broken" if part == broken else None) for part in _SHOWN}
     return Health(receive_queue=Mock(), spool=Mock(), presence=Mock(), **parts)
 
 
-@pytest.mark.parametrize("part", _PARTS)
+@pytest.mark.parametrize("part", _SHOWN)
 def test_fault_of_each_part_is_a_reason(part: str) -> None:
-    assert health(part).reasons() == [f"{_SHOWN.get(part, part)}: it is worn"]
+    assert health(part).reasons() == [f"{_SHOWN[part]}: it is broken"]
 
 
 def test_gateway_without_faults_has_no_reason() -> None:

@@ -1,4 +1,4 @@
-"""Who is not the broker is told nothing by a gateway, which says why, and whose spool is kept."""
+"""A gateway sends nothing to an impostor of the broker, reports it, and keeps its spool."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 @pytest.mark.parametrize("name", GUISES)
-def test_gateway_says_nothing_to_who_is_not_the_broker(
+def test_gateway_sends_nothing_to_an_impostor(
     name: str,
     gateway: Gateway,
     broker: Mosquitto,
@@ -40,7 +40,7 @@ def test_gateway_says_nothing_to_who_is_not_the_broker(
     broker.stop()
     with Impostor(broker.gateway_port, guise(name, identities, tmp_path)) as impostor:
         wait_until(lambda: len(impostor.visits) >= 2, "it tries again")
-        url = f"http://127.0.0.1:{gateway.monitor.port}/healthz"
+        url = f"http://127.0.0.1:{gateway.health_server.port}/healthz"
         report = httpx.get(url, trust_env=False, timeout=60).json()
         assert any(re.match(rf"broker: .*{GUISES[name]}", why) for why in report["reasons"])
         assert report["broker"] == {"connected": False}

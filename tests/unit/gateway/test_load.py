@@ -27,7 +27,9 @@ def test_overload_reaches_the_node_and_nothing_is_lost(
 ) -> None:
     sections = {
         # Longer than the test: nothing is dropped to keep the broker's connection alive.
-        "broker": settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 600}),
+        "broker": settings.broker.model_copy(
+            update={"receive_queue_messages": 16, "keepalive_s": 600}
+        ),
         "spool": settings.spool.model_copy(update={"capacity_bytes": CAPACITY}),
         "cloud": settings.cloud.model_copy(update={"timeout_s": 600.0}),
     }
@@ -40,7 +42,9 @@ def test_overload_reaches_the_node_and_nothing_is_lost(
         for number in range(1, BLOCKS):
             node.say(Stream.BLOCKS, block(number, n=1000))
         full = "the spool and the inbox are full"
-        wait_until(lambda: running.worker.fault is not None and running.receive_queue.full, full)
+        wait_until(
+            lambda: running.commit_loop.fault is not None and running.receive_queue.full, full
+        )
         held = running.spool.statistics
         wait_until(lambda: len(node.acknowledged) == held.messages, "what is durable is answered")
         assert held.messages < BLOCKS
@@ -52,8 +56,8 @@ def test_overload_reaches_the_node_and_nothing_is_lost(
         wait_until(lambda: running.spool.statistics.messages == 0, "the spool is empty")
         assert len(set(cloud.stored)) == len(cloud.stored) == BLOCKS
         assert cloud.duplicates == 0
-        assert running.receive_queue.statistics.refused == 0
-        assert running.worker.fault is None
+        assert running.receive_queue.statistics.dropped == 0
+        assert running.commit_loop.fault is None
     finally:
         cloud.release.set()
         running.stop()

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tests.support.identities import Identities
 
 
-def test_senml_is_public_where_it_is_wanted_but_not_of_a_person(
+def test_senml_is_published_for_channels_that_are_not_biometric(
     settings: GatewaySettings, broker: Mosquitto, identities: Identities, node: WireNode
 ) -> None:
     running = Gateway(settings.model_copy(update={"public": PublicSection(senml=True)}))
@@ -32,8 +32,8 @@ def test_senml_is_public_where_it_is_wanted_but_not_of_a_person(
         node.say(Stream.STATUS, status(0))
         node.say(Stream.BLOCKS, block(1, channel="t01.bioelectric"))
         node.say(Stream.BLOCKS, block(2))
-        wait_until(lambda: bool(listening.heard), "the block is public")
-        ((topic, pack, kept),) = listening.heard
+        wait_until(lambda: bool(listening.received), "the block is public")
+        ((topic, pack, kept),) = listening.received
     running.stop()
     assert (topic, kept) == (f"eskin/v1/senml/fingertip/{CHANNEL}", False)
     told = dict(read_senml(pack.decode(), f"fingertip/{CHANNEL}/"))

@@ -1,4 +1,4 @@
-"""The gateway as a process: ready, healthy, told when not, and ended cleanly."""
+"""The gateway as a process: start, health, metrics and end."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def healthz(gateway: Gateway) -> httpx.Response:
 
 
 def ask(gateway: Gateway, path: str) -> httpx.Response:
-    url = f"http://127.0.0.1:{gateway.monitor.port}{path}"
+    url = f"http://127.0.0.1:{gateway.health_server.port}{path}"
     return httpx.get(url, trust_env=False, timeout=60)
 
 
@@ -75,7 +75,7 @@ def test_gateway_without_broker_or_cloud_says_why(
     assert 0.0 <= report["spool"]["oldest_age_s"] < 600.0
 
 
-def test_spool_that_cannot_be_read_is_a_reason_and_hides_no_figure(
+def test_unreadable_spool_is_a_reason_and_hides_no_metric(
     gateway: Gateway, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unreadable() -> None:
@@ -102,7 +102,7 @@ def test_metrics_count_what_happened(gateway: Gateway, node: WireNode) -> None:
     refused = "messages_rejected_total"
     wait_until(lambda: gateway.metrics.value(refused, reason="malformed") == 1, "refused")
     # A node's status, and hulls of one block.
-    wait_until(lambda: gateway.metrics.value("publications_total") == 2, "told")
+    wait_until(lambda: gateway.metrics.value("publications_total") == 2, "published")
     text = ask(gateway, "/metrics").text
     for line in (
         "eskin_gateway_messages_received_total 3.0",
@@ -153,7 +153,7 @@ def test_process_ends_cleanly_on_sigterm(
         assert process.stop() == 0
     lines = log.read_text()
     assert lines.count("ready: gateway=gateway.g1") == 1
-    assert "ended: 0 messages wait" in lines
+    assert "ended: messages_left=0" in lines
     assert "Traceback" not in lines
     assert len(cloud.stored) == 1
 

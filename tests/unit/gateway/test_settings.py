@@ -53,7 +53,7 @@ def test_every_setting_has_a_description() -> None:
     assert all(setting.help for setting in table(GatewaySettings))
 
 
-def test_identity_of_other_kind_is_refused(settings: GatewaySettings, node_folder: Path) -> None:
+def test_identity_of_other_kind_is_rejected(settings: GatewaySettings, node_folder: Path) -> None:
     wrong = settings.identity.model_copy(update={"site": node_folder})
     with pytest.raises(SettingsError, match="holds a node; a site is needed"):
         Gateway(settings.model_copy(update={"identity": wrong}))

@@ -12,7 +12,7 @@ from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_gateway.spool.batch import Batch, DeadLetter, Entry, Sender
+from eskin_gateway.spool.batch import Batch, DeadLetter, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.schema import VERSION
 from eskin_gateway.spool.spool import Spool
@@ -32,7 +32,7 @@ _CAPACITY = 2000
 
 
 def opened(folder: Path, *, capacity: int = 10_000_000) -> Spool:
-    return Spool(folder / "spool.db", capacity=capacity, letters=3)
+    return Spool(folder / "spool.db", capacity=capacity, max_dead_letters=3)
 
 
 @pytest.fixture
@@ -62,11 +62,11 @@ class SpoolMachine(RuleBasedStateMachine):
         held=st.integers(0, 60),
     )
     def commit(self, bodies: list[bytes], positions: list[int], held: int) -> None:
-        record = self.spool.node("n") or NodeState()
+        state = self.spool.node("n") or NodeState()
         for number in positions:
-            record.add(Position(1, number))
-        record.release(Position(1, held))
-        batch = Batch([Entry("n", 5, body) for body in bodies], nodes={"n": record})
+            state.add(Position(1, number))
+        state.release(Position(1, held))
+        batch = Batch([SpoolMessage("n", 5, body) for body in bodies], nodes={"n": state})
         used = sum(len(body) for _, body in self.model)
         if used + batch.size > _CAPACITY:
             with pytest.raises(SpoolError, match="spool is full"):
@@ -97,10 +97,10 @@ class SpoolMachine(RuleBasedStateMachine):
 
     @invariant()
     def knows_every_accepted_position(self) -> None:
-        record = self.spool.node("n") or NodeState()
+        state = self.spool.node("n") or NodeState()
         for number in range(61):
             expected = number in self.accepted or number < self.held
-            assert record.seen(Position(1, number)) == expected
+            assert state.is_duplicate(Position(1, number)) == expected
 
     def teardown(self) -> None:
         self.spool.close()
@@ -115,14 +115,14 @@ def test_spool_agrees_with_a_list_under_random_operations(tmp_path: Path) -> Non
 
 
 def test_take_respects_count_and_bytes_but_gives_one_at_least(spool: Spool) -> None:
-    spool.commit(Batch([Entry("n", 1, bytes(100)) for _ in range(5)]))
+    spool.commit(Batch([SpoolMessage("n", 1, bytes(100)) for _ in range(5)]))
     assert len(spool.take(3, 10**6)) == 3
     assert len(spool.take(5, 250)) == 2
     assert len(spool.take(5, 1)) == 1
 
 
 def test_settled_messages_are_gone_and_rejected_ones_are_dead_letters(spool: Spool) -> None:
-    spool.commit(Batch([Entry("n", 1, b"good"), Entry("n", 2, b"bad")]))
+    spool.commit(Batch([SpoolMessage("n", 1, b"good"), SpoolMessage("n", 2, b"bad")]))
     taken = spool.take(2, 10**6)
     letter = DeadLetter(3, "n", "cloud: not wanted", b"bad")
     spool.settle(taken, [letter])
@@ -131,29 +131,29 @@ def test_settled_messages_are_gone_and_rejected_ones_are_dead_letters(spool: Spo
     assert spool.statistics.used == 0
 
 
-def test_dead_letters_are_bounded_and_what_gives_way_is_counted(spool: Spool) -> None:
+def test_dead_letters_are_bounded_and_drops_are_counted(spool: Spool) -> None:
     for number in range(5):
-        spool.commit(Batch(dead=[DeadLetter(number, "n", "poison", bytes([number]))] * 2))
-    assert [letter.at for letter in spool.dead_letters()] == [2, 3, 4]
-    assert (spool.statistics.dead_letters, spool.statistics.dropped_letters) == (3, 2)
+        spool.commit(Batch(dead_letters=[DeadLetter(number, "n", "poison", bytes([number]))] * 2))
+    assert [letter.time for letter in spool.dead_letters()] == [2, 3, 4]
+    assert (spool.statistics.dead_letters, spool.statistics.dead_letters_dropped) == (3, 2)
 
 
-def test_sender_and_status_survive_reopening(tmp_path: Path) -> None:
-    sender = Sender(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
-    record = NodeState(status=b"status", thumbprint=bytes(32))
+def test_certificate_and_status_survive_reopening(tmp_path: Path) -> None:
+    sender = NodeCertificate(bytes(32), int(time.time()) + 1000, b"leaf", b"issuer")
+    state = NodeState(status=b"status", thumbprint=bytes(32))
     first = opened(tmp_path)
-    first.commit(Batch(nodes={"n": record}, node_certificates=[sender]))
+    first.commit(Batch(nodes={"n": state}, certificates=[sender]))
     first.close()
     second = opened(tmp_path)
-    assert second.sender(bytes(32)) == sender
-    assert second.sender(bytes(31)) is None
-    assert second.node("n") == record
+    assert second.certificate(bytes(32)) == sender
+    assert second.certificate(bytes(31)) is None
+    assert second.node("n") == state
     assert second.nodes() == ["n"]
     second.close()
 
 
 def fill(spool: Spool) -> None:
-    batch = Batch([Entry("n", 1, bytes(2000)), Entry("m", 2, bytes(2000))])
+    batch = Batch([SpoolMessage("n", 1, bytes(2000)), SpoolMessage("m", 2, bytes(2000))])
     for _ in range(1000):
         spool.commit(batch)
 
@@ -162,21 +162,21 @@ _WRITER = """
 import sys
 from pathlib import Path
 from eskin.wire.messages import Position
-from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
-spool = Spool(Path(sys.argv[1]), capacity=10**9, letters=3)
-record = NodeState()
+spool = Spool(Path(sys.argv[1]), capacity=10**9, max_dead_letters=3)
+state = NodeState()
 for number in range(10**9):
-    record.add(Position(1, number))
-    spool.commit(Batch([Entry("n", number, number.to_bytes(8) * 100)], nodes={"n": record}))
+    state.add(Position(1, number))
+    spool.commit(Batch([SpoolMessage("n", number, number.to_bytes(8) * 100)], nodes={"n": state}))
     if number % 7 == 6:
         spool.settle(spool.take(3, 10**6))
     print(number, flush=True)
 """
 
 
-def test_killed_writer_leaves_everything_it_vouched_for(tmp_path: Path) -> None:
+def test_killed_writer_leaves_every_committed_message(tmp_path: Path) -> None:
     log = tmp_path / "log"
     writer = Running([sys.executable, "-c", _WRITER, str(tmp_path / "spool.db")], log=log)
     for _ in range(3):
@@ -192,16 +192,16 @@ def test_killed_writer_leaves_everything_it_vouched_for(tmp_path: Path) -> None:
         left = [int.from_bytes(message.body[:8]) for message in spool.take(10**6, 10**9)]
         assert left == list(range(left[0], left[-1] + 1))
         assert left[-1] >= vouched
-        record = spool.node("n")
-        assert record is not None
-        assert list(record.ranges[1]) == [(0, left[-1])]
+        state = spool.node("n")
+        assert state is not None
+        assert list(state.ranges[1]) == [(0, left[-1])]
         spool.close()
 
 
-def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Path) -> None:
+def test_full_database_rejects_whole_batches_and_loses_nothing(tmp_path: Path) -> None:
     spool = opened(tmp_path)
-    pages = spool._intake.execute("PRAGMA page_count").fetchone()[0]
-    for connection in (spool._intake, spool._outlet):
+    pages = spool._ingest.execute("PRAGMA page_count").fetchone()[0]
+    for connection in (spool._ingest, spool._forward):
         connection.execute(f"PRAGMA max_page_count = {pages + 40}")
     with pytest.raises(SpoolError, match="full"):
         fill(spool)
@@ -210,7 +210,7 @@ def test_disk_without_room_refuses_whole_batches_and_loses_nothing(tmp_path: Pat
     assert spool.statistics.messages == 2 * stored
     assert len(spool.take(10_000, 10**9)) == 2 * stored
     spool.settle(spool.take(4, 10**9))
-    spool.commit(Batch([Entry("n", 1, bytes(2000))]))
+    spool.commit(Batch([SpoolMessage("n", 1, bytes(2000))]))
     assert spool.statistics.messages == 2 * stored - 3
     spool.close()
     again = opened(tmp_path)
@@ -232,13 +232,13 @@ def test_full_disk_loses_nothing_and_still_empties_into_the_cloud(tmp_path: Path
     assert seen["again"] > 100
 
 
-def test_folder_that_cannot_be_made_is_told(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_created_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(SpoolError, match="cannot be opened"):
-        Spool(tmp_path / "file" / "spool.db", capacity=10**7, letters=3)
+        Spool(tmp_path / "file" / "spool.db", capacity=10**7, max_dead_letters=3)
 
 
-def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
+def test_spool_of_another_version_is_rejected(tmp_path: Path) -> None:
     opened(tmp_path).close()
     connection = sqlite3.connect(tmp_path / "spool.db")
     connection.execute(f"PRAGMA user_version = {VERSION + 1}")
@@ -247,10 +247,12 @@ def test_spool_of_another_version_is_refused(tmp_path: Path) -> None:
         opened(tmp_path)
 
 
-def test_end_of_what_the_cloud_confirmed_is_kept_for_the_latest_boots(tmp_path: Path) -> None:
+def test_confirmed_sequences_are_kept_for_the_latest_boots(tmp_path: Path) -> None:
     spool = opened(tmp_path)
-    entries = [Entry("n", 1, b"x", boot, k) for boot in range(20) for k in (3, 1)]
-    spool.commit(Batch([*entries, Entry("m", 1, b"y", 7, 5), Entry("m", 1, b"z", 7, 6)]))
+    entries = [SpoolMessage("n", 1, b"x", boot, k) for boot in range(20) for k in (3, 1)]
+    spool.commit(
+        Batch([*entries, SpoolMessage("m", 1, b"y", 7, 5), SpoolMessage("m", 1, b"z", 7, 6)])
+    )
     stored = spool.take(100, 10**6)
     spool.settle(stored, [DeadLetter(1, "m", "no", b"z")], confirmed=stored[:-1])
     assert spool.confirmed() == [("m", 7, 5), *(("n", boot, 3) for boot in range(20))]
@@ -260,20 +262,25 @@ def test_end_of_what_the_cloud_confirmed_is_kept_for_the_latest_boots(tmp_path: 
     again.close()
 
 
-def test_expired_senders_are_forgotten_at_the_start(tmp_path: Path) -> None:
+def test_expired_certificates_are_deleted_at_the_start(tmp_path: Path) -> None:
     spool = opened(tmp_path)
     soon = int(time.time()) + 1000
     spool.commit(
-        Batch(node_certificates=[Sender(b"old", 5, b"", b""), Sender(b"new", soon, b"", b"")])
+        Batch(
+            certificates=[
+                NodeCertificate(b"old", 5, b"", b""),
+                NodeCertificate(b"new", soon, b"", b""),
+            ]
+        )
     )
     spool.close()
     again = opened(tmp_path)
-    assert again.sender(b"old") is None
-    assert again.sender(b"new") is not None
+    assert again.certificate(b"old") is None
+    assert again.certificate(b"new") is not None
     again.close()
 
 
-def test_second_gateway_on_one_spool_is_refused(tmp_path: Path, spool: Spool) -> None:
+def test_second_gateway_on_one_spool_is_rejected(tmp_path: Path, spool: Spool) -> None:
     with pytest.raises(SpoolError, match="another gateway runs on it"):
         opened(tmp_path)
     spool.close()
@@ -293,7 +300,7 @@ def test_damaged_message_becomes_a_dead_letter_and_others_go_on(
     tmp_path: Path, change: str
 ) -> None:
     spool = opened(tmp_path)
-    spool.commit(Batch([Entry("n", 5, b"one", 1, 9), Entry("n", 6, b"two", 1, 10)]))
+    spool.commit(Batch([SpoolMessage("n", 5, b"one", 1, 9), SpoolMessage("n", 6, b"two", 1, 10)]))
     spool.close()
     damage(tmp_path, f"UPDATE messages SET {change} WHERE id = 1")  # noqa: S608 - ours
     spool = opened(tmp_path)
@@ -304,17 +311,17 @@ def test_damaged_message_becomes_a_dead_letter_and_others_go_on(
     spool.close()
 
 
-def test_damaged_record_of_a_node_is_forgotten(tmp_path: Path) -> None:
+def test_damaged_node_state_is_dropped(tmp_path: Path) -> None:
     spool = opened(tmp_path)
-    record = NodeState(held=Position(1, 3))
-    record.add(Position(1, 7))
-    spool.commit(Batch(nodes={"n": record}))
+    state = NodeState(held=Position(1, 3))
+    state.add(Position(1, 7))
+    spool.commit(Batch(nodes={"n": state}))
     spool.close()
     damage(tmp_path, "UPDATE nodes SET held_sequence = 99")
     spool = opened(tmp_path)
     assert spool.node("n") is None
-    spool.commit(Batch(nodes={"n": record}))
+    spool.commit(Batch(nodes={"n": state}))
     again = spool.node("n")
     assert again is not None
-    assert again.held == record.held
+    assert again.held == state.held
     spool.close()

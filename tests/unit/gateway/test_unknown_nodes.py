@@ -1,17 +1,17 @@
-"""Nodes that the cloud does not know: presented, tried again, and in nobody's way."""
+"""Nodes that the cloud does not know are registered or left out."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_gateway.forward.unknown_nodes import UnknownNodes
-from eskin_gateway.spool.batch import Batch, Entry, Sender
+from eskin_gateway.forward.retry_queue import UnknownNodes
+from eskin_gateway.spool.batch import Batch, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
-from eskin_gateway.upstream.certificates_client import HttpsCertificates
+from eskin_gateway.upstream.certificates_client import CertificatesClient
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.ingest_client import Answer
+from eskin_gateway.upstream.ingest_client import ItemResult
 
 from eskin.identity import IdentityKind, client_context, der, thumbprint
 from tests.unit.gateway.certificates import KnownNodes
@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 
 class Forgetful(MemoryCloud):
-    """A cloud that takes nothing of nodes whose certificate was not presented."""
+    """A cloud that stores nothing of nodes that were not registered."""
 
     def __init__(self) -> None:
         super().__init__()
         self.certificates = KnownNodes()
 
-    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
-        known = set(self.certificates.presented) - self.certificates.refused.keys()
-        strange = Answer("unknown_node", "present it")
+    def send(self, messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
+        known = set(self.certificates.registered) - self.certificates.rejected.keys()
+        strange = ItemResult("unknown_node", "present it")
         good = iter(super().send([each for each in messages if each[0] in known]))
         return [next(good) if node in known else strange for node, _ in messages]
 
@@ -46,8 +46,8 @@ def cloud() -> Forgetful:
 @pytest.fixture
 def setup(tmp_path: Path, cloud: Forgetful) -> Setup:
     made = Setup(tmp_path, cloud, cloud)
-    made.certificates.presented = cloud.certificates.presented
-    made.certificates.refused = cloud.certificates.refused
+    made.certificates.registered = cloud.certificates.registered
+    made.certificates.rejected = cloud.certificates.rejected
     return made
 
 
@@ -57,17 +57,17 @@ def drain(setup: Setup) -> None:
             return
 
 
-def test_node_is_presented_and_its_messages_are_sent_again(setup: Setup, cloud: Forgetful) -> None:
+def test_unknown_node_is_registered_and_its_messages_resent(setup: Setup, cloud: Forgetful) -> None:
     drain(setup)
     assert [body for _, body in cloud.stored] == [bytes([number]) for number in range(10)]
-    assert cloud.certificates.presented == ["n"]
+    assert cloud.certificates.registered == ["n"]
     assert setup.spool.statistics.messages == 0
     assert setup.spool.dead_letters() == []
 
 
-def test_refused_node_loses_nothing_and_is_in_nobody_s_way(setup: Setup, cloud: Forgetful) -> None:
-    cloud.certificates.refused["n"] = "of another site"
-    setup.spool.commit(Batch([Entry("m", 1, b"x"), Entry("m", 1, b"y")]))
+def test_rejected_node_loses_nothing_and_blocks_no_others(setup: Setup, cloud: Forgetful) -> None:
+    cloud.certificates.rejected["n"] = "of another site"
+    setup.spool.commit(Batch([SpoolMessage("m", 1, b"x"), SpoolMessage("m", 1, b"y")]))
     drain(setup)
     assert cloud.stored == [("m", b"x"), ("m", b"y")]
     assert setup.spool.statistics.messages == 10
@@ -75,49 +75,52 @@ def test_refused_node_loses_nothing_and_is_in_nobody_s_way(setup: Setup, cloud: 
     assert "of another site" in str(setup.forwarder.fault)
 
 
-def test_refused_node_is_tried_again_later() -> None:
+def test_rejected_node_is_retried_later() -> None:
     now, way = [0.0], KnownNodes()
     unknown = UnknownNodes(way, lambda: now[0])
-    way.refused["n"] = "no"
-    unknown.present({"n"})
-    assert unknown.waiting() == ["n"]
+    way.rejected["n"] = "no"
+    unknown.register({"n"})
+    assert unknown.rejected() == ["n"]
     now[0] += 61.0
-    assert unknown.waiting() == []
+    assert unknown.rejected() == []
     assert unknown.fault is None
-    way.refused.clear()
-    unknown.present({"n"})
-    assert unknown.waiting() == []
-    unknown.present({"n"})  # presented in vain: not in a loop
-    assert unknown.waiting() == ["n"]
+    way.rejected.clear()
+    unknown.register({"n"})
+    assert unknown.rejected() == []
+    unknown.register({"n"})  # registered in vain: not retried in a loop
+    assert unknown.rejected() == ["n"]
 
 
-def test_spool_keeps_the_certificate_that_a_node_used_last_beyond_its_end(
+def test_latest_certificate_of_a_node_is_kept_after_it_expired(
     tmp_path: Path, identities: Identities
 ) -> None:
     own = identities.make(IdentityKind.NODE, "asleep")
     leaf, issuer = (der(part) for part in own.chain)
-    record = NodeState(thumbprint=own.thumbprint)
-    node_certificates = [Sender(own.thumbprint, 1, leaf, issuer), Sender(b"other", 1, leaf, issuer)]
+    state = NodeState(thumbprint=own.thumbprint)
+    node_certificates = [
+        NodeCertificate(own.thumbprint, 1, leaf, issuer),
+        NodeCertificate(b"other", 1, leaf, issuer),
+    ]
     path = tmp_path / "spool.db"
     for _ in range(2):
-        spool = Spool(path, capacity=10**6, letters=10)
-        spool.commit(Batch(nodes={"asleep": record}, node_certificates=node_certificates))
+        spool = Spool(path, capacity=10**6, max_dead_letters=10)
+        spool.commit(Batch(nodes={"asleep": state}, certificates=node_certificates))
         spool.close()
         node_certificates = []
-    spool = Spool(path, capacity=10**6, letters=10)
-    assert spool.sender(thumbprint(own.certificate)) is not None
-    assert spool.sender(b"other") is None
+    spool = Spool(path, capacity=10**6, max_dead_letters=10)
+    assert spool.certificate(thumbprint(own.certificate)) is not None
+    assert spool.certificate(b"other") is None
     spool.close()
 
 
-def test_what_was_never_heard_has_no_certificate(tmp_path: Path, identities: Identities) -> None:
-    spool = Spool(tmp_path / "spool.db", capacity=10**6, letters=10)
+def test_node_without_a_state_has_no_certificate(tmp_path: Path, identities: Identities) -> None:
+    spool = Spool(tmp_path / "spool.db", capacity=10**6, max_dead_letters=10)
     context = client_context(identities.gateway.directory / "root.pem")
     client = CloudClient(
         "https://localhost:1/api/v1/ingest", headers=dict, context=context, timeout_s=1
     )
-    way = HttpsCertificates(client, spool)
+    way = CertificatesClient(client, spool)
     assert not way.has("nobody")
-    assert set(way.present(["nobody"])) == {"nobody"}
+    assert set(way.register(["nobody"])) == {"nobody"}
     client.close()
     spool.close()

@@ -1,4 +1,4 @@
-"""A node in tests: seals whatever it is told to, and opens its acknowledgements."""
+"""A node in tests: seals messages and opens acknowledgements."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 class WireNode:
     """Over the real broker.
 
-    ``acknowledged`` holds all positions that the gateway vouched for, ``commands`` what came as
-    commands, opened, and whether the broker had kept it.
+    ``acknowledged`` holds all acknowledged positions, ``commands`` the decrypted commands and
+    whether they were retained.
     """
 
     def __init__(self, identity: Identity, site: Identity, port: int) -> None:
@@ -128,10 +128,10 @@ class Seal:
 
 
 class Listener:
-    """A client that reads public topics. ``heard`` holds topic, payload and retain flag."""
+    """A client that reads public topics. ``received`` holds topic, payload and retain flag."""
 
     def __init__(self, identity: Identity, port: int, topic: str = live_topic("+", "#")) -> None:
-        self.heard: list[tuple[str, bytes, bool]] = []
+        self.received: list[tuple[str, bytes, bool]] = []
         self._client = paho.Client(CallbackAPIVersion.VERSION2, client_id=identity.name)
         self._client.tls_set_context(client_context(identity.directory / ROOT_FILE, identity))
         self._subscribed = False
@@ -156,11 +156,11 @@ class Listener:
 
     def on(self, topic: str) -> list[bytes]:
         """What came on one topic."""
-        return [payload for heard, payload, _ in list(self.heard) if heard == topic]
+        return [payload for on, payload, _ in list(self.received) if on == topic]
 
     def _on_subscribe(self, *_: Any) -> None:
         self._subscribed = True
 
     def _on_message(self, client: paho.Client, userdata: Any, message: paho.MQTTMessage) -> None:
         del client, userdata
-        self.heard.append((message.topic, bytes(message.payload), message.retain))
+        self.received.append((message.topic, bytes(message.payload), message.retain))

@@ -13,8 +13,8 @@ from eskin.wire.messages import Position
 from eskin.wire.topics import Stream
 from tests.robustness.bitflips.part import Part
 from tests.support.identities import Identities
+from tests.unit.gateway.in_memory import Inside
 from tests.unit.gateway.messages import block, gap, peak, status
-from tests.unit.gateway.twins import Inside
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def make(folder: Path) -> None:
         inside.arrive(Stream.EVENTS, _seal()(_NODE, Stream.EVENTS, b"poison"))
         taken = inside.spool.take(5, 1 << 20)
         inside.spool.settle(taken, confirmed=taken)
-        inside.spool._intake.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        inside.spool._ingest.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     shutil.rmtree(folder / "keys")
 
 
@@ -68,9 +68,9 @@ def read(folder: Path) -> dict[str, Any]:
     with closing(inside.spool) as spool:
         found: dict[str, Any] = {}
         for stored in spool.take(1000, 1 << 30):
-            found[f"message {stored.boot} {stored.sequence}"] = stored[1:]
-        record = inside.records[_NODE]
-        found["seen"] = [place for place in _NEVER_SAID if record.seen(Position(*place))]
+            found[f"message {stored.boot} {stored.sequence}"] = stored[:5]
+        record = inside.node_states[_NODE]
+        found["seen"] = [place for place in _NEVER_SAID if record.is_duplicate(Position(*place))]
         found |= dict(_later(inside))
         return found
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import cbor2
 from eskin_cloud.commands.command_queue import Holding
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_gateway.upstream.commands_client import Changes
+from eskin_gateway.upstream.commands_client import CommandChanges
 
 from eskin.errors import CloudError
 from tests.robustness.fuzz.mutations.trees import mutate_tree
@@ -33,7 +33,7 @@ def check(data: bytes) -> None:
     except MalformedBatchError:
         pass
     try:
-        changes = Changes.read(data)
+        changes = CommandChanges.decode(data)
         assert all(isinstance(signed, bytes) for _, _, signed in changes.give)
     except CloudError:
         pass

@@ -7,15 +7,15 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import cbor2
-from eskin_gateway.mqtt.received_message import ReceivedMessage
+from eskin_gateway.mqtt.transport import ReceivedMessage
 
 from eskin.wire.envelope import Sealer
 from eskin.wire.topics import Stream, node_topic
 from tests.robustness.fuzz.mutations.trees import mutate_tree, read_input
 from tests.robustness.fuzz.target import Target
 from tests.support.identities import Identities
+from tests.unit.gateway.in_memory import Inside
 from tests.unit.gateway.messages import block, gap, peak, result, status
-from tests.unit.gateway.twins import Inside
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -48,7 +48,7 @@ def make(folder: Path) -> Target:
         count += 1
         if sealed is True:
             payload = sealer.seal(payload, topic=topic, introduce=topic.endswith("status"))
-        inside.worker.process(
+        inside.commit_loop.process(
             [ReceivedMessage(topic, payload, count, qos=1, retained=False, connection=1)]
         )
         assert inside.broker.released == [count], "the broker waits for an answer"
@@ -56,8 +56,8 @@ def make(folder: Path) -> Target:
         inside.broker.published.clear()
         if count % _ANEW == 0:
             inside.spool.settle(inside.spool.take(10_000, 10**9))
-            inside.spool._intake.execute("DELETE FROM nodes")
-            inside.records.forget()
+            inside.spool._ingest.execute("DELETE FROM nodes")
+            inside.node_states.reset()
 
     inside.broker.released.clear()
     said: list[tuple[Stream, Message]] = [

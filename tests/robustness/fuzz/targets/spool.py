@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from eskin_gateway.spool.batch import Batch, DeadLetter, Entry, Sender
+from eskin_gateway.spool.batch import Batch, DeadLetter, NodeCertificate, SpoolMessage
 from eskin_gateway.spool.node_state import NodeState
 from eskin_gateway.spool.spool import Spool
 
@@ -24,9 +24,9 @@ _MIB = 1 << 20
 def make(folder: Path) -> Target:
     """Only `SpoolError`; what is read back has the types that it was written with."""
     whole = folder / "whole.db"
-    spool = Spool(whole, capacity=_MIB, letters=5)
+    spool = Spool(whole, capacity=_MIB, max_dead_letters=5)
     spool.commit(_batch(1))
-    spool._intake.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    spool._ingest.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     spool.close()
     path = folder / "spool.db"
 
@@ -37,7 +37,7 @@ def make(folder: Path) -> Target:
         path.write_bytes(data)
         with ExitStack() as stack:
             try:
-                damaged = Spool(path, capacity=_MIB, letters=5)
+                damaged = Spool(path, capacity=_MIB, max_dead_letters=5)
                 stack.callback(damaged.close)
                 _use(damaged)
             except SpoolError:
@@ -50,10 +50,10 @@ def _batch(sequence: int) -> Batch:
     record = NodeState(held=Position(1, 0), status=b"status", thumbprint=b"t" * 32)
     record.add(Position(1, sequence))
     batch = Batch()
-    batch.entries.append(Entry("fingertip", 5, block(sequence, n=3).encode()))
+    batch.messages.append(SpoolMessage("fingertip", 5, block(sequence, n=3).encode()))
     batch.nodes["fingertip"] = record
-    batch.node_certificates.append(Sender(b"t" * 32, 2**40, b"leaf", b"issuer"))
-    batch.dead.append(DeadLetter(5, "fingertip", "why", b"body"))
+    batch.certificates.append(NodeCertificate(b"t" * 32, 2**40, b"leaf", b"issuer"))
+    batch.dead_letters.append(DeadLetter(5, "fingertip", "why", b"body"))
     return batch
 
 
@@ -61,7 +61,7 @@ def _use(spool: Spool) -> None:
     for name in spool.nodes():
         assert isinstance(name, str)
         spool.node(name)
-    spool.sender(b"t" * 32)
+    spool.certificate(b"t" * 32)
     spool.dead_letters()
     spool.oldest()
     spool.commit(_batch(2))

@@ -1,1 +1,1 @@
-"""Home Assistant's own word on what the gateway announces."""
+"""Home Assistant's own evaluation of the gateway's discovery."""

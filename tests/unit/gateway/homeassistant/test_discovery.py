@@ -23,9 +23,9 @@ from eskin.wire.messages.header import CHANNEL as CHANNEL_NAME
 from eskin.wire.topics import Stream, live_topic
 from tests.support.identities import Identities
 from tests.support.processes import wait_until
+from tests.unit.gateway.in_memory import DAY_NS, Inside
 from tests.unit.gateway.messages import CHANNEL, EPOCH, block, status
-from tests.unit.gateway.test_public import summary
-from tests.unit.gateway.twins import DAY_NS, Inside
+from tests.unit.gateway.test_public_payloads import summary
 from tests.unit.gateway.wire_node import Listener, Seal, WireNode
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from tests.support.brokers import Mosquitto
 
 PYTHON = Path(__file__).parents[4] / ".venv" / "homeassistant" / "bin" / "python"
-JUDGE = Path(__file__).with_name("judge.py")
+EVALUATE = Path(__file__).with_name("evaluate.py")
 TOPIC = "homeassistant/sensor/fingertip/t01-capacitance/config"
 OTHER = "homeassistant/sensor/fingertip/t02-current/config"
 
@@ -59,8 +59,8 @@ def judged(*questions: Any) -> list[Any]:
     """What Home Assistant itself makes of them."""
     assert PYTHON.exists(), "Home Assistant is missing: run make test"
     done = subprocess.run(
-        [PYTHON, JUDGE], input=json.dumps(questions), capture_output=True, text=True, timeout=250,
-        check=False,
+        [PYTHON, EVALUATE], input=json.dumps(questions), capture_output=True, text=True,
+        check=False, timeout=250,
     )  # fmt: skip
     assert done.returncode == 0, done.stderr[-2000:]
     return list(json.loads(done.stdout))
@@ -90,32 +90,32 @@ def gateway(settings: GatewaySettings) -> Iterator[Gateway]:
 
 
 @pytest.mark.usefixtures("gateway")
-def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_availability(
+def test_home_assistant_accepts_channels_with_bounds_and_availability(
     identities: Identities, broker: Mosquitto, node: WireNode
 ) -> None:
     client = identities.make(IdentityKind.CLIENT, "client.home")
     both = ChannelInfo(CHANNEL, "F", 10**6, 1.0), ChannelInfo("t02.current", "A", 10**9, 1.0)
     personal = ChannelInfo("t03.bioelectric", "V", 10**6, 1.0)
-    with Listener(client, broker.client_port) as hearing:
+    with Listener(client, broker.client_port) as listener:
         node.say(Stream.STATUS, now_status(0, *both, personal))
         node.say(Stream.BLOCKS, now_block(1))
         node.say(Stream.BLOCKS, block(3))
         state = live_topic("fingertip", CHANNEL)
-        wait_until(lambda: len(hearing.on(state)) > 1, "both hulls are public")
+        wait_until(lambda: len(listener.on(state)) > 1, "both hulls are public")
         statuses = live_topic("fingertip", "status")
         silent = "silent, so offline"
-        wait_until(lambda: not json.loads(hearing.on(statuses)[-1])["online"], silent)
-        told = hearing.on(statuses)
-        heard = hearing.on(state), [told[0], told[-1]]
-    # Home Assistant may come later: the broker keeps what it needs.
+        wait_until(lambda: not json.loads(listener.on(statuses)[-1])["online"], silent)
+        told = listener.on(statuses)
+        heard = listener.on(state), [told[0], told[-1]]
+    # Home Assistant may start later: the broker retains the announcements.
     with Listener(client, broker.client_port, "homeassistant/#") as late:
-        wait_until(lambda: len(late.heard) >= 2, "both channels are announced")
-        assert {(topic, kept) for topic, _, kept in late.heard} == {(TOPIC, True), (OTHER, True)}
+        wait_until(lambda: len(late.received) >= 2, "both channels are announced")
+        assert {(topic, kept) for topic, _, kept in late.received} == {(TOPIC, True), (OTHER, True)}
         (one,) = judged(asked(TOPIC, late.on(TOPIC)[0], states=heard[0], statuses=heard[1]))
         lo, hi = block(1).bounds
         assert lo <= float(one["states"][0]) <= hi
         assert {"lo", "hi", "t0", "t1", "coverage", "unit"} <= set(one["attributes"][0])
-        # What waited for long tells nothing of now.
+        # A delayed block is not the present state.
         assert (one["states"][1:], one["attributes"][1:]) == (["None"], [[]])
         assert one["available"] == [True, False]
         assert (one["component"], one["node_id"], one["unit"]) == ("sensor", "fingertip", "F")
@@ -125,11 +125,11 @@ def test_home_assistant_takes_channels_over_the_real_broker_with_bounds_and_avai
     with Listener(client, broker.client_port, "homeassistant/#") as last:
         node.say(Stream.STATUS, replace(now_status(4, both[0]), description="another finger"))
         anew = "the other channel is announced anew, after all that was kept"
-        wait_until(lambda: any(not kept for _, _, kept in list(last.heard)), anew)
-        assert [topic for topic, _, _ in last.heard] == [TOPIC, TOPIC]
+        wait_until(lambda: any(not kept for _, _, kept in list(last.received)), anew)
+        assert [topic for topic, _, _ in last.received] == [TOPIC, TOPIC]
 
 
-def test_home_assistant_knows_every_unit_and_tells_unknown_sides() -> None:
+def test_home_assistant_accepts_every_unit_and_unbounded_sides() -> None:
     body = json.loads(public_payloads.live("n", summary(now_block(0)))[1])
     open_above = json.dumps(body | {"hi": None}).encode()
     channels = [ChannelInfo("t01.humidity", unit, 10**6, 1.0) for unit in UNITS]
@@ -138,7 +138,7 @@ def test_home_assistant_knows_every_unit_and_tells_unknown_sides() -> None:
     answers = judged(*(asked(topic, each, states=[open_above], statuses=[]) for each in announced))
     told = {"m2": "m²", "Cel": "°C", "1": None}
     assert [one["unit"] for one in answers] == [told.get(unit, unit) for unit in UNITS]
-    # Its word for a state that is not known; the attributes still hold the other bound.
+    # Its unknown state; the attributes still hold the other bound.
     assert [one["states"] for one in answers] == [["None"]] * len(UNITS)
     assert all("lo" in one["attributes"][0] for one in answers)
 
@@ -157,7 +157,7 @@ def test_no_two_channels_share_a_topic(one: str, two: str) -> None:
     assert all("." not in topic for topic in topics)
 
 
-def test_what_a_node_says_of_itself_never_becomes_a_template() -> None:
+def test_texts_of_a_node_are_no_templates() -> None:
     evil = "{{ states.light | list }}"
     said = json.loads(config("n", status(0, description=evil), ChannelInfo(CHANNEL, "F", 1, 1.0)))
     assert said["device"]["model"] == evil
@@ -165,7 +165,7 @@ def test_what_a_node_says_of_itself_never_becomes_a_template() -> None:
 
 
 def announced(inside: Inside) -> list[bool]:
-    """Whether each publication for the channel announces it, or takes it away."""
+    """Whether each publication for the channel announces it (and does not remove it)."""
     return [payload != b"" for payload in inside.broker.on(TOPIC)]
 
 
@@ -197,28 +197,28 @@ def test_channel_is_announced_once_and_again_when_it_changes(home: Inside, own: 
     assert announced(home) == [True, True]
 
 
-def test_channels_go_with_a_revoked_node(home: Inside, own: Identities) -> None:
+def test_channels_of_a_revoked_node_are_removed(home: Inside, own: Identities) -> None:
     introduce(home, Seal(own.node, own.site), 0)
-    home.answers.idle()
+    home.post_commit.run_periodic()
     home.clock.seconds += 1.5
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert False not in announced(home)
     own.authority.revoke("fingertip")
     home.clock.seconds += 1.5
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[-1] is False
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home).count(False) == 1
 
 
-def test_channels_go_after_long_silence_and_come_back(home: Inside, own: Identities) -> None:
+def test_channels_of_a_silent_node_expire_and_return(home: Inside, own: Identities) -> None:
     seal = Seal(own.node, own.site)
     introduce(home, seal, 0)
     home.clock.seconds += 86_399
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[-1] is True
     home.clock.seconds += 2
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[-1] is False
     introduce(home, seal, 1, time=(EPOCH + 5, EPOCH + 5))  # it had been held in its flash
     assert announced(home)[-1] is False
@@ -226,36 +226,34 @@ def test_channels_go_after_long_silence_and_come_back(home: Inside, own: Identit
     assert announced(home)[-1] is True
 
 
-def test_everything_is_announced_again_when_the_broker_is_back(
-    home: Inside, own: Identities
-) -> None:
+def test_channels_are_announced_again_after_a_reconnect(home: Inside, own: Identities) -> None:
     introduce(home, Seal(own.node, own.site), 0)
-    home.answers.idle()
+    home.post_commit.run_periodic()
     before = len(announced(home))
     home.broker.connected = False
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert len(announced(home)) == before
     home.broker.connected = True
-    home.answers.idle()
+    home.post_commit.run_periodic()
     assert announced(home)[before:] == [True]
 
 
-def test_restarted_gateway_takes_away_what_is_gone_meanwhile(
+def test_restarted_gateway_removes_expired_channels(
     tmp_path: Path, home: Inside, own: Identities
 ) -> None:
     introduce(home, Seal(own.node, own.site), 0)
     home.spool.close()
     crl = own.authority.write_revocations(IdentityKind.NODE)
     later = Inside(tmp_path, own, revocations=crl, homeassistant=True)
-    later.answers.idle()
+    later.post_commit.run_periodic()
     assert announced(later) == [True]
     later.clock.seconds += 86_402
-    later.answers.idle()
+    later.post_commit.run_periodic()
     assert announced(later) == [True, False]
     later.spool.close()
 
 
-def test_nothing_is_announced_unless_it_is_wanted(inside: Inside, identities: Identities) -> None:
+def test_discovery_is_off_by_default(inside: Inside, identities: Identities) -> None:
     introduce(inside, Seal(identities.node, identities.site), 0)
-    inside.answers.idle()
+    inside.post_commit.run_periodic()
     assert [topic for topic, _, _ in inside.broker.published if "homeassistant" in topic] == []

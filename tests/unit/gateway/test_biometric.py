@@ -1,4 +1,4 @@
-"""What tells of a person lies in spool, write-ahead log and dead letters sealed alone."""
+"""Biometric data are stored only encrypted: in spool, log and dead letters."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from eskin.privacy import Decryptor, FileMasterKey, KeyStore, SealedMessage
 from eskin.wire.messages import Position
 from eskin.wire.topics import Stream, node_topic
 from tests.unit.gateway.messages import EPOCH, block, peak, status
-from tests.unit.gateway.test_intake import introduce
+from tests.unit.gateway.test_validator import introduce
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from eskin.privacy import Subject
     from eskin.wire.messages import Block, Peak
     from tests.support.identities import Identities
-    from tests.unit.gateway.twins import Inside
+    from tests.unit.gateway.in_memory import Inside
 
 BIOMETRIC = "t05.bioelectric"
 MARKED = "bio-t01.pressure"
@@ -43,7 +43,7 @@ def traces(message: Block | Peak) -> list[bytes]:
 
 
 @pytest.mark.parametrize("channel", [BIOMETRIC, MARKED])
-def test_biometric_block_and_peak_never_lie_in_the_clear(
+def test_biometric_block_and_peak_are_stored_encrypted(
     inside: Inside, seal: Seal, tmp_path: Path, channel: str
 ) -> None:
     introduce(inside, seal)
@@ -61,7 +61,7 @@ def test_biometric_block_and_peak_never_lie_in_the_clear(
     assert traces(plain)[0] in remains(tmp_path)
 
 
-def test_dead_letter_that_may_tell_of_a_person_is_sealed_and_logged_without_its_content(
+def test_biometric_dead_letter_is_encrypted_and_not_logged(
     inside: Inside, seal: Seal, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     introduce(inside, seal)
@@ -79,11 +79,11 @@ def test_dead_letter_that_may_tell_of_a_person_is_sealed_and_logged_without_its_
     assert SealedMessage.decode(letter.body).position == Position(1, 1)
 
 
-def test_node_cannot_say_what_is_veiled_already(inside: Inside, seal: Seal) -> None:
+def test_sealed_message_from_a_node_is_rejected(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     subject = inside.assignments.subject("fingertip", EPOCH)
     inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, forged(subject.pseudonym)))
-    assert inside.rejected() == {"poison": 1}
+    assert inside.rejected() == {"unreadable": 1}
 
 
 def forged(subject: str) -> bytes:
@@ -105,7 +105,7 @@ def site(tmp_path: Path) -> KeyStore:
     [block(1, channel=BIOMETRIC).encode(), cbor2.dumps({1: 1, 2: 1, 3: 1, 4: BIOMETRIC})],
     ids=["block", "poison"],
 )
-def test_key_that_cannot_be_had_hinders_one_node_alone(
+def test_missing_key_rejects_messages_of_one_node_only(
     inside: Inside, seal: Seal, identities: Identities, said: bytes
 ) -> None:
     introduce(inside, seal)
@@ -119,7 +119,7 @@ def test_key_that_cannot_be_had_hinders_one_node_alone(
 
     def come() -> None:
         inside.broker.published.clear()
-        inside.worker.process(
+        inside.commit_loop.process(
             [
                 inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, said)),
                 inside.received_message(
@@ -129,7 +129,7 @@ def test_key_that_cannot_be_had_hinders_one_node_alone(
         )
 
     come()
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
     assert inside.stored()[2:] == [block(1).encode()]
     assert len(inside.broker.on(node_topic("palm", Stream.ACKS))) == 1
     assert inside.broker.on(node_topic("fingertip", Stream.ACKS)) == []
@@ -139,7 +139,7 @@ def test_key_that_cannot_be_had_hinders_one_node_alone(
     assert len(inside.stored()) - 3 + len(inside.spool.dead_letters()) == 1
 
 
-def test_data_are_of_whoever_wore_the_node_when_they_were_measured(site: KeyStore) -> None:
+def test_subject_is_the_wearer_at_the_time_of_measurement(site: KeyStore) -> None:
     kept = SubjectAssignments(site)
     nobody = kept.subject("hand", 5)
     ada, bo = site.create("Ada"), site.create("Bo")
@@ -153,7 +153,7 @@ def test_data_are_of_whoever_wore_the_node_when_they_were_measured(site: KeyStor
     assert kept.subject("palm", 0) != nobody
 
 
-def test_assignment_counts_that_comes_while_a_node_is_heard_for_the_first_time(
+def test_assignment_during_a_nodes_first_message_is_used(
     site: KeyStore, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     gateway, command = SubjectAssignments(site), SubjectAssignments(site)
@@ -169,7 +169,7 @@ def test_assignment_counts_that_comes_while_a_node_is_heard_for_the_first_time(
     assert command.wearers() == {"palm": ada.pseudonym}
 
 
-def test_assignment_elsewhere_counts_at_once(site: KeyStore) -> None:
+def test_assignment_by_another_process_is_used_at_once(site: KeyStore) -> None:
     running, command = SubjectAssignments(site), SubjectAssignments(site)
     ada = site.create("Ada")
     assert running.subject("hand", 10**18) != ada
@@ -177,7 +177,7 @@ def test_assignment_elsewhere_counts_at_once(site: KeyStore) -> None:
     assert running.subject("hand", 10**18) == ada
 
 
-def test_late_data_of_an_erased_subject_get_a_key_that_nobody_keeps(site: KeyStore) -> None:
+def test_late_data_of_an_erased_subject_get_a_lost_key(site: KeyStore) -> None:
     kept = SubjectAssignments(site)
     ada = site.create("Ada")
     kept.assign("hand", ada, since=10)

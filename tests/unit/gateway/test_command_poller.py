@@ -1,4 +1,4 @@
-"""A courier that is stopped leaves nothing open, at whatever point it was."""
+"""A command poller that is stopped closes its connection at once."""
 
 from __future__ import annotations
 
@@ -8,23 +8,28 @@ import ssl
 import warnings
 from unittest.mock import Mock
 
+from eskin_gateway.commands.pending import PendingCommands
 from eskin_gateway.commands.poller import CommandPoller
-from eskin_gateway.upstream.commands_client import HttpsDeliveries
+from eskin_gateway.upstream.cloud_client import CloudClient
+from eskin_gateway.upstream.commands_client import CommandsClient
+
+from tests.unit.gateway.in_memory import quick
 
 
-def test_courier_stopped_in_the_middle_of_a_handshake_closes_its_socket() -> None:
+def test_poller_stopped_during_a_handshake_closes_its_socket() -> None:
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        commands_client = HttpsDeliveries(
+        client = CloudClient(
             f"https://127.0.0.1:{silent.getsockname()[1]}/api/v1/ingest",
             headers=dict,
             context=ssl.create_default_context(),
-            timeout_s=20.0,
+            timeout_s=200.0,
+            abortable=True,
         )
         command_poller = CommandPoller(
-            Mock(**{"held.return_value": []}),
-            commands_client=commands_client,
+            PendingCommands(5.0),
+            commands_client=CommandsClient(client),
             wait_s=1.0,
-            backoff=Mock(),
+            backoff=quick(),
             metrics=Mock(),
         )
         command_poller.start()
@@ -34,6 +39,6 @@ def test_courier_stopped_in_the_middle_of_a_handshake_closes_its_socket() -> Non
             command_poller.stop()
             with warnings.catch_warnings(record=True) as told:
                 warnings.simplefilter("always")
-                del command_poller, commands_client
+                del command_poller, client
                 gc.collect()
     assert [str(one.message) for one in told] == []

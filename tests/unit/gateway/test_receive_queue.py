@@ -1,11 +1,11 @@
-"""The inbox is bounded, keeps order, and says how it fares."""
+"""The receive queue is bounded and ordered, and reports its state."""
 
 from __future__ import annotations
 
 from threading import Thread
 
 from eskin_gateway.mqtt.receive_queue import BATCH_BYTES, ReceiveQueue, ReceiveQueueStatistics
-from eskin_gateway.mqtt.received_message import ReceivedMessage
+from eskin_gateway.mqtt.transport import ReceivedMessage
 
 from eskin.wire.envelope import MOST_ENVELOPE
 from tests.support.processes import wait_until
@@ -15,17 +15,17 @@ def received_message(mid: int, size: int = 1) -> ReceivedMessage:
     return ReceivedMessage("t", bytes(size), mid, 1, retained=False, connection=1)
 
 
-def test_full_inbox_refuses_and_counts() -> None:
+def test_full_queue_drops_and_counts() -> None:
     receive_queue = ReceiveQueue(2, most_bytes=10_000_000)
     assert [receive_queue.put([received_message(number)]) for number in range(3)] == [1, 1, 0]
     assert receive_queue.statistics == ReceiveQueueStatistics(
-        depth=2, capacity=2, most=2, refused=1, used=2
+        depth=2, capacity=2, peak=2, dropped=1, used=2
     )
     assert [a.mid for a in receive_queue.take(5, linger_s=0, wait_s=0)] == [0, 1]
     assert receive_queue.put([received_message(9)]) == 1
 
 
-def test_inbox_full_of_bytes_refuses_and_takes_again_when_there_is_room() -> None:
+def test_queue_is_bounded_in_bytes() -> None:
     receive_queue = ReceiveQueue(100, most_bytes=2 * MOST_ENVELOPE)
     assert receive_queue.put([received_message(0, MOST_ENVELOPE)]) == 1
     was_full = [receive_queue.full]
@@ -33,7 +33,7 @@ def test_inbox_full_of_bytes_refuses_and_takes_again_when_there_is_room() -> Non
     was_full.append(receive_queue.full)  # the next message might be one of the largest
     assert receive_queue.put([received_message(2, MOST_ENVELOPE)]) == 0
     assert receive_queue.statistics.used == MOST_ENVELOPE + 1
-    assert receive_queue.statistics.refused == 1
+    assert receive_queue.statistics.dropped == 1
     receive_queue.take(1, linger_s=0, wait_s=0)
     was_full.append(receive_queue.full)
     assert was_full == [False, True, False]

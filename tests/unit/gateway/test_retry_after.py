@@ -1,14 +1,12 @@
-"""A cloud that refuses is understood in the same way on each way to it."""
+"""Each client of the cloud reads and respects Retry-After."""
 
 from __future__ import annotations
 
-import asyncio
 from contextlib import contextmanager
 from random import SystemRandom
 from typing import TYPE_CHECKING, Any
 
 import pytest
-from eskin_gateway.backoff import Backoff
 from eskin_gateway.commands.pending import PendingCommands
 from eskin_gateway.commands.poller import CommandPoller
 from eskin_gateway.ingest.biometric import BiometricEncryptor
@@ -16,15 +14,15 @@ from eskin_gateway.metrics import Metrics
 from eskin_gateway.ops.subject_sync import SubjectSync
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
 from eskin_gateway.upstream.cloud_client import CloudClient
-from eskin_gateway.upstream.commands_client import HttpsDeliveries
-from eskin_gateway.upstream.ingest_client import HttpsCloud
-from eskin_gateway.upstream.subjects_client import HttpsNotices
-from eskin_gateway.upstream.viewers import Viewers
+from eskin_gateway.upstream.commands_client import CommandsClient
+from eskin_gateway.upstream.ingest_client import IngestClient, Viewers
+from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 from eskin.errors import CloudError
 from eskin.identity import IdentityKind, client_context
 from eskin.identity.identity import ROOT_FILE
 from eskin.privacy import FileMasterKey, KeyStore
+from eskin.runtime.supervised import Backoff
 from tests.support.processes import free_port, wait_until
 from tests.unit.gateway.certificates import KnownNodes
 from tests.unit.gateway.https_server import HttpsServer
@@ -37,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class Refuser:
-    """A cloud that refuses all, and says for how long.
+    """A cloud that rejects all requests with a Retry-After.
 
     Attributes:
         asked: How often it was asked.
@@ -61,7 +59,7 @@ def refuser() -> Refuser:
 
 @pytest.fixture
 def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Where that cloud is, and what it takes to ask it."""
+    """URL of that cloud, and arguments of a client."""
     port = free_port()
     server = HttpsServer(identities.make(IdentityKind.SERVER, "server.cloud"), port, refuser)
     context = client_context(identities.gateway.directory / ROOT_FILE)
@@ -73,26 +71,23 @@ def reach(identities: Identities, refuser: Refuser) -> Iterator[tuple[str, dict[
 def refused_batch(url: str, common: dict[str, Any]) -> None:
     client = CloudClient(url, **common)
     try:
-        HttpsCloud(client, Viewers()).send([("fingertip", b"")])
+        IngestClient(client, Viewers()).send([("fingertip", b"")])
     finally:
         client.close()
 
 
 def refused_question(url: str, common: dict[str, Any]) -> None:
-    async def ask() -> None:
-        commands_client = HttpsDeliveries(url, **common)
-        try:
-            await commands_client.fetch([], 0.0)
-        finally:
-            await commands_client.close()
-
-    asyncio.run(ask())
+    commands_client = CommandsClient(CloudClient(url, **common))
+    try:
+        commands_client.fetch([], 0.0)
+    finally:
+        commands_client.close()
 
 
 def refused_notice(url: str, common: dict[str, Any]) -> None:
     client = CloudClient(url, **common)
     try:
-        HttpsNotices(client).send([], ["0" * 32])
+        SubjectsClient(client).send([], ["0" * 32])
     finally:
         client.close()
 
@@ -107,7 +102,7 @@ def refused_notice(url: str, common: dict[str, Any]) -> None:
     ],
 )
 @pytest.mark.parametrize("ask", [refused_batch, refused_question, refused_notice])
-def test_patience_that_is_asked_for_is_read_as_number_or_date(
+def test_retry_after_is_a_number_or_a_date(
     reach: tuple[str, dict[str, Any]],
     refuser: Refuser,
     ask: Any,
@@ -128,7 +123,7 @@ def test_patience_that_is_asked_for_is_read_as_number_or_date(
 
 
 class Patience(Backoff):
-    """Notes for how long it was asked to wait."""
+    """Records the Retry-After of failures."""
 
     def __init__(self) -> None:
         super().__init__(0.001, 0.001, random=SystemRandom())
@@ -145,7 +140,7 @@ def command_poller(
 ) -> Iterator[CommandPoller]:
     yield CommandPoller(
         PendingCommands(5.0),
-        commands_client=HttpsDeliveries(url, **common),
+        commands_client=CommandsClient(CloudClient(url, **common, abortable=True)),
         wait_s=1.0,
         backoff=patience,
         metrics=Metrics(),
@@ -163,8 +158,8 @@ def subject_sync(
         keystore,
         assignments,
         encryptor=BiometricEncryptor(assignments),
-        subjects_client=HttpsNotices(client),
-        certificates=KnownNodes(),
+        subjects_client=SubjectsClient(client),
+        certificates_client=KnownNodes(),
         share=True,
         backoff=patience,
     )
@@ -172,7 +167,7 @@ def subject_sync(
 
 
 @pytest.mark.parametrize("make", [command_poller, subject_sync])
-def test_who_is_asked_for_patience_has_it(
+def test_threads_respect_retry_after(
     reach: tuple[str, dict[str, Any]], refuser: Refuser, tmp_path: Path, make: Any
 ) -> None:
     url, common = reach
@@ -180,6 +175,6 @@ def test_who_is_asked_for_patience_has_it(
     patience = Patience()
     with make(url, common, tmp_path, patience) as asker:
         asker.start()
-        wait_until(lambda: bool(patience.told), "it was refused")
+        wait_until(lambda: bool(patience.told), "it was rejected")
         asker.stop()
     assert (patience.told, refuser.asked) == ([1000.0], 1)

@@ -1,4 +1,4 @@
-"""A forwarder rests after a request of some messages, and only then."""
+"""The forwarder pauses after a small batch, and only then."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
-    from eskin_gateway.upstream.ingest_client import Answer
+    from eskin_gateway.upstream.ingest_client import ItemResult
 
 
 class _Rests(Event):
-    """Notes how long it is waited for, and lets nobody wait."""
+    """Records the waits, and returns at once."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -40,7 +40,7 @@ class _Rests(Event):
         (6, 0.02, [0.02]),  # six and four
     ],
 )
-def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_single_ones(
+def test_forwarder_pauses_after_a_small_batch_only(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: int, took: float, rests: list[float]
 ) -> None:
     now = [0.0]
@@ -51,12 +51,12 @@ def test_some_messages_are_followed_by_a_rest_and_neither_a_full_request_nor_sin
     setup = Setup(tmp_path, cloud, cloud, most=most)
     send = cloud.send
 
-    def slowly(messages: Sequence[tuple[str, bytes]]) -> list[Answer]:
+    def slowly(messages: Sequence[tuple[str, bytes]]) -> list[ItemResult]:
         now[0] += took
         return send(messages)
 
     monkeypatch.setattr(cloud, "send", slowly)
-    noted = setup.forwarder._stopping = _Rests()
+    noted = setup.forwarder._thread.stopping = _Rests()
     setup.forwarder.start()
     wait_until(lambda: setup.spool.statistics.messages == 0, "the spool is empty")
     setup.forwarder.stop()

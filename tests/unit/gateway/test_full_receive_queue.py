@@ -1,4 +1,4 @@
-"""A gateway whose inbox is full holds the broker back, and loses nothing."""
+"""A gateway whose receive queue is full holds the broker back and loses nothing."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from tests.unit.gateway.wire_node import WireNode
 
 
-def test_full_inbox_holds_the_broker_back_and_loses_nothing(
+def test_full_queue_holds_the_broker_back_and_loses_nothing(
     settings: GatewaySettings, cloud: StubCloud, node: WireNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # Pings far longer than the test: nothing is dropped to keep the broker's connection alive.
-    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 600})
+    section = settings.broker.model_copy(update={"receive_queue_messages": 16, "keepalive_s": 600})
     running = Gateway(settings.model_copy(update={"broker": section}))
     running.start()
     wait_until(lambda: running.broker.connected, "the gateway is connected")
@@ -38,14 +38,14 @@ def test_full_inbox_holds_the_broker_back_and_loses_nothing(
     for number in range(1, 200):
         node.say(Stream.BLOCKS, block(number))
     wait_until(
-        lambda: running.receive_queue.full and running.worker.fault is not None, "no more room"
+        lambda: running.receive_queue.full and running.commit_loop.fault is not None, "no more room"
     )
     assert node.acknowledged == {(1, 0)}
     monkeypatch.setattr(running.spool, "commit", commit)
     node.wait_for(*((1, number) for number in range(200)))
     wait_until(lambda: len(cloud.stored) == 200, "the cloud stored all")
-    assert running.receive_queue.statistics.most == 16
-    assert running.receive_queue.statistics.refused == 0
+    assert running.receive_queue.statistics.peak == 16
+    assert running.receive_queue.statistics.dropped == 0
     running.stop()
 
 
@@ -59,13 +59,13 @@ def stopping(gateway: Gateway) -> Iterator[None]:
 
 
 def full_disk(batch: Batch) -> None:
-    raise SpoolError(f"database or disk is full ({len(batch.entries)} messages)")
+    raise SpoolError(f"database or disk is full ({len(batch.messages)} messages)")
 
 
-def test_refused_messages_are_released_at_the_broker(
+def test_dropped_messages_are_released_at_the_broker(
     settings: GatewaySettings, node: WireNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    section = settings.broker.model_copy(update={"inbox_messages": 16, "keepalive_s": 6})
+    section = settings.broker.model_copy(update={"receive_queue_messages": 16, "keepalive_s": 6})
     running = Gateway(settings.model_copy(update={"broker": section}))
     with stopping(running):
         running.start()
@@ -76,11 +76,11 @@ def test_refused_messages_are_released_at_the_broker(
         monkeypatch.setattr(running.spool, "commit", full_disk)
         for number in range(1, 1500):  # more than the broker's window of 1000
             node.say(Stream.BLOCKS, block(number))
-        wait_until(lambda: running.receive_queue.statistics.refused > 1000, "patience ends")
+        wait_until(lambda: running.receive_queue.statistics.dropped > 1000, "messages are dropped")
         wait_until(lambda: running.broker.connected, "the gateway is still connected")
         monkeypatch.setattr(running.spool, "commit", commit)
-        wait_until(lambda: running.receive_queue.statistics.depth == 0, "the inbox is empty")
-        # As a node does: what is refused meanwhile, behind what the broker still held, comes again.
+        wait_until(lambda: running.receive_queue.statistics.depth == 0, "the queue is empty")
+        # Sends again, as a node does, what was dropped meanwhile.
         resent = iter(range(10**6))
 
         def heard() -> bool:

@@ -1,4 +1,4 @@
-"""In-memory twins of the gateway's seams, and a gateway's inside put together with them."""
+"""A gateway without a network: its parts around an in-memory broker."""
 
 from __future__ import annotations
 
@@ -6,31 +6,30 @@ from datetime import UTC, datetime
 from random import Random
 from typing import TYPE_CHECKING
 
-from eskin_gateway.backoff import Backoff
 from eskin_gateway.commands.pending import PendingCommands
 from eskin_gateway.commands.publisher import CommandPublisher
-from eskin_gateway.ingest.acknowledger import Acknowledger
 from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.ingest.commit_loop import CommitLoop
 from eskin_gateway.ingest.post_commit import PostCommit
 from eskin_gateway.ingest.validator import Validator
 from eskin_gateway.metrics import Metrics
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue
-from eskin_gateway.mqtt.received_message import ReceivedMessage
-from eskin_gateway.publish.discovery import Discovery
+from eskin_gateway.mqtt.sealer_cache import SealerCache
+from eskin_gateway.mqtt.transport import ReceivedMessage
+from eskin_gateway.publish.homeassistant import Discovery
 from eskin_gateway.publish.presence import Presence
 from eskin_gateway.settings import SpoolSection
 from eskin_gateway.spool.node_certificates import NodeCertificates
-from eskin_gateway.spool.node_states import NodeStates
-from eskin_gateway.spool.sealer_cache import SealerCache
+from eskin_gateway.spool.node_state import NodeStates
 from eskin_gateway.spool.spool import Spool
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
-from eskin_gateway.upstream.viewers import Viewers
+from eskin_gateway.upstream.ingest_client import Viewers
 
 from eskin.errors import SpoolError
 from eskin.identity import ChainVerifier, IdentityKind, RevocationFile
 from eskin.privacy import open_keystore
 from eskin.runtime.settings import KeysSection
+from eskin.runtime.supervised import Backoff
 from eskin.wire.envelope import Opener
 from eskin.wire.topics import Stream, node_topic
 from tests.unit.gateway.messages import EPOCH
@@ -44,11 +43,11 @@ if TYPE_CHECKING:
     from tests.support.identities import Identities
 
 DAY_NS = 86_400 * 10**9
-"""After so long without a word a node is gone, in tests."""
+"""Age of a status at which a node expires, in tests."""
 
 
 class MemoryBroker:
-    """Keeps what the gateway hands over."""
+    """Records what the gateway publishes."""
 
     def __init__(self) -> None:
         self.connected = True
@@ -66,7 +65,7 @@ class MemoryBroker:
 
 
 class FaultySpool(Spool):
-    """Fails as often as it is told to, before anything is written."""
+    """Fails ``failures`` times before anything is written."""
 
     failures = 0
 
@@ -78,7 +77,7 @@ class FaultySpool(Spool):
 
 
 class Clock:
-    """Turned by hand."""
+    """Advanced by the test."""
 
     def __init__(self) -> None:
         self.seconds = 1000.0
@@ -92,7 +91,7 @@ class Clock:
 
 
 class Inside:
-    """Intake, spool and answers of a gateway around the in-memory broker."""
+    """Validator, spool and publishers of a gateway around the in-memory broker."""
 
     def __init__(
         self,
@@ -106,7 +105,7 @@ class Inside:
         self.broker = MemoryBroker()
         self.metrics = Metrics()
         self.viewers = Viewers(self.clock)
-        self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, letters=50)
+        self.spool = FaultySpool(folder / "spool.db", capacity=4_000_000, max_dead_letters=50)
         self._make_keys(folder / "keys")
         self.trust = ChainVerifier(*identities.gateway.roots, clock=self.clock.now)
         self.revocations = RevocationFile(self.trust, IdentityKind.NODE, revocations)
@@ -117,33 +116,32 @@ class Inside:
             site=identities.gateway.site,
             clock=self.clock,
         )
-        self.records = NodeStates(self.spool)
+        self.node_states = NodeStates(self.spool)
         self.presence = Presence(15.0)
         self.receive_queue = ReceiveQueue(1000, most_bytes=10_000_000)
         self.validator = Validator(
             opener=Opener([identities.site], sender=self.node_certificates.find),
             node_certificates=self.node_certificates,
-            records=self.records,
+            node_states=self.node_states,
             encryptor=self.encryptor,
         )
         sealer_cache = SealerCache(lambda _: identities.site)
-        self.answers = self._make_answers(sealer_cache, homeassistant=homeassistant)
+        self.post_commit = self._make_answers(sealer_cache, homeassistant=homeassistant)
         self.commands = PendingCommands(5.0)
         self.command_publisher = CommandPublisher(
             self.commands,
             broker=self.broker,
             sealer_cache=sealer_cache,
             node_certificates=self.node_certificates,
-            spool=self.spool,
             metrics=self.metrics,
             clock=self.clock,
         )
-        self.worker = CommitLoop(
+        self.commit_loop = CommitLoop(
             SpoolSection(path=folder / "spool.db"),
             receive_queue=self.receive_queue,
             validator=self.validator,
             spool=self.spool,
-            answers=self.answers,
+            post_commit=self.post_commit,
             command_publisher=self.command_publisher,
             metrics=self.metrics,
         )
@@ -152,7 +150,7 @@ class Inside:
     def _make_answers(self, sealer_cache: SealerCache, *, homeassistant: bool) -> PostCommit:
         return PostCommit(
             broker=self.broker,
-            acknowledger=Acknowledger(sealer_cache),
+            sealer_cache=sealer_cache,
             node_certificates=self.node_certificates,
             presence=self.presence,
             metrics=self.metrics,
@@ -164,7 +162,7 @@ class Inside:
     def _make_discovery(self) -> Discovery:
         return Discovery(
             "homeassistant",
-            forget_ns=DAY_NS,
+            expire_ns=DAY_NS,
             spool=self.spool,
             node_certificates=self.node_certificates,
             now=lambda: EPOCH + int((self.clock() - 1000) * 1e9),
@@ -178,8 +176,10 @@ class Inside:
     def arrive(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
     ) -> None:
-        """One message comes and is worked off."""
-        self.worker.process([self.received_message(stream, envelope, node=node, retained=retained)])
+        """Receive and process one message."""
+        self.commit_loop.process(
+            [self.received_message(stream, envelope, node=node, retained=retained)]
+        )
 
     def received_message(
         self, stream: Stream, envelope: bytes, *, node: str = "fingertip", retained: bool = False
@@ -193,7 +193,7 @@ class Inside:
         return [message.body for message in self.spool.take(10_000, 10**9)]
 
     def rejected(self) -> dict[str, int]:
-        """Refusals by reason."""
+        """Rejected messages by reason."""
         found = {}
         for metric in self.metrics.registry.collect():
             for sample in metric.samples:
@@ -203,5 +203,5 @@ class Inside:
 
 
 def quick() -> Backoff:
-    """Hardly waits."""
+    """A backoff with short delays."""
     return Backoff(0.01, 0.05, random=Random(1))  # noqa: S311 - jitter, repeatable

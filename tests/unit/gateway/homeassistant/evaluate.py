@@ -1,4 +1,4 @@
-"""Runs in Home Assistant's environment: takes announcements as its own discovery would.
+"""Runs in Home Assistant's environment: evaluates announcements as its discovery does.
 
 Reads a JSON list of objects: ``prefix``, ``topic``, ``config``, ``now`` (seconds since 1970), and
 payloads: ``states``, ``statuses``. Writes what Home Assistant makes of each, or ends with its

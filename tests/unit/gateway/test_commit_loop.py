@@ -1,4 +1,4 @@
-"""Nothing is answered before it is durable."""
+"""Nothing is acknowledged before it is durable."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from tests.unit.gateway.messages import CHANNEL, block, status
 
 if TYPE_CHECKING:
     import pytest
-    from eskin_gateway.mqtt.received_message import ReceivedMessage
+    from eskin_gateway.mqtt.transport import ReceivedMessage
     from eskin_gateway.spool.batch import Batch
 
     from eskin.wire.messages import Block, Peak
     from tests.support.identities import Identities
-    from tests.unit.gateway.twins import Inside
+    from tests.unit.gateway.in_memory import Inside
     from tests.unit.gateway.wire_node import Seal
 
 ACKS = node_topic("fingertip", Stream.ACKS)
@@ -31,7 +31,7 @@ def introduce(inside: Inside, seal: Seal) -> None:
     inside.broker.released.clear()
 
 
-def test_nothing_is_said_before_the_commit(
+def test_nothing_is_published_before_the_commit(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
@@ -50,12 +50,12 @@ def test_nothing_is_said_before_the_commit(
     assert len(inside.broker.released) == 1
 
 
-def test_node_is_told_that_somebody_looks_on(
+def test_acknowledgement_says_how_long_the_node_is_viewed(
     inside: Inside, seal: Seal, identities: Identities
 ) -> None:
     introduce(inside, seal)
     opener = Opener([identities.node], sender=lambda _: identities.site.certificate)
-    inside.viewers.note({"fingertip": 2.5, "palm": 9.0})
+    inside.viewers.update({"fingertip": 2.5, "palm": 9.0})
     for number in 1, 2:
         inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(number).encode()))
         inside.clock.seconds += 3.0
@@ -69,52 +69,50 @@ def test_full_spool_holds_the_batch_and_recovers_by_itself(inside: Inside, seal:
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.start()
-    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
-    assert "disk is full" in str(inside.worker.fault)
+    inside.commit_loop.start()
+    wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
+    assert "disk is full" in str(inside.commit_loop.fault)
     assert inside.broker.published == []
     assert inside.broker.released == []
     inside.spool.failures = 0
     wait_until(lambda: len(inside.broker.released) == 1, "it goes on")
-    wait_until(lambda: inside.worker.fault is None, "it is healthy again")
-    inside.worker.stop()
+    wait_until(lambda: inside.commit_loop.fault is None, "it is healthy again")
+    inside.commit_loop.stop()
     assert inside.stored() == [status(0).encode(), BODY]
-    assert inside.metrics.value("spool_refusals_total") >= 1
+    assert inside.metrics.value("spool_commit_failures_total") >= 1
 
 
-def test_full_spool_at_the_end_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
+def test_stop_while_full_leaves_the_batch_with_the_node(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool.failures = 10**6
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.start()
-    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
-    inside.worker.stop()
+    inside.commit_loop.start()
+    wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
+    inside.commit_loop.stop()
     assert inside.broker.published == []
     assert inside.stored() == [status(0).encode()]
 
 
-def test_stop_while_full_acknowledges_no_copy_of_what_was_refused(
-    inside: Inside, seal: Seal
-) -> None:
+def test_stop_while_full_acknowledges_no_copy_of_the_batch(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.spool._capacity = inside.spool._used + 10
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.start()
-    wait_until(lambda: inside.worker.fault is not None, "the worker tells of the full spool")
+    inside.commit_loop.start()
+    wait_until(lambda: inside.commit_loop.fault is not None, "the commit fails")
     # The node, unanswered, sends again.
     inside.receive_queue.put(
         [inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, BODY))]
     )
-    inside.worker.stop()
+    inside.commit_loop.stop()
     assert inside.broker.on(ACKS) == []
     assert inside.stored() == [status(0).encode()]
 
 
-def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
+def test_failed_batch_is_no_duplicate_when_it_is_resent(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
@@ -122,42 +120,42 @@ def test_failed_batch_is_not_taken_for_durable_when_it_comes_again(
 
     def broken(batch: Batch) -> None:
         monkeypatch.setattr(inside.spool, "commit", commit)
-        raise ZeroDivisionError(f"a bug with {len(batch.entries)} messages")
+        raise ZeroDivisionError(f"a bug with {len(batch.messages)} messages")
 
     monkeypatch.setattr(inside.spool, "commit", broken)
     envelope = seal("fingertip", Stream.BLOCKS, BODY)
     inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
-    inside.worker.start()
+    inside.commit_loop.start()
     wait_until(lambda: len(inside.broker.released) == 1, "the broker may forget it")
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
     assert inside.broker.on(ACKS) == []
     inside.receive_queue.put([inside.received_message(Stream.BLOCKS, envelope)])
     wait_until(lambda: len(inside.broker.on(ACKS)) == 1, "sent again, it is acknowledged")
-    inside.worker.stop()
+    inside.commit_loop.stop()
     assert inside.stored() == [status(0).encode(), BODY]
 
 
-def test_message_that_breaks_the_gateway_hinders_no_other(
+def test_message_that_causes_a_bug_blocks_no_other(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
-    guard = inside.encryptor.guard
+    guard = inside.encryptor.encrypt
 
     def breaks(node: str, message: Block | Peak | None, plaintext: bytes) -> bytes:
         if plaintext == BODY:
             raise ZeroDivisionError("a bug with this message")
         return guard(node, message, plaintext)
 
-    monkeypatch.setattr(inside.encryptor, "guard", breaks)
+    monkeypatch.setattr(inside.encryptor, "encrypt", breaks)
     bodies = [block(number).encode() for number in (1, 2, 3)]
-    inside.worker.attempt(
+    inside.commit_loop.process_or_split(
         [
             inside.received_message(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, body))
             for body in bodies
         ]
     )
     assert inside.stored() == [status(0).encode(), *bodies[1:]]
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
     assert len(inside.broker.on(ACKS)) == 2
     assert sorted(inside.broker.released) == [2, 3, 4]
     monkeypatch.undo()
@@ -165,36 +163,36 @@ def test_message_that_breaks_the_gateway_hinders_no_other(
     assert inside.stored()[-1] == BODY, "it was not taken for known"
 
 
-def test_silence_is_not_counted_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
+def test_nodes_stay_online_while_the_broker_is_away(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
-    answers = inside.worker._answers
-    answers.idle()
+    answers = inside.commit_loop._post_commit
+    answers.run_periodic()
     inside.broker.connected = False
     inside.clock.seconds += 100.0
-    answers.idle()
+    answers.run_periodic()
     inside.broker.connected = True
-    answers.idle()
+    answers.run_periodic()
     assert inside.broker.published == []
     inside.clock.seconds += 16.0
-    answers.idle()
+    answers.run_periodic()
     assert len(inside.broker.on(live_topic("fingertip", "status"))) == 1
 
 
 BODY = block(1).encode()
 
 
-def test_silence_is_noticed_though_others_never_rest(
+def test_nodes_expire_also_under_constant_load(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     introduce(inside, seal)
     looked = threading.Event()
-    monkeypatch.setattr(inside.answers, "idle", looked.set)
+    monkeypatch.setattr(inside.post_commit, "run_periodic", looked.set)
 
     def never_empty(*_: object, **__: object) -> list[ReceivedMessage]:
         return [inside.received_message(Stream.BLOCKS, b"whatever")]
 
     monkeypatch.setattr(inside.receive_queue, "take", never_empty)
-    inside.worker.start()
+    inside.commit_loop.start()
     assert looked.wait(60)
     monkeypatch.undo()
-    inside.worker.stop()
+    inside.commit_loop.stop()

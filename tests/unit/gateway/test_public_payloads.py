@@ -1,4 +1,4 @@
-"""Public JSON encloses what the node said, in exact numbers."""
+"""Public JSON encloses the node's values in exact numbers."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_hull_and_times_enclose_the_block(lo: float, width: float, early: int, n
     assert (said["unit"], said["n"], said["coverage"]) == ("F", n, 1.0)
 
 
-def test_status_tells_which_taxels_may_be_broken() -> None:
+def test_status_lists_faulty_taxels() -> None:
     told = replace(status(1), faults=(TaxelFaults("t05", Fault.IMPOSSIBLE, Fault.CERTAIN),))
     said = orjson.loads(public_payloads.status("n", told, online=True)[1])
     assert said["faults"] == [{"taxel": "t05", "dead": "impossible", "stuck": "certain"}]
@@ -90,7 +90,7 @@ def test_senml_holds_the_hull_and_for_how_long() -> None:
     assert orjson.loads(body)[0]["bt"] * 10**9 == EPOCH
 
 
-def test_senml_is_silent_on_times_that_it_would_take_for_times_before_now() -> None:
+def test_senml_omits_times_that_it_reads_as_relative() -> None:
     packed = Block.pack(
         Position(1, 2), "t01.capacitance", 0, Tube((9, 9), 3, Interval([1.0], [2.0]), "F", 1.0),
         Encoding.F64,
@@ -99,7 +99,7 @@ def test_senml_is_silent_on_times_that_it_would_take_for_times_before_now() -> N
 
 
 @pytest.mark.parametrize("message", [peak(4), gap(4)])
-def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
+def test_event_has_the_fields_of_rest(message: Peak | Gap) -> None:
     topic, body = public_payloads.event("fingertip", message)
     said = orjson.loads(body)
     assert topic == "eskin/v1/live/fingertip/events"
@@ -107,24 +107,24 @@ def test_event_has_the_shape_of_rests_events(message: Peak | Gap) -> None:
     assert said["id"] == "fingertip/1/4"
 
 
-def test_gap_says_what_was_lost() -> None:
+def test_gap_states_what_was_lost() -> None:
     said = orjson.loads(public_payloads.event("n", gap(4))[1])
     assert said["detail"] == "flash full: 2 messages and 200 samples lost"
 
 
-def test_presence_publishes_changes_and_every_status_and_nothing_else() -> None:
+def test_presence_publishes_changes_and_every_status() -> None:
     presence = Presence(10.0)
 
     def said(*messages: tuple[str, bytes, bool]) -> list[bool]:
         assert all(kept for _, _, kept in messages)
         return [orjson.loads(body)["online"] for _, body, _ in messages]
 
-    assert said(*presence.heard("n", None, live=True, now=0.0)) == []
-    assert said(*presence.heard("n", status(1), live=True, now=1.0)) == [True]
-    assert said(*presence.heard("n", None, live=True, now=2.0)) == []
-    assert said(*presence.silent(11.9)) == []
+    assert said(*presence.update("n", None, live=True, now=0.0)) == []
+    assert said(*presence.update("n", status(1), live=True, now=1.0)) == [True]
+    assert said(*presence.update("n", None, live=True, now=2.0)) == []
+    assert said(*presence.expire(11.9)) == []
     assert presence.online == 1
-    assert said(*presence.silent(12.0)) == [False]
-    assert said(*presence.silent(13.0)) == []
-    assert said(*presence.heard("n", status(2), live=False, now=14.0)) == [False]
-    assert said(*presence.heard("n", None, live=True, now=15.0)) == [True]
+    assert said(*presence.expire(12.0)) == [False]
+    assert said(*presence.expire(13.0)) == []
+    assert said(*presence.update("n", status(2), live=False, now=14.0)) == [False]
+    assert said(*presence.update("n", None, live=True, now=15.0)) == [True]

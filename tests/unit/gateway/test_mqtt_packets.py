@@ -24,9 +24,9 @@ VERSIONS = {False: MQTTProtocolVersion.MQTTv311, True: MQTTProtocolVersion.MQTTv
 TOPICS = st.text(st.characters(codec="utf-8", exclude_characters="+#\0"), min_size=1, max_size=40)
 
 
-def published(topic: str, payload: bytes, *, mid: int, qos: int, retain: bool, five: bool) -> bytes:
+def published(topic: str, payload: bytes, *, mid: int, qos: int, retain: bool, v5: bool) -> bytes:
     """A packet as paho writes it."""
-    client = Client(CallbackAPIVersion.VERSION2, protocol=VERSIONS[five])
+    client = Client(CallbackAPIVersion.VERSION2, protocol=VERSIONS[v5])
     client._sock = Mock(spec=socket.socket)  # it sends nothing, but wants one
     client.on_socket_register_write = lambda *_: None
     client._send_publish(mid, topic.encode(), payload, qos, retain)
@@ -39,30 +39,28 @@ def published(topic: str, payload: bytes, *, mid: int, qos: int, retain: bool, f
     mid=st.integers(1, 65_535),
     qos=st.sampled_from([0, 1]),
     retain=st.booleans(),
-    five=st.booleans(),
+    v5=st.booleans(),
     before=st.binary(max_size=9),
 )
 def test_ordinary_publication_is_read_and_written_as_paho_does(
-    *, topic: str, payload: bytes, mid: int, qos: int, retain: bool, five: bool, before: bytes
+    *, topic: str, payload: bytes, mid: int, qos: int, retain: bool, v5: bool, before: bytes
 ) -> None:
-    packet = published(topic, payload, mid=mid, qos=qos, retain=retain, five=five)
+    packet = published(topic, payload, mid=mid, qos=qos, retain=retain, v5=v5)
     data = before + packet
-    read = read_publication(data + b"more", len(before), five=five)
+    read = read_publication(data + b"more", len(before), v5=v5)
     found = mid if qos else 0
     assert read in {None, Publish(len(data), topic, payload, found, qos, retain)}
     assert read is not None or len(packet) < 10
     if qos == 0:
-        assert write_publication(topic, payload, retain=retain, five=five) == packet
+        assert write_publication(topic, payload, retain=retain, v5=v5) == packet
 
 
-@given(data=st.binary(max_size=40), five=st.booleans(), kind=st.sampled_from([0x30, 0x32, 0x33]))
-def test_what_is_read_of_any_bytes_is_what_paho_reads(
-    *, data: bytes, five: bool, kind: int
-) -> None:
+@given(data=st.binary(max_size=40), v5=st.booleans(), kind=st.sampled_from([0x30, 0x32, 0x33]))
+def test_any_bytes_are_read_as_paho_does(*, data: bytes, v5: bool, kind: int) -> None:
     packet = bytes((kind, len(data))) + data
-    read = read_publication(packet, 0, five=five)
+    read = read_publication(packet, 0, v5=v5)
     try:
-        theirs = decode_publish(kind, data, VERSIONS[five])
+        theirs = decode_publish(kind, data, VERSIONS[v5])
     except MalformedPacket:
         assert read is None
         return
@@ -74,23 +72,23 @@ def test_what_is_read_of_any_bytes_is_what_paho_reads(
 
 
 @pytest.mark.parametrize("cut", range(1, 24))
-def test_publication_that_is_not_whole_is_left_alone(cut: int) -> None:
-    packet = published("a/topic", b"payload", mid=9, qos=1, retain=False, five=False)
-    assert read_publication(packet, 0, five=False) is not None
-    assert read_publication(packet[:-cut], 0, five=False) is None
+def test_incomplete_publication_is_not_read(cut: int) -> None:
+    packet = published("a/topic", b"payload", mid=9, qos=1, retain=False, v5=False)
+    assert read_publication(packet, 0, v5=False) is not None
+    assert read_publication(packet[:-cut], 0, v5=False) is None
 
 
 def test_other_packets_qos_2_properties_and_no_topic_are_left_to_paho() -> None:
-    assert read_publication(bytes.fromhex("d000") * 9, 0, five=False) is None
-    assert read_publication(b"\x34\x09\x00\x01t\x00\x01body", 0, five=False) is None
+    assert read_publication(bytes.fromhex("d000") * 9, 0, v5=False) is None
+    assert read_publication(b"\x34\x09\x00\x01t\x00\x01body", 0, v5=False) is None
     aliased = b"\x32\x0a\x00\x01t\x00\x01\x03\x23\x00\x01b"
-    assert read_publication(aliased, 0, five=True) is None
-    assert read_publication(b"\x32\x09\x00\x00\x00\x01\x00body", 0, five=True) is None
-    assert read_publication(b"\x32\x09\x00\x01\xff\x00\x01body", 0, five=False) is None
-    longest = published("t", bytes(2_097_200), mid=1, qos=1, retain=False, five=False)
-    assert read_publication(longest + bytes(3_000_000), 0, five=False) is None
+    assert read_publication(aliased, 0, v5=True) is None
+    assert read_publication(b"\x32\x09\x00\x00\x00\x01\x00body", 0, v5=True) is None
+    assert read_publication(b"\x32\x09\x00\x01\xff\x00\x01body", 0, v5=False) is None
+    longest = published("t", bytes(2_097_200), mid=1, qos=1, retain=False, v5=False)
+    assert read_publication(longest + bytes(3_000_000), 0, v5=False) is None
 
 
-def test_acknowledgements_stand_one_behind_the_other() -> None:
+def test_acknowledgements_are_concatenated() -> None:
     written = write_acknowledgements([1, 65_535])
     assert list(struct.iter_unpack(">BBH", written)) == [(0x40, 2, 1), (0x40, 2, 65_535)]

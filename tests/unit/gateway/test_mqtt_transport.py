@@ -1,4 +1,4 @@
-"""What the broker does not read fills no memory."""
+"""Memory stays bounded while the broker does not read."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from unittest.mock import Mock
 
 import paho.mqtt.client as paho
 import pytest
-from eskin_gateway.backoff import Backoff
 from eskin_gateway.mqtt.buffered_socket import BufferedSocket
 from eskin_gateway.mqtt.mqtt_packets import write_publication
 from eskin_gateway.mqtt.mqtt_transport import MqttTransport
 from eskin_gateway.mqtt.receive_queue import ReceiveQueue
-from eskin_gateway.mqtt.received_message import ReceivedMessage
+from eskin_gateway.mqtt.transport import ReceivedMessage
 from eskin_gateway.settings import BrokerSection
 
+from eskin.runtime.supervised import Backoff
 from eskin.wire.envelope import MOST_ENVELOPE
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ _MEBIBYTE = 1 << 20
 
 @pytest.fixture
 def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[MqttTransport]:
-    """One that says that it is connected."""
+    """A transport that counts as connected."""
     made = MqttTransport(
         BrokerSection(),
         name="gateway.g1",
@@ -42,24 +42,24 @@ def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[MqttTransport]:
     made._wake_out.close()
 
 
-def test_publications_that_nobody_reads_are_bounded_in_bytes(broker: MqttTransport) -> None:
+def test_unread_publications_are_bounded_in_bytes(broker: MqttTransport) -> None:
     broker.publish([("t", bytes(_MEBIBYTE), False)] * 40)
     assert len(broker._send_queue) == 32
     assert broker.dropped == 8
 
 
-def test_nothing_is_handed_over_while_the_broker_does_not_read(broker: MqttTransport) -> None:
+def test_nothing_is_written_while_the_broker_is_congested(broker: MqttTransport) -> None:
     broker.publish([("t", b"seven", False)])
-    own = Mock(spec=BufferedSocket, clogged=True)
+    own = Mock(spec=BufferedSocket, congested=True)
     assert not broker._write(own)
     own.send.assert_not_called()
-    own.clogged = False
+    own.congested = False
     assert not broker._write(own)
     own.send.assert_called_once_with(b"\x30\x08\x00\x01tseven")
     assert own.flush.call_count == 2
 
 
-def test_patience_with_a_full_inbox_ends_however_seldom_somebody_looks(
+def test_holding_back_ends_after_half_a_keep_alive(
     broker: MqttTransport, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     now = [1000.0]
@@ -68,9 +68,9 @@ def test_patience_with_a_full_inbox_ends_however_seldom_somebody_looks(
     )
 
     def looks(pause: float, *, most: int = 10_000) -> int:
-        """After how many looks its patience is over."""
+        """Number of checks until holding back ends."""
         for count in range(most):
-            if not broker._is_patient():
+            if not broker._is_holding_back():
                 return count
             now[0] += pause
         return most
@@ -80,59 +80,59 @@ def test_patience_with_a_full_inbox_ends_however_seldom_somebody_looks(
     assert looks(0.005, most=1000) == 1000
     assert 7.5 - 5.0 < looks(0.3) * 0.3 < 7.5 - 5.0 + 0.9, "half of 15 s, in all"
     (one, *_) = broker._receive_queue.take(1, linger_s=0, wait_s=0)
-    assert not broker._is_patient(), "there is room"
+    assert not broker._is_holding_back(), "there is room"
     broker._receive_queue.put([one])
     now[0] += 0.3
     assert looks(0.3) * 0.3 > 7.0, "it begins anew"
 
 
-def test_acknowledgement_of_an_earlier_connection_is_not_sent_on_this_one(
+def test_acknowledgement_of_an_earlier_connection_is_dropped(
     broker: MqttTransport,
 ) -> None:
     came = ReceivedMessage("t", b"", 7, 1, retained=False, connection=1)
-    broker._received_messages.connection = 2
+    broker.connection = 2
     broker.acknowledge([came, came._replace(mid=8, connection=2), came._replace(qos=0)])
-    own = Mock(spec=BufferedSocket, clogged=False)
+    own = Mock(spec=BufferedSocket, congested=False)
     assert not broker._write(own)
     own.send.assert_called_once_with(b"\x40\x02\x00\x08")
 
 
 def holding(data: bytes) -> Mock:
-    """A socket at which bytes wait."""
-    own = Mock(spec=BufferedSocket, at_hand=(data, 0))
+    """A socket with unread bytes."""
+    own = Mock(spec=BufferedSocket, unread=(data, 0))
     own.fill.return_value = True
     return own
 
 
-def test_messages_are_taken_off_the_front_as_far_as_there_is_room(broker: MqttTransport) -> None:
-    packet = write_publication("t", b"body", retain=False, five=False)
+def test_messages_are_received_as_far_as_there_is_room(broker: MqttTransport) -> None:
+    packet = write_publication("t", b"body", retain=False, v5=False)
     own = holding(packet * 17)
-    assert broker._received_messages.take(own)
+    assert broker.receive(own)
     own.skip.assert_called_once_with(16 * len(packet))
     assert broker._receive_queue.statistics.depth == 16
-    assert broker._receive_queue.statistics.refused == 0
+    assert broker._receive_queue.statistics.dropped == 0
 
 
-def test_other_packet_at_the_front_stays_for_paho(broker: MqttTransport) -> None:
-    packet = write_publication("t", b"body", retain=False, five=False)
+def test_other_packet_is_left_to_paho(broker: MqttTransport) -> None:
+    packet = write_publication("t", b"body", retain=False, v5=False)
     own = holding(b"\xd0\x00" + packet)
-    assert not broker._received_messages.take(own)
+    assert not broker.receive(own)
     own.skip.assert_called_once_with(0)
     assert broker._receive_queue.statistics.depth == 0
 
 
-def test_ordinary_message_that_is_too_long_takes_no_more_than_the_longest(
+def test_oversized_ordinary_message_is_truncated(
     broker: MqttTransport,
 ) -> None:
-    packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, five=False)
-    assert broker._received_messages.take(holding(packet))
+    packet = write_publication("t", bytes(10 * MOST_ENVELOPE), retain=False, v5=False)
+    assert broker.receive(holding(packet))
     (received_message,) = broker._receive_queue.take(1, linger_s=0, wait_s=0)
     assert len(received_message.payload) == MOST_ENVELOPE + 1
 
 
-def test_message_that_is_too_long_takes_no_more_than_the_longest(broker: MqttTransport) -> None:
+def test_oversized_message_from_paho_is_truncated(broker: MqttTransport) -> None:
     message = paho.MQTTMessage(topic=b"eskin/v1/nodes/palm/blocks")
     message.payload = bytes(10 * MOST_ENVELOPE)
-    broker._received_messages.take_read(message)
+    broker.receive_from_paho(message)
     (received_message,) = broker._receive_queue.take(1, linger_s=0, wait_s=0)
     assert len(received_message.payload) == MOST_ENVELOPE + 1

@@ -1,4 +1,4 @@
-"""What the cloud fails at keeps nothing else from it, however it fails then."""
+"""A message at which the cloud fails is isolated, however it fails then."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from eskin_gateway.forward.retry_queue import RetryQueue
-from eskin_gateway.spool.batch import Batch, Entry
+from eskin_gateway.spool.batch import Batch, SpoolMessage
 
 from eskin.errors import CloudError
 from tests.unit.gateway.forwarding import MESSAGES, MemoryCloud, Setup
@@ -35,7 +35,7 @@ def cloud() -> MemoryCloud:
 def setup(tmp_path: Path, cloud: MemoryCloud, now: list[float]) -> Iterator[Setup]:
     """All but two messages are stored, and these are to be tried again now."""
     made = Setup(tmp_path, cloud, cloud)
-    made.forwarder._deferred = RetryQueue(lambda: now[0])
+    made.forwarder._retry_queue = RetryQueue(lambda: now[0])
     while made.spool.statistics.messages > len(cloud.failing):
         forward(made)
     now[0] += 60.0
@@ -50,10 +50,10 @@ def forward(setup: Setup) -> None:
 
 
 def add(setup: Setup, body: bytes) -> None:
-    setup.spool.commit(Batch([Entry("n", 1, body)]))
+    setup.spool.commit(Batch([SpoolMessage("n", 1, body)]))
 
 
-def test_one_that_is_too_large_then_is_given_up_once(setup: Setup, cloud: MemoryCloud) -> None:
+def test_message_that_is_too_large_becomes_a_dead_letter(setup: Setup, cloud: MemoryCloud) -> None:
     cloud.failure = 413
     for _ in range(12):
         forward(setup)
@@ -62,12 +62,12 @@ def test_one_that_is_too_large_then_is_given_up_once(setup: Setup, cloud: Memory
     statistics = setup.spool.statistics
     assert (statistics.messages, statistics.used, statistics.dead_letters) == (0, 0, 2)
     assert ("n", b"new") in cloud.stored
-    assert setup.forwarder.left_out == 0
+    assert setup.forwarder.retrying == 0
     assert setup.forwarder.fault is None
 
 
 @pytest.mark.parametrize("failure", [500, 503, None])
-def test_others_come_between_those_that_are_tried_again(
+def test_new_messages_come_between_retries(
     setup: Setup, cloud: MemoryCloud, now: list[float], failure: int | None
 ) -> None:
     cloud.failure = failure

@@ -1,4 +1,4 @@
-"""The whole way: node, broker, spool, cloud, acknowledgement, public topics."""
+"""From node over broker and spool to cloud, acknowledgement and public topics."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_messages_reach_cloud_in_order_and_are_acknowledged(
     assert node.times == sorted(node.times)
 
 
-def test_duplicate_is_acknowledged_again_and_neither_stored_nor_published_again(
+def test_duplicate_is_acknowledged_and_not_stored_again(
     gateway: Gateway, cloud: StubCloud, node: WireNode, listener: Listener
 ) -> None:
     node.say(Stream.STATUS, status(0))
@@ -73,7 +73,7 @@ def test_duplicate_is_acknowledged_again_and_neither_stored_nor_published_again(
 
 @pytest.mark.usefixtures("gateway")
 @pytest.mark.parametrize("biometric", ["t01.bioelectric", "bio-sole.pressure"])
-def test_what_tells_of_a_person_is_not_public(
+def test_biometric_channels_are_not_public(
     node: WireNode, listener: Listener, biometric: str
 ) -> None:
     node.say(Stream.STATUS, status(0))
@@ -111,7 +111,7 @@ def test_public_topics_carry_hull_events_and_status(node: WireNode, listener: Li
 
 
 @pytest.mark.usefixtures("gateway")
-def test_silent_node_is_told_offline_and_back_online(node: WireNode, listener: Listener) -> None:
+def test_silent_node_is_published_as_offline(node: WireNode, listener: Listener) -> None:
     def online() -> list[bool]:
         return [orjson.loads(s)["online"] for s in listener.on(live_topic("fingertip", "status"))]
 
@@ -122,7 +122,7 @@ def test_silent_node_is_told_offline_and_back_online(node: WireNode, listener: L
     assert online()[:3] == [True, False, True]
 
 
-def test_kept_status_of_dead_node_does_not_make_it_online(
+def test_retained_status_does_not_make_a_node_online(
     settings: GatewaySettings, node: WireNode, listener: Listener
 ) -> None:
     node.say(Stream.STATUS, status(0))
@@ -177,7 +177,7 @@ def test_gateway_that_starts_first_waits_for_broker_and_cloud(
 
 
 @pytest.mark.parametrize(("protocol", "group"), [("5", ""), ("5", "g"), ("3.1.1", "g")])
-def test_other_protocols_and_shared_subscription_serve_as_well(
+def test_other_protocols_and_shared_subscriptions_work(
     settings: GatewaySettings, node: WireNode, cloud: StubCloud, protocol: str, group: str
 ) -> None:
     section = settings.broker.model_copy(update={"protocol": protocol, "group": group})
@@ -208,7 +208,7 @@ def test_unknown_sender_is_not_acknowledged_until_it_introduces_itself(
     wait_until(lambda: len(cloud.stored) == 2, "the cloud stored both")
 
 
-def test_broker_window_never_clogs_under_refused_messages(gateway: Gateway, node: WireNode) -> None:
+def test_rejected_messages_do_not_fill_the_brokers_window(gateway: Gateway, node: WireNode) -> None:
     for _ in range(1500):  # more than the broker's window of 1000
         node.publish(Stream.BLOCKS, b"rubbish")
     node.say(Stream.STATUS, status(0))
@@ -216,7 +216,7 @@ def test_broker_window_never_clogs_under_refused_messages(gateway: Gateway, node
     assert gateway.metrics.value("messages_rejected_total", reason="malformed") == 1500
 
 
-def test_stopping_gateway_answers_what_it_took(
+def test_stopped_gateway_acknowledges_what_it_accepted(
     settings: GatewaySettings, cloud: StubCloud, node: WireNode
 ) -> None:
     running = Gateway(settings)
@@ -227,8 +227,7 @@ def test_stopping_gateway_answers_what_it_took(
     for number in range(1, 300):
         node.say(Stream.BLOCKS, block(number))
     wait_until(lambda: len(node.acknowledged) > 10, "some are acknowledged")
-    running.stop()
-    assert running.left == 0
+    assert running.stop() == 0
     accepted = running.metrics.value("messages_accepted_total")
     wait_until(lambda: len(node.acknowledged) == accepted, "all that was accepted is acknowledged")
     assert len(cloud.stored) == accepted

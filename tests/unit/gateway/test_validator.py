@@ -1,4 +1,4 @@
-"""What is no proper message of a known node is refused, counted, and never acknowledged."""
+"""Invalid messages are rejected, counted and not acknowledged."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from eskin.wire.envelope import MOST_ENVELOPE, Opener
 from eskin.wire.messages import Acknowledgement, Position
 from eskin.wire.topics import Stream, node_topic
 from tests.support.identities import SITE, Identities
+from tests.unit.gateway.in_memory import Inside
 from tests.unit.gateway.messages import block, gap, peak, status
-from tests.unit.gateway.twins import Inside
 from tests.unit.gateway.wire_node import Seal
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def acknowledged(inside: Inside, identities: Identities) -> set[tuple[int, int]]
 
 
 def kept(inside: Inside, letter: DeadLetter) -> bytes:
-    """What a dead letter keeps; what may tell of a person is sealed behind its reason."""
+    """Body of a dead letter; a biometric one is encrypted with its reason."""
     if letter.reason != WITHHELD:
         return letter.body
     opened = Decryptor(inside.keystore).unveil(letter.node, SealedMessage.decode(letter.body))
@@ -73,7 +73,7 @@ BAD: dict[str, Callable[[Seal, Identities], bytes]] = {
 
 
 @pytest.mark.parametrize("reason", BAD)
-def test_bad_message_is_refused_and_released(
+def test_invalid_message_is_rejected_and_released(
     inside: Inside, seal: Seal, identities: Identities, reason: str
 ) -> None:
     introduce(inside, seal)
@@ -100,7 +100,7 @@ def test_other_nodes_message_is_misaddressed(
     assert acknowledged(inside, identities) == {(1, 0)}
 
 
-def test_topic_that_no_node_writes_is_refused(inside: Inside, seal: Seal) -> None:
+def test_topic_that_no_node_writes_is_rejected(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.arrive(Stream.ACKS, seal("fingertip", Stream.ACKS, block(1).encode()))
     assert inside.rejected() == {"topic": 1}
@@ -138,7 +138,7 @@ def test_expired_certificate_is_untrusted(inside: Inside, identities: Identities
 @pytest.mark.parametrize(
     ("kind", "name"), [(IdentityKind.NODE, "palm"), (IdentityKind.CLIENT, "client.demo")]
 )
-def test_certificate_of_somebody_else_is_untrusted(
+def test_certificate_of_another_identity_is_untrusted(
     inside: Inside, identities: Identities, kind: IdentityKind, name: str
 ) -> None:
     other: Identity = identities.make(kind, name)
@@ -147,7 +147,7 @@ def test_certificate_of_somebody_else_is_untrusted(
     assert inside.stored() == []
 
 
-def test_certificate_that_expires_under_way_opens_nothing_more(inside: Inside, seal: Seal) -> None:
+def test_certificate_that_expires_meanwhile_is_untrusted(inside: Inside, seal: Seal) -> None:
     introduce(inside, seal)
     inside.clock.wall += timedelta(days=400)
     inside.clock.seconds += 11.0
@@ -177,7 +177,7 @@ def test_position_below_held_is_never_stored(
     assert acknowledged(inside, identities) == {(1, 0), (1, 3), (1, 7)}
 
 
-def test_node_whose_clock_was_ahead_is_heard_also_on_a_new_flash(
+def test_lower_boot_after_a_new_flash_is_accepted(
     inside: Inside, seal: Seal, identities: Identities
 ) -> None:
     ahead, now = 9000, 5400
@@ -193,10 +193,8 @@ def test_node_whose_clock_was_ahead_is_heard_also_on_a_new_flash(
     assert acknowledged(inside, identities) == {(ahead, 0), (now, 0), (now, 1), (now, 2)}
 
 
-def test_status_of_a_boot_that_is_over_and_forgotten_is_not_told_again(
-    inside: Inside, seal: Seal
-) -> None:
-    """A broker may repeat what it has; of boots long ago the cloud alone knows that it was said."""
+def test_status_of_an_old_boot_is_not_published(inside: Inside, seal: Seal) -> None:
+    """Only the cloud can detect duplicates of boots that the gateway dropped."""
 
     def say(boot: int) -> bytes:
         held = Position(boot, 0)
@@ -208,14 +206,14 @@ def test_status_of_a_boot_that_is_over_and_forgotten_is_not_told_again(
     old = say(4)
     for boot in range(5, 40):
         say(boot)
-    record = inside.spool.node("fingertip")
+    state = inside.spool.node("fingertip")
     before = len(inside.broker.published)
     inside.arrive(Stream.STATUS, old)
     assert inside.stored()[-1] == status(0, boot=4).encode(), "the cloud will know it"
     after = inside.spool.node("fingertip")
-    assert record is not None
+    assert state is not None
     assert after is not None
-    assert after.status == record.status
+    assert after.status == state.status
     assert [topic for topic, *_ in inside.broker.published[before:]] == [ACKS]
 
 
@@ -233,7 +231,7 @@ def test_status_of_a_boot_that_is_over_and_forgotten_is_not_told_again(
         (Stream.BLOCKS, cbor2.dumps({1: 1, 2: -4, 3: "x"}), None),
     ],
 )
-def test_poison_becomes_a_dead_letter_once_and_is_acknowledged(
+def test_unreadable_message_becomes_one_dead_letter_and_is_acknowledged(
     inside: Inside,
     seal: Seal,
     identities: Identities,
@@ -247,13 +245,13 @@ def test_poison_becomes_a_dead_letter_once_and_is_acknowledged(
     (letter,) = inside.spool.dead_letters()
     assert (letter.node, kept(inside, letter)) == ("fingertip", plaintext)
     assert letter.reason
-    assert inside.rejected()["poison"] >= 1
+    assert inside.rejected()["unreadable"] >= 1
     expected = {(1, 0)} if position is None else {(1, 0), position}
     assert acknowledged(inside, identities) == expected
     assert inside.stored() == [status(0).encode()]
 
 
-def test_revoked_node_is_refused_at_once_and_others_are_not(tmp_path: Path) -> None:
+def test_revoked_node_is_rejected_at_once(tmp_path: Path) -> None:
     own = Identities(tmp_path / "own")
     crl = own.authority.write_revocations(IdentityKind.NODE)
     inside = Inside(tmp_path, own, revocations=crl)
@@ -271,7 +269,7 @@ def test_revoked_node_is_refused_at_once_and_others_are_not(tmp_path: Path) -> N
     inside.spool.close()
 
 
-def test_missing_or_forged_revocation_list_trusts_nobody(
+def test_missing_or_forged_revocation_list_rejects_all_nodes(
     tmp_path: Path, identities: Identities
 ) -> None:
     crl = tmp_path / "node.crl.pem"
@@ -293,15 +291,15 @@ def test_missing_or_forged_revocation_list_trusts_nobody(
     inside.spool.close()
 
 
-def test_spool_that_cannot_be_read_is_no_fault_of_the_topic(
+def test_unreadable_spool_is_an_internal_error(
     inside: Inside, seal: Seal, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def unreadable(_named: bytes) -> None:
         raise SpoolError("the disk is gone")
 
-    monkeypatch.setattr(inside.spool, "sender", unreadable)
+    monkeypatch.setattr(inside.spool, "certificate", unreadable)
     inside.arrive(Stream.BLOCKS, seal("fingertip", Stream.BLOCKS, block(1).encode()))
-    assert inside.rejected() == {"fault": 1}
+    assert inside.rejected() == {"internal_error": 1}
 
 
 def test_node_of_another_site_is_untrusted(inside: Inside, identities: Identities) -> None:

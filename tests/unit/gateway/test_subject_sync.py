@@ -1,4 +1,4 @@
-"""What the steward has to tell the cloud is never forgotten, whatever happened meanwhile."""
+"""Subjects and erasures reach the cloud after outages and restarts."""
 
 from __future__ import annotations
 
@@ -12,13 +12,14 @@ from eskin_gateway.ingest.biometric import BiometricEncryptor
 from eskin_gateway.ops import subject_sync as room
 from eskin_gateway.ops.subject_sync import SubjectSync
 from eskin_gateway.spool.subject_assignments import SubjectAssignments
+from eskin_gateway.upstream.subjects_client import SubjectsClient
 
 from eskin.errors import CloudError, NoKeyError, PrivacyError
 from eskin.privacy import FileMasterKey, KeyStore
 from eskin.runtime.digest import with_check
 from tests.support.processes import wait_until
 from tests.unit.gateway.certificates import KnownNodes
-from tests.unit.gateway.twins import quick
+from tests.unit.gateway.in_memory import quick
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 NODE = "hand"
 
 
-class Site:
+class Site(SubjectsClient):
     """A gateway's key store, and a cloud that may be away."""
 
     def __init__(self, folder: Path) -> None:
@@ -63,7 +64,7 @@ class Site:
             assignments,
             encryptor=BiometricEncryptor(assignments),
             subjects_client=self,
-            certificates=KnownNodes(),
+            certificates_client=KnownNodes(),
             share=share,
             backoff=quick(),
         )
@@ -75,7 +76,7 @@ def site(tmp_path: Path) -> Site:
 
 
 @pytest.mark.parametrize("restarted", [False, True])
-def test_keys_of_whoever_wore_a_node_while_the_cloud_was_away_reach_it(
+def test_keys_of_all_wearers_reach_the_cloud_after_an_outage(
     site: Site, *, restarted: bool
 ) -> None:
     site.away = True
@@ -84,28 +85,28 @@ def test_keys_of_whoever_wore_a_node_while_the_cloud_was_away_reach_it(
     ada, after = site.keystore.create("Ada"), site.keystore.create()
     site.assignments.assign(NODE, ada, since=10)
     with pytest.raises(CloudError):
-        subject_sync.tend()
+        subject_sync.sync()
     site.assignments.assign(NODE, after, since=20)
     site.away = False
     if restarted:
         subject_sync = site.start()
-    subject_sync.tend()
+    subject_sync.sync()
     for subject in (before, ada, after):
         assert site.cloud.find(subject.pseudonym).key == subject.key
     assert [(told, node) for told, node, _ in site.told] == [
         (subject.pseudonym, NODE) for subject in (before, ada, after)
     ]
-    subject_sync.tend()
+    subject_sync.sync()
     assert len(site.told) == 3
 
 
-def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
+def test_only_the_erasure_of_an_erased_subject_is_sent(site: Site) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.subject(NODE, 0)
     site.assignments.assign(NODE, ada, since=10)
     site.assignments.release(ada.pseudonym, since=20)
     site.keystore.erase(ada.pseudonym)
-    site.start().tend()
+    site.start().sync()
     assert ada.pseudonym not in {pseudonym for pseudonym, _, _ in site.told}
     with pytest.raises(NoKeyError, match="destroyed"):
         site.cloud.find(ada.pseudonym)
@@ -113,49 +114,49 @@ def test_of_an_erased_wearer_the_erasure_alone_is_told(site: Site) -> None:
 
 
 @pytest.mark.parametrize("share", [False, True])
-def test_key_store_from_a_backup_does_not_bring_an_erased_subject_back(
+def test_restored_key_store_does_not_restore_an_erased_subject(
     site: Site, tmp_path: Path, *, share: bool
 ) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.assign(NODE, ada, since=10)
-    site.start(share=share).tend()
+    site.start(share=share).sync()
     shutil.copytree(tmp_path / "site", tmp_path / "backup")
     site.keystore.erase(ada.pseudonym)
-    site.start(share=share).tend()
+    site.start(share=share).sync()
     shutil.rmtree(tmp_path / "site")
     shutil.copytree(tmp_path / "backup", tmp_path / "site")
     site.keystore = KeyStore(tmp_path / "site", FileMasterKey(tmp_path / "site.key"))
     assert site.keystore.find(ada.pseudonym).key == ada.key
-    site.start(share=share).tend()
+    site.start(share=share).sync()
     with pytest.raises(NoKeyError, match="destroyed"):
         site.keystore.find(ada.pseudonym)
 
 
-def test_cloud_that_may_not_have_keys_is_told_who_wore_what_alone(site: Site) -> None:
+def test_assignments_are_sent_without_keys_if_not_shared(site: Site) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.assign(NODE, ada, since=10)
     site.assignments.assign(NODE, site.keystore.create(), since=20)
-    site.start(share=False).tend()
+    site.start(share=False).sync()
     assert ada.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
     assert {key for _, _, key in site.told} == {None}
     assert site.cloud.subjects() == []
 
 
-def test_long_history_is_told_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "_MOST_AT_ONCE", 2)
+def test_long_history_is_sent_in_parts(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "_MAX_SUBJECTS", 2)
     for number in range(4):
         site.assignments.assign(NODE, site.keystore.create(), since=number + 1)
     for _ in range(3):
         site.keystore.erase(site.keystore.create().pseudonym)
     subject_sync = site.start()
-    subject_sync.tend()
+    subject_sync.sync()
     assert site.sizes == [2, 1, 2, 2, 1]
     assert len(set(site.told)) == 5
     assert subject_sync.pending == 0
 
 
 @pytest.mark.parametrize("share", [False, True])
-def test_key_that_cannot_be_read_hinders_nothing_but_itself(
+def test_unreadable_key_blocks_no_other(
     site: Site, caplog: pytest.LogCaptureFixture, *, share: bool
 ) -> None:
     former, erased, now = (site.keystore.create(name) for name in ("Former", "Erased", "Now"))
@@ -169,64 +170,62 @@ def test_key_that_cannot_be_read_hinders_nothing_but_itself(
     )
     subject_sync = site.start(share=share)
     for _ in range(2):
-        subject_sync.tend()
+        subject_sync.sync()
     assert subject_sync.pending == 0
     told = {pseudonym for pseudonym, _, _ in site.told}
     assert now.pseudonym in told
     assert (former.pseudonym in told) is not share, "no key is read where none is shared"
     assert caplog.text.count("chmod 600") == int(share)
     key.chmod(0o600)
-    subject_sync.tend()
+    subject_sync.sync()
     assert former.pseudonym in {pseudonym for pseudonym, _, _ in site.told}
 
 
-def test_erasures_are_told_though_nobody_knows_who_wore_what(site: Site) -> None:
+def test_erasures_are_sent_despite_a_damaged_assignment(site: Site) -> None:
     ada = site.keystore.create("Ada")
     site.assignments.assign(NODE, ada, since=1)
     site.keystore.erase(ada.pseudonym)
     (site.keystore.directory / "nodes" / NODE).write_text("worn out")
     subject_sync = site.start()
     with pytest.raises(PrivacyError, match="no list"):
-        subject_sync.tend()
+        subject_sync.sync()
     assert subject_sync.pending == 0
 
 
 @pytest.mark.parametrize("history", [[], [[5, "somebody"]]])
-def test_history_without_a_beginning_is_told_as_such(site: Site, history: list[Any]) -> None:
+def test_history_without_a_beginning_is_an_error(site: Site, history: list[Any]) -> None:
     site.assignments.assign(NODE, site.keystore.create("Ada"), since=1)
     (site.keystore.directory / "nodes" / NODE).write_text(json.dumps(with_check({"worn": history})))
     assignments = SubjectAssignments(site.keystore)
-    for ask in (assignments.worn, assignments.wearers, lambda: assignments.subject(NODE, 3)):
+    for ask in (assignments.all_wearers, assignments.wearers, lambda: assignments.subject(NODE, 3)):
         with pytest.raises(PrivacyError, match="from the beginning"):
             ask()
 
 
-def test_steward_outlives_what_nobody_foresaw_and_says_so(
+def test_unexpected_error_does_not_end_the_thread(
     site: Site, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     broken: list[Exception] = [ZeroDivisionError()]
     subject_sync = site.start()
-    tend = subject_sync.tend
+    sync = subject_sync.sync
 
     def once() -> None:
         if broken:
             raise broken[0]
-        tend()
+        sync()
 
-    monkeypatch.setattr(room, "_TICK_S", 0.01)
-    monkeypatch.setattr(subject_sync, "tend", once)
+    monkeypatch.setattr(room, "_POLL_S", 0.01)
+    monkeypatch.setattr(subject_sync, "sync", once)
     subject_sync.start()
     try:
-        wait_until(lambda: subject_sync.fault == "it broke: ZeroDivisionError", "the fault is told")
+        wait_until(lambda: subject_sync.fault is not None, "there is a fault")
         broken.clear()
         wait_until(lambda: subject_sync.fault is None, "it went on")
     finally:
         subject_sync.stop()
 
 
-def test_count_of_erasures_that_cannot_be_read_is_no_number(
-    site: Site, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unreadable_count_of_erasures_is_nan(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     def unreadable() -> None:
         raise PrivacyError("graves cannot be read")
 
