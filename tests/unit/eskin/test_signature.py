@@ -70,7 +70,7 @@ def test_random_bytes_are_malformed(verifier: Verifier, data: bytes) -> None:
     ("kind", "name"),
     [
         (IdentityKind.SERVER, "server.broker"),
-        (IdentityKind.GATEWAY, "eskin_gateway.upstream.ingest_client"),
+        (IdentityKind.GATEWAY, "gateway.cloud"),
         (IdentityKind.NODE, "cloud"),
     ],
 )
