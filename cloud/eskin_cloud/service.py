@@ -28,7 +28,7 @@ from eskin_cloud.commands import Notifier
 from eskin_cloud.ingest.gateway_trust import GatewayTrust
 from eskin_cloud.ingest.upload_budget import UploadBudget
 from eskin_cloud.jobs.compaction import keep_compacted
-from eskin_cloud.jobs.erasure import hear
+from eskin_cloud.jobs.erasure import apply_erasures
 from eskin_cloud.jobs.heap_trim import trim_heap
 from eskin_cloud.jobs.integrity import keep_whole
 from eskin_cloud.jobs.missing_messages import look_for_missing
@@ -181,7 +181,7 @@ async def _serve(cloud: AppState) -> None:
         if not isinstance(cloud.store.place, Path):
             listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
         group.create_task(watch(cloud, certificates, stopping), name="watch")
-        group.create_task(hear(cloud, stopping), name="erasures")
+        group.create_task(apply_erasures(cloud, stopping), name="erasures")
         group.create_task(look_for_missing(cloud, stopping), name="missing")
         group.create_task(retain(cloud, stopping), name="retention")
         group.create_task(keep_rollup(cloud, stopping), name="pyramid")

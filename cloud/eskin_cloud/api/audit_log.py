@@ -7,9 +7,10 @@ from starlette.responses import Response
 
 from eskin_cloud.api.dependencies import Administrator, CloudState
 from eskin_cloud.api.nodes import ListQuery
+from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.query.cursors import read_numbers, write_cursor
-from eskin_cloud.schemas.documents import REFUSALS, DeedDocument, PageDocument
+from eskin_cloud.schemas.documents import DeedDocument, PageDocument
 from eskin_cloud.schemas.shapes import audit_entry_shape, page
 from eskin_cloud.store.write.audit_log import list_audit_entries
 

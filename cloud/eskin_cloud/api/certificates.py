@@ -9,10 +9,10 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.node_certificates import judge_chains, read_chains
-from eskin_cloud.schemas.documents import CBOR_BODY
 from eskin_cloud.store.write.node_sites import keep_sites
 
 router = APIRouter(tags=["ingest"])

@@ -17,9 +17,10 @@ from eskin.wire.messages.command_schema import RANGES, check_arguments
 from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import Stream, node_topic
 from eskin_cloud.api.dependencies import CloudState, Operator, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.commands.issue import Order, issue
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, CommandDocument, NoQuery, StateDocument
+from eskin_cloud.schemas.documents import CommandDocument, NoQuery, StateDocument
 from eskin_cloud.schemas.shapes import command_shape, state_shape
 from eskin_cloud.store.read.errors import UnknownChannelError
 from eskin_cloud.store.read.lookup import find_node

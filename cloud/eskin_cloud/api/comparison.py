@@ -12,6 +12,7 @@ from starlette.responses import Response
 
 from eskin.errors import QueryError
 from eskin_cloud.api.dependencies import Access, CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery, opened, resumed
 from eskin_cloud.app_state import AppState
@@ -27,7 +28,7 @@ from eskin_cloud.schemas.comparison import (
     standing_shape,
     stretch_shape,
 )
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, PageDocument, Place
+from eskin_cloud.schemas.documents import PageDocument, Place
 from eskin_cloud.schemas.shapes import page
 from eskin_cloud.store.read.lookup import find_channel, read_place
 from eskin_cloud.store.read.window import Window, read_window

@@ -11,6 +11,7 @@ from starlette.responses import Response
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import MEDIA_TYPE, Received, received
 from eskin_cloud.app_state import AppState
 from eskin_cloud.commands.command_queue import (
@@ -20,7 +21,6 @@ from eskin_cloud.commands.command_queue import (
     find_unmarked,
     mark_delivered,
 )
-from eskin_cloud.schemas.documents import CBOR_BODY
 from eskin_cloud.store.write.gateways import hear
 
 router = APIRouter(tags=["ingest"])

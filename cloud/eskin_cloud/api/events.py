@@ -8,10 +8,11 @@ from starlette.responses import Response
 
 from eskin.privacy import is_biometric
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.privacy.peaks import find_peaks
 from eskin_cloud.query.events import EventQuestion, find_events
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, EventDocument, PageDocument, Time
+from eskin_cloud.schemas.documents import TIME, EventDocument, PageDocument, Time
 from eskin_cloud.schemas.shapes import event_shape, page
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.read.window import read_moment, require_order

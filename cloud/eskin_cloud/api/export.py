@@ -16,11 +16,12 @@ from eskin.runtime.http_server.problems import ProblemError, documented
 from eskin_cloud.api.dependencies import Access, CloudState, Reader
 from eskin_cloud.api.export_formats import WRITERS, write
 from eskin_cloud.api.negotiation import choose
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.sealed_counts import uncounted
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.export import Export, Mark, Source
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, Place, Time
+from eskin_cloud.schemas.documents import TIME, Place, Time
 from eskin_cloud.store.read.lookup import find_channel, read_place
 from eskin_cloud.store.read.window import Window, make_window, read_moment
 

@@ -8,10 +8,11 @@ from starlette.responses import Response
 
 from eskin.wire.timestamp import SECOND, format_timestamp
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.sealed_counts import uncounted
 from eskin_cloud.app_state import AppState
-from eskin_cloud.schemas.documents import REFUSALS, LagDocument, Moment, NoQuery, PageDocument
+from eskin_cloud.schemas.documents import LagDocument, Moment, NoQuery, PageDocument
 from eskin_cloud.schemas.shapes import Json, Row, health_shape, lag_shape, page, whole_minute
 from eskin_cloud.store.write.gateways import list_gateways
 

@@ -15,11 +15,12 @@ from eskin.privacy import SealedMessage
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.messages import Result
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import Received, apart, received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
-from eskin_cloud.schemas.documents import CBOR_BODY, IngestDocument
+from eskin_cloud.schemas.documents import IngestDocument
 from eskin_cloud.store.write.gateways import hear
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest
 from eskin_cloud.store.write.ingest_individually import ingest_individually

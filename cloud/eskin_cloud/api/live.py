@@ -14,10 +14,10 @@ from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import PROMPT
 from eskin_cloud.access import Scope as AccessScope
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE
 from eskin_cloud.store.read.lookup import find_node, read_place
 
 router = APIRouter(tags=["live"])

@@ -7,9 +7,10 @@ from pydantic import BaseModel, Field
 from starlette.responses import Response
 
 from eskin_cloud.api.dependencies import Reader
+from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.query.models import MODELS, Model
-from eskin_cloud.schemas.documents import REFUSALS, IntervalDocument, NoQuery, PageDocument
+from eskin_cloud.schemas.documents import IntervalDocument, NoQuery, PageDocument
 from eskin_cloud.schemas.shapes import Json, page
 
 router = APIRouter(tags=["series"])

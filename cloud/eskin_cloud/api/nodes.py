@@ -10,13 +10,12 @@ from starlette.responses import Response
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.sealed_counts import uncounted
 from eskin_cloud.app_state import AppState
 from eskin_cloud.query.listing import count_channels, list_channels, list_nodes, list_removed
 from eskin_cloud.schemas.documents import (
-    REFUSALS,
-    REFUSALS_OF_PLACE,
     ChannelDocument,
     NodeDocument,
     NoQuery,

@@ -7,12 +7,13 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.jobs.erasure import find_erased, look
+from eskin_cloud.privacy.erasures import find_erased
 from eskin_cloud.privacy.subject_notice import SubjectNotice, note
-from eskin_cloud.schemas.documents import CBOR_BODY, NoticeDocument
+from eskin_cloud.schemas.documents import NoticeDocument
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE
 from eskin_cloud.store.write.node_sites import sites_of
 
@@ -61,9 +62,9 @@ def _keep(
     """
     for subject in notice.erased:
         cloud.key_access.erase(site, subject)
-    if notice.worn:
-        look(cloud)
     with cloud.store.read() as connection:
+        if notice.worn:
+            cloud.key_access.apply_erasures(connection)
         sites = sites_of(connection, {worn.node for worn in notice.worn})
         buried = find_erased(connection, site, {worn.subject for worn in notice.worn})
     own = [worn for worn in notice.worn if sites.get(worn.node) == site]

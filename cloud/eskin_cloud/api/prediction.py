@@ -13,6 +13,7 @@ from eskin.errors import IntervalError, QueryError
 from eskin.interval import Interval
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery, opened, paged, window_of
 from eskin_cloud.query.anomalies import find_anomalies
@@ -25,7 +26,7 @@ from eskin_cloud.query.prediction import Prediction
 from eskin_cloud.query.sample_validity import after
 from eskin_cloud.query.segments import Segment, merge
 from eskin_cloud.rollup.hulls import bucket_width
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, Moment, PageDocument, Time
+from eskin_cloud.schemas.documents import TIME, Moment, PageDocument, Time
 from eskin_cloud.schemas.series import OccupancyDocument, SegmentDocument
 from eskin_cloud.schemas.shapes import occupancy_shape, page, segment_shape
 from eskin_cloud.store.read.block_index import find_next

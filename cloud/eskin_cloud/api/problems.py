@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import logging
-from typing import Final
+from typing import Any, Final
 
 from eskin.errors import CommandError, QueryError, StoreError
-from eskin.runtime.http_server.problems import Problems, Refusal
+from eskin.runtime.http_server.problems import Problems, Refusal, documented
 from eskin_cloud.commands.errors import BacklogError
 from eskin_cloud.ingest.errors import (
     BatchTooLargeError,
@@ -14,7 +14,7 @@ from eskin_cloud.ingest.errors import (
     MalformedBatchError,
     UntrustedGatewayError,
 )
-from eskin_cloud.privacy.errors import ErasedError
+from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
 from eskin_cloud.store.read.errors import UnknownChannelError
 
 PROBLEMS: Final = Problems(
@@ -29,7 +29,24 @@ PROBLEMS: Final = Problems(
         BatchTooLargeError: Refusal(413, level=logging.WARNING),
         BatchTypeError: Refusal(415, level=logging.WARNING),
         MalformedBatchError: Refusal(422, level=logging.WARNING),
+        BiometricAccessError: Refusal(403),
         ErasedError: Refusal(410),
     },
     hint="/openapi.json lists what is",
 )
+
+REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 429, 503)
+"""What every question may be answered with."""
+REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(
+    401, 403, 404, 410, 422, 429, 503
+)
+"""What a question about a node or a channel may be answered with."""
+
+CBOR_BODY: Final[dict[str, Any]] = {
+    "requestBody": {
+        "required": True,
+        "content": {"application/cbor": {"schema": {"type": "string", "format": "binary"}}},
+    },
+    "security": [{"gateway": []}],
+}
+"""The description of what gateways post."""

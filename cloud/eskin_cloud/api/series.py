@@ -10,6 +10,7 @@ from eskin.errors import QueryError
 from eskin.runtime.http_server.problems import ProblemError, documented
 from eskin_cloud.api.dependencies import CloudState, Reader
 from eskin_cloud.api.negotiation import choose
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.series_formats import WRITERS
 from eskin_cloud.api.window_params import WindowQuery, opened, paged, resumed, window_of
@@ -18,7 +19,7 @@ from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
 from eskin_cloud.query.threshold import find_segments
 from eskin_cloud.rollup.hulls import reach
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, PageDocument
+from eskin_cloud.schemas.documents import PageDocument
 from eskin_cloud.schemas.series import OccupancyDocument, SegmentDocument, SeriesDocument
 from eskin_cloud.schemas.shapes import occupancy_shape, page, segment_shape
 from eskin_cloud.store.read.lookup import find_channel

@@ -9,9 +9,10 @@ from starlette.responses import Response
 
 from eskin.errors import StoreError
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.sealed_counts import uncounted
-from eskin_cloud.schemas.documents import REFUSALS, NoQuery
+from eskin_cloud.schemas.documents import NoQuery
 from eskin_cloud.store.disk_usage import measure_disk
 
 router = APIRouter(tags=["nodes"])

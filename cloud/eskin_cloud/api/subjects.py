@@ -16,18 +16,12 @@ from eskin.runtime.http_server.problems import ProblemError
 from eskin.wire.messages import Peak
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
+from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.jobs.erasure import look
 from eskin_cloud.privacy.key_access import Reader
 from eskin_cloud.privacy.sealed_rows import open_row
-from eskin_cloud.schemas.documents import (
-    REFUSALS,
-    REFUSALS_OF_PLACE,
-    NoQuery,
-    PageDocument,
-    SubjectDocument,
-)
+from eskin_cloud.schemas.documents import NoQuery, PageDocument, SubjectDocument
 from eskin_cloud.schemas.shapes import block_shape, dump, event_shape, page
 from eskin_cloud.store.read.errors import UnknownChannelError
 from eskin_cloud.store.row_digests import sound
@@ -121,8 +115,8 @@ async def get_export(
 
 def _require_site(cloud: AppState, subject: str, site: str | None) -> str:
     """The site of a subject whose key is here."""
-    look(cloud)
     with cloud.store.read() as connection:
+        cloud.key_access.apply_erasures(connection)
         rows = connection.execute(select(node_sites.c.site).distinct())
         sites = [each for each in rows.scalars() if site in {None, each}]
     refusal = f"subject {subject[:100]} has no key here"
@@ -151,7 +145,7 @@ def stream_lines(
             veiled.c.subject == subject, veiled.c.cursor > last, veiled.c.node.in_(own)
         )
         with cloud.store.read() as connection:
-            cloud.key_access.heed(connection)
+            cloud.key_access.apply_erasures(connection)
             rows = connection.execute(query.order_by(veiled.c.cursor).limit(200)).mappings().all()
         if not rows:
             return

@@ -20,9 +20,9 @@ from eskin_cloud.access import (
     token_id,
 )
 from eskin_cloud.api.dependencies import Administrator, CloudState
+from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.schemas.documents import (
-    REFUSALS,
     NewTokenDocument,
     NoQuery,
     PageDocument,

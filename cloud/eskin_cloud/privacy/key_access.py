@@ -12,11 +12,10 @@ from sqlalchemy import func, select
 from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
 from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor, SealedMessage
-from eskin.runtime.http_server.problems import ProblemError
 from eskin.wire.messages import Block
 from eskin_cloud.access import Scope
-from eskin_cloud.jobs.erasure import unapplied_erasures
-from eskin_cloud.privacy.errors import ErasedError
+from eskin_cloud.privacy.erasures import unapplied_erasures
+from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
 from eskin_cloud.store.write.events import peak_row
 from eskin_cloud.store.write.node_sites import node_sites
 
@@ -124,30 +123,28 @@ class KeyAccess:
             connection: Reads the store that the question is asked of.
 
         Raises:
-            ProblemError: 403 without the scope, or where this cloud holds no keys.
+            BiometricAccessError: The scope is missing, or this cloud holds no keys.
             PrivacyError: The key of an erased subject cannot be destroyed.
         """
         self.require(scopes)
-        self.heed(connection)
+        self.apply_erasures(connection)
         return Reader(self, opened)
 
     def require(self, scopes: Iterable[Scope]) -> Self:
         """Refuse whoever may not be shown what tells of a person.
 
         Raises:
-            ProblemError: 403 without the scope, or where this cloud holds no keys.
+            BiometricAccessError: The scope is missing, or this cloud holds no keys.
         """
         if Scope.BIOMETRIC not in scopes:
-            raise ProblemError(
-                403,
-                "this channel tells of a person, and this token lacks the scope "
-                f"{Scope.BIOMETRIC}; ask for one that has it",
+            raise BiometricAccessError(
+                f"this channel is biometric, and this token lacks the scope {Scope.BIOMETRIC}; "
+                "ask for one that has it"
             )
         if self.keystore is None:
-            raise ProblemError(
-                403,
-                "this channel tells of a person, and this cloud holds no keys to read it; its "
-                "site does (keys.directory here, and keys.share at the gateway, would change that)",
+            raise BiometricAccessError(
+                "this channel is biometric, and this cloud holds no keys to read it; its site does "
+                "(set keys.directory here and keys.share at the gateway to change that)"
             )
         return self
 
@@ -184,7 +181,7 @@ class KeyAccess:
         unveiler.forget(pseudonym)
         return new
 
-    def heed(self, connection: Connection) -> None:
+    def apply_erasures(self, connection: Connection) -> None:
         """Destroy copies of keys of whom the store says that they are erased.
 
         Raises:
@@ -210,7 +207,7 @@ class KeyAccess:
             ErasedError: One was.
             PrivacyError: The key of an erased subject cannot be destroyed.
         """
-        self.heed(connection)
+        self.apply_erasures(connection)
         if self.keystore is not None:
             for site, subject in subjects:
                 try:

@@ -1,10 +1,8 @@
 """The shapes of answers, for the OpenAPI description; answers themselves are written by shapes."""
 
-from typing import Annotated, Any, Final, Generic, Literal, TypeVar
+from typing import Annotated, Final, Generic, Literal, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field
-
-from eskin.runtime.http_server.problems import documented
 
 T = TypeVar("T")
 
@@ -30,22 +28,6 @@ Moment = Annotated[
         examples=["2026-01-31T12:00:00.000000000Z"],
     ),
 ]
-
-REFUSALS: Final[dict[int | str, dict[str, Any]]] = documented(401, 403, 422, 429, 503)
-"""What every question may be answered with."""
-REFUSALS_OF_PLACE: Final[dict[int | str, dict[str, Any]]] = documented(
-    401, 403, 404, 410, 422, 429, 503
-)
-"""What a question about a node or a channel may be answered with."""
-
-CBOR_BODY: Final[dict[str, Any]] = {
-    "requestBody": {
-        "required": True,
-        "content": {"application/cbor": {"schema": {"type": "string", "format": "binary"}}},
-    },
-    "security": [{"gateway": []}],
-}
-"""The description of what gateways post."""
 
 
 class NoQuery(BaseModel):

@@ -80,9 +80,9 @@ async def test_what_nobody_foresaw_ends_no_work_in_the_background(
 
     if name == "erasures":
         monkeypatch.setattr(erasure, "_INTERVAL_S", 0.001)
-        monkeypatch.setattr(erasure, "look", breaks)
+        monkeypatch.setattr(erasure, "_apply", breaks)
         monkeypatch.setattr(cloud.key_access, "keystore", Mock())
-        task = erasure.hear(cloud, stopping)
+        task = erasure.apply_erasures(cloud, stopping)
     elif name == "watch":
         monkeypatch.setattr("eskin_cloud.jobs.silence._INTERVAL", 0.001)
         task = watch(cloud, [Mock(refresh=breaks)], stopping)

@@ -237,7 +237,7 @@ async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site:
     key_access = stand.cloud.key_access
     with stand.cloud.store.read() as connection:
         entries = read_entries(connection, 0, stand.cloud.feed.last)
-        key_access.heed(connection)
+        key_access.apply_erasures(connection)
     sealed = [entry for entry in entries if entry.veiled is not None]
     assert [key_access.reveal([Scope.READ])(entry) for entry in sealed] == [None, None]
     shown = [key_access.reveal([Scope.READ, Scope.BIOMETRIC])(entry) for entry in sealed]
