@@ -23,7 +23,10 @@ _PAGE = 1000
 def get_audit_log(
     cloud: CloudState, _: Administrator, query: Annotated[ListQuery, Query()]
 ) -> Response:
-    """Who did what, the latest first; ``digest`` seals a deed and all before it."""
+    """List the audit log, the latest entry first.
+
+    An entry's ``digest`` covers it and all entries before it.
+    """
     before = None if query.cursor is None else read_numbers(query.cursor, 1)[0]
     with cloud.store.read() as connection:
         rows, following = list_audit_entries(connection, before=before, limit=_PAGE)

@@ -38,7 +38,10 @@ class CertificatesDocument(BaseModel):
     openapi_extra=CBOR_BODY,
 )
 async def post_certificates(cloud: CloudState, request: Request) -> Response:
-    """Present nodes' chains: CBOR array of ``[leaf, issuer]`` (DER). The answer is durable."""
+    """Present nodes' certificate chains.
+
+    The body is a CBOR array of ``[leaf, issuer]`` (DER). The answer comes after the commit.
+    """
     async with received(cloud, request) as posted:
         gateway, site = posted.gateway.name, posted.gateway.site
         chains = await asyncio.to_thread(read_chains, posted.body)

@@ -86,7 +86,10 @@ async def post_command(
     body: CommandBody,
     query: Annotated[NoQuery, Query()],
 ) -> Response:
-    """Ask something of a node. The answer comes once the command is kept; see its state later."""
+    """Send a command to a node.
+
+    The answer comes once the command is stored; read the command for its result.
+    """
     del query
     name = CommandName(body.name)
     arguments = check_arguments(name, body.arguments.model_dump(exclude_none=True))
@@ -128,7 +131,7 @@ def get_command(
     number: Annotated[int, Path(alias="id", ge=1, le=MOST_COUNT)],
     query: Annotated[NoQuery, Query()],
 ) -> Response:
-    """A command, and what became of it."""
+    """Read a command and its result."""
     del query
     with cloud.store.read() as connection:
         find_node(connection, node)
@@ -142,7 +145,7 @@ def get_command(
 def get_state(
     cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """How a node should be set, and how it says that it is."""
+    """Read a node's desired and reported settings."""
     del query
     with cloud.store.read() as connection:
         find_node(connection, node)

@@ -64,7 +64,7 @@ def get_comparison(
     channel: str,
     query: Annotated[StretchesQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, above or below another one."""
+    """List when a channel is above or below another one."""
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query) if query.cursor is None else resumed(query.cursor)
@@ -86,7 +86,7 @@ def get_comparison_time(
     channel: str,
     query: Annotated[ComparisonQuery, Query()],
 ) -> Response:
-    """For how long and how often the channel is above or below another one."""
+    """Measure how long and how often a channel is above another one."""
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query)

@@ -31,10 +31,10 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_confirmed(cloud: CloudState, request: Request) -> Response:
-    """Compare: CBOR array of ``[node, boot, last]``; answered is what this store does not have.
+    """Compare confirmed messages with the store; answers what it lacks.
 
-    Of nodes that it does not know, it answers their names: present their certificates, and ask
-    again.
+    The body is a CBOR array of ``[node, boot, last]``. For nodes that are unknown here, the
+    answer holds their names: present their certificates, and repeat the request.
     """
     async with received(cloud, request) as posted:
         confirmed = await asyncio.to_thread(read_confirmed, posted.body)

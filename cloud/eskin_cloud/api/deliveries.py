@@ -42,7 +42,7 @@ class CborResponse(Response):
     openapi_extra=CBOR_BODY,
 )
 async def post_deliveries(cloud: CloudState, request: Request) -> Response:
-    """Commands that a gateway does not hold yet, and those that it should deliver no more."""
+    """Exchange commands: those to deliver, and those to drop."""
     async with received(cloud, request) as posted:
         holding = Holding.read(posted.body)
     await _mark(cloud, posted, holding)

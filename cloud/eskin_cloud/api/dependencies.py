@@ -54,7 +54,7 @@ class Access:
             ProblemError: The token or session is good no more.
         """
         if not self.lasts():
-            raise ProblemError(401, "the token was revoked while it was used")
+            raise ProblemError(401, "the token was revoked while it was used", kind="revoked-token")
 
     @property
     def actor(self) -> Actor:
@@ -180,7 +180,11 @@ def require_same_site(request: Request) -> None:
     else:
         own = origin is None or _host_of(origin) == request.headers.get("host", "")
     if not own:
-        raise ProblemError(403, "another site had this sent; do it on this page, or with a token")
+        raise ProblemError(
+            403,
+            "another site had this sent; do it on this page, or with a token",
+            kind="cross-site-request",
+        )
 
 
 def _host_of(origin: str) -> str | None:
@@ -196,7 +200,11 @@ def _require(visitor: Access | None, scope: Scope) -> Access:
             401, "a token is missing or no more good; send Authorization: Bearer TOKEN, or sign in"
         )
     if scope not in visitor.holder.scopes:
-        raise ProblemError(403, f"this token lacks the scope {scope}; ask for one that has it")
+        raise ProblemError(
+            403,
+            f"this token lacks the scope {scope}; ask for one that has it",
+            kind="missing-scope",
+        )
     return visitor
 
 

@@ -42,7 +42,7 @@ class EventsQuery(BaseModel):
 def get_events(
     cloud: CloudState, access: Reader, query: Annotated[EventsQuery, Query()]
 ) -> Response:
-    """Events that overlap ``[start, end)``."""
+    """List events that overlap a window."""
     scopes = access.holder.scopes
     if query.channel is not None and is_biometric(query.channel):
         cloud.key_access.require(scopes)

@@ -71,7 +71,7 @@ def get_export(
     query: Annotated[ExportQuery, Query()],
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
-    """All samples of channels in a window, as CSV, Arrow or Parquet, in constant memory."""
+    """Export all samples of channels as CSV, Arrow or Parquet."""
     media = choose(accept, tuple(WRITERS))
     if media is None:
         raise ProblemError(406, f"{accept!r} is not offered; accept one of {', '.join(WRITERS)}")
@@ -100,8 +100,7 @@ def stream_file(
     """The file's pieces, for as long as the reader may read."""
     with opened:
         for piece in write(media, export.read(until), export.window):
-            if not access.lasts():
-                raise ProblemError(401, "the token was revoked while it was used")
+            access.require()
             yield piece
 
 

@@ -49,7 +49,7 @@ class GatewayDocument(BaseModel):
 
 @router.get("/gateways", response_model=PageDocument[GatewayDocument], responses=REFUSALS)
 def get_gateways(cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]) -> Response:
-    """All gateways that ever proved who they are, by name.
+    """List the gateways, by name.
 
     Without the scope `biometric`, figures that count what is sealed are null, where any is.
     """

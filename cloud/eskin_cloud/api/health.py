@@ -21,13 +21,13 @@ class HealthDocument(BaseModel):
 
 @router.get("/healthz")
 async def get_health() -> HealthDocument:
-    """Whether the process answers."""
+    """Check that the process answers."""
     return HealthDocument()
 
 
 @router.get("/readyz", responses=documented(503))
 def get_readiness(cloud: CloudState) -> HealthDocument:
-    """Whether the store can be read and written, and has the right schema."""
+    """Check that the store can be read and written."""
     cloud.store.check()
     return HealthDocument()
 

@@ -38,7 +38,10 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_ingest(cloud: CloudState, request: Request) -> Response:
-    """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
+    """Store a batch of nodes' messages.
+
+    The body is a CBOR array of ``[node, plaintext]``. The answer comes after the commit.
+    """
     async with received(cloud, request) as posted:
         body = posted.body
         begun = time.perf_counter()

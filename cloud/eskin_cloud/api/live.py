@@ -73,7 +73,10 @@ async def get_live(
         str | None, Header(max_length=100, description="where to go on: the last `id`")
     ] = None,
 ) -> Response:
-    """What is stored, as it comes; resumes after ``Last-Event-ID`` without holes."""
+    """Stream what is stored, as it arrives.
+
+    Resumes after ``Last-Event-ID`` without gaps.
+    """
     feed, live = cloud.feed, cloud.settings.live
     cursor = _cursor(cloud, last_event_id)
     selection = Subscription(

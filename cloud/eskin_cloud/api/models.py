@@ -36,7 +36,7 @@ class ModelDocument(BaseModel):
 
 @router.get("/models", response_model=PageDocument[ModelDocument], responses=REFUSALS)
 def get_models(_: Reader, query: Annotated[NoQuery, Query()]) -> Response:
-    """All quantities of models that may be asked for."""
+    """List the models' quantities and their parameters."""
     del query
     return as_json(page([_shape(name, model) for name, model in MODELS.items()], None))
 

@@ -39,7 +39,7 @@ class ListQuery(BaseModel):
 
 @router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
 def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Query()]) -> Response:
-    """All nodes, by name."""
+    """List the nodes, by name."""
     with cloud.store.read() as connection:
         rows, following = list_nodes(connection, query.cursor)
         names = [row["node"] for row in rows]
@@ -62,7 +62,7 @@ def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Que
 def get_node(
     cloud: CloudState, access: Reader, node: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """One node."""
+    """Read one node."""
     del query
     with cloud.store.read() as connection:
         row = find_node(connection, node)
@@ -79,7 +79,7 @@ def get_node(
 def get_channels(
     cloud: CloudState, access: Reader, node: str, query: Annotated[ListQuery, Query()]
 ) -> Response:
-    """A node's channels, by name."""
+    """List a node's channels, by name."""
     with cloud.store.read() as connection:
         find_node(connection, node)
         rows, following = list_channels(connection, node, query.cursor)
@@ -97,7 +97,7 @@ def get_channels(
 def get_taxels(
     cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """The taxels of a node that sit somewhere on its skin, by name."""
+    """List a node's taxels that have a position, by name."""
     del query
     with cloud.store.read() as connection:
         row = find_node(connection, node)

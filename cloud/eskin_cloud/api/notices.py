@@ -27,10 +27,10 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_subjects(cloud: CloudState, request: Request) -> Response:
-    """Take a notice; what it says is done, and what is erased is destroyed, before the answer.
+    """Take a notice of subjects: assignments, keys and erasures.
 
-    All of it is of the gateway's own site: a subject of another one, by the same name, is not
-    touched.
+    Erased keys are destroyed before the answer. A notice concerns the gateway's own site only: a
+    subject of another site, with the same name, is not touched.
     """
     async with received(cloud, request) as posted:
         gateway, site = posted.gateway.name, posted.gateway.site

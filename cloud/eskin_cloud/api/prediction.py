@@ -95,7 +95,7 @@ def get_prediction(
     channel: str,
     query: Annotated[TubeQuery, Query()],
 ) -> Response:
-    """What a model predicts for the channel: the hull of each of ``points`` buckets at most."""
+    """Predict a channel by a model, as hulls."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
@@ -133,7 +133,7 @@ def get_anomalies(
     channel: str,
     query: Annotated[AnomaliesQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, not what a model predicts."""
+    """List when a channel differs from a model's prediction."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         if query.cursor is None:
@@ -161,7 +161,7 @@ def get_anomalies_time(
     channel: str,
     query: Annotated[PredictionQuery, Query()],
 ) -> Response:
-    """For how long and how often the channel is not what a model predicts."""
+    """Measure how long and how often a channel differs from a model."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)

@@ -94,7 +94,10 @@ def get_series(
     query: Annotated[SeriesQuery, Query()],
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
-    """A window of one channel: its samples, or the hull of each of ``points`` buckets."""
+    """Read a window of a channel.
+
+    It holds all samples, or where they are more than ``points``, the hulls of buckets.
+    """
     media = choose(accept, tuple(WRITERS))
     if media is None:
         raise ProblemError(406, f"{accept!r} is not offered; accept one of {', '.join(WRITERS)}")
@@ -118,7 +121,7 @@ def get_threshold(
     channel: str,
     query: Annotated[ThresholdQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, above or below a value, or in a band."""
+    """List when a channel is above, below or within values."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         # A cursor holds the window, too: new data must not move a default one.
@@ -139,7 +142,7 @@ def get_time(
     channel: str,
     query: Annotated[StateQuery, Query()],
 ) -> Response:
-    """For how long and how often the channel is in a state: intervals, and what is unknown."""
+    """Measure how long and how often a channel is in a state."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)

@@ -34,7 +34,7 @@ class StorageDocument(BaseModel):
 
 @router.get("/storage", response_model=StorageDocument, responses=REFUSALS)
 def get_storage(cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]) -> Response:
-    """What the store takes now."""
+    """Read how much of the disk the store takes."""
     del query
     use = measure_disk(cloud.store)
     if math.isnan(use.taken):

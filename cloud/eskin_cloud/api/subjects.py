@@ -12,7 +12,6 @@ from sqlalchemy import Connection, RowMapping, Table, func, select
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
-from eskin.runtime.http_server.problems import ProblemError
 from eskin.wire.messages import Peak
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
@@ -39,7 +38,7 @@ _LINES: Final = "application/x-ndjson"
 def get_subjects(
     cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """All pseudonyms that gateways told of, the nodes they wore, and what is held of them."""
+    """List the subjects, by pseudonym, with their nodes and stored messages."""
     del query
     v = veiled.c
     counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
@@ -101,7 +100,10 @@ async def get_export(
     subject: str,
     query: Annotated[SubjectExportQuery, Query()],
 ) -> Response:
-    """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
+    """Export all that is stored about a subject.
+
+    Each line is a block or a peak in JSON, in the order of storing.
+    """
     reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
     site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
     audit_entry = AuditEntry(
@@ -150,8 +152,7 @@ def stream_lines(
         if not rows:
             return
         for row in rows:
-            if not access.lasts():
-                raise ProblemError(401, "the token was revoked while it was used")
+            access.require()
             line = _line(cloud, reader, dict(row))
             if line is not None:
                 yield dump(line) + b"\n"

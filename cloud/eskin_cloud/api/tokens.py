@@ -49,7 +49,7 @@ class TokenBody(BaseModel):
 
 @router.get("/tokens", response_model=PageDocument[TokenDocument], responses=REFUSALS)
 def get_tokens(cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]) -> Response:
-    """All tokens that were ever made, also those that are good no more; never their secrets."""
+    """List the tokens, also expired and revoked ones, without their secrets."""
     del query
     with cloud.store.read() as connection:
         rows = list_tokens(connection)
@@ -65,7 +65,7 @@ def get_tokens(cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Qu
 async def post_token(
     cloud: CloudState, access: Administrator, body: TokenBody, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """Make a token. It is told only in this answer."""
+    """Create a token; only this answer holds its secret."""
     del query
     token = await asyncio.to_thread(
         create_token,
@@ -100,7 +100,7 @@ async def delete_token(
 def get_sessions(
     cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """The sessions of browsers that are good, opened by a login link or a token."""
+    """List the valid sessions of browsers."""
     del query
     with cloud.store.read() as connection:
         rows = list_sessions(connection, now=cloud.clock())
@@ -114,7 +114,7 @@ async def delete_session(
     id: str,  # noqa: A002 - the path's name for it
     query: Annotated[NoQuery, Query()],
 ) -> Response:
-    """Revoke a session; its open requests and streams end."""
+    """Revoke a session, and end its open requests and streams."""
     del query
     done = await asyncio.to_thread(revoke_session, cloud.store, id, actor=access.actor)
     if not done:
