@@ -22,14 +22,13 @@ from eskin_cloud.query.comparison_totals import sum_up_stretches
 from eskin_cloud.query.cursors import write_cursor
 from eskin_cloud.query.neighbourhood import Source
 from eskin_cloud.query.predicate import Verdict
+from eskin_cloud.schemas.base import PageDocument, Place, page
 from eskin_cloud.schemas.comparison import (
-    StandingDocument,
-    StretchDocument,
-    standing_shape,
-    stretch_shape,
+    ComparisonSegmentDocument,
+    ComparisonTotalsDocument,
+    describe_comparison_segment,
+    describe_comparison_totals,
 )
-from eskin_cloud.schemas.documents import PageDocument, Place
-from eskin_cloud.schemas.shapes import page
 from eskin_cloud.store.read.lookup import find_channel, read_place
 from eskin_cloud.store.read.window import Window, read_window
 
@@ -54,7 +53,7 @@ class StretchesQuery(ComparisonQuery):
 
 @router.get(
     "/series/{node}/{channel}/comparison",
-    response_model=PageDocument[StretchDocument],
+    response_model=PageDocument[ComparisonSegmentDocument],
     responses=REFUSALS_OF_PLACE,
 )
 def get_comparison(
@@ -71,12 +70,11 @@ def get_comparison(
         with _sides(cloud, access, connection, rows, window) as sides:
             found, following = _paged(_stretches(*sides, window, query), window, query.limit)
     coverage = _coverage(sides)
-    return as_json(page([stretch_shape(stretch, coverage) for stretch in found], following))
+    return as_json(page([describe_comparison_segment(each, coverage) for each in found], following))
 
 
 @router.get(
     "/series/{node}/{channel}/comparison/time",
-    response_model=StandingDocument,
     responses=REFUSALS_OF_PLACE,
 )
 def get_comparison_time(
@@ -85,14 +83,15 @@ def get_comparison_time(
     node: str,
     channel: str,
     query: Annotated[ComparisonQuery, Query()],
-) -> Response:
+) -> ComparisonTotalsDocument:
     """Measure how long and how often a channel is above another one."""
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query)
         with _sides(cloud, access, connection, rows, window) as sides:
             found = sum_up_stretches(_stretches(*sides, window, query))
-    return as_json(standing_shape(found, window, sides[0].channel["unit"], _coverage(sides)))
+    unit = sides[0].channel["unit"]
+    return describe_comparison_totals(found, window, unit, _coverage(sides))
 
 
 def _rows(

@@ -14,7 +14,7 @@ from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.confirmed import read_confirmed
-from eskin_cloud.schemas.documents import ConfirmedDocument
+from eskin_cloud.schemas.ingest import ConfirmedDocument
 from eskin_cloud.store.write.missing_messages import find_tails, note_ends
 from eskin_cloud.store.write.node_sites import sites_of
 from eskin_cloud.store.write.presence import note_absent

@@ -3,7 +3,7 @@
 What does not wait for the store is asynchronous, so that no thread is woken for it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Final
@@ -11,12 +11,14 @@ from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
+from sqlalchemy import Connection
 
 from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import CALLER
 from eskin_cloud.access import Actor, Principal, Scope, find_session, find_token
 from eskin_cloud.api.middleware.answer import recheck
 from eskin_cloud.app_state import AppState
+from eskin_cloud.query.listing import sealed_nodes
 
 _COOKIE: Final = "eskin_session"
 _LONGEST_SECRET: Final = 512
@@ -55,6 +57,15 @@ class Access:
         """
         if not self.lasts():
             raise ProblemError(401, "the token was revoked while it was used", kind="revoked-token")
+
+    def uncounted(self, connection: Connection, names: Sequence[str] | None = None) -> set[str]:
+        """Those of these nodes, or of all, whose messages the caller must not be able to count.
+
+        They have a biometric channel, and the caller lacks its scope: a peak is a heartbeat.
+        """
+        if Scope.BIOMETRIC in self.holder.scopes:
+            return set()
+        return sealed_nodes(connection, names)
 
     @property
     def actor(self) -> Actor:

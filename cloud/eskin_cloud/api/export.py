@@ -15,13 +15,12 @@ from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import ProblemError, documented
 from eskin_cloud.api.dependencies import Access, CloudState, Reader
 from eskin_cloud.api.export_formats import WRITERS, write
-from eskin_cloud.api.negotiation import choose
 from eskin_cloud.api.problems import REFUSALS_OF_PLACE
-from eskin_cloud.api.sealed_counts import uncounted
+from eskin_cloud.api.responses import choose
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.export import Export, Mark, Source
-from eskin_cloud.schemas.documents import TIME, Place, Time
+from eskin_cloud.schemas.base import TIME, Place, Time
 from eskin_cloud.store.read.lookup import find_channel, read_place
 from eskin_cloud.store.read.window import Window, make_window, read_moment
 
@@ -126,7 +125,7 @@ def _source(
     """Where a channel is read: what tells of a person is opened in memory, for the whole export."""
     if not is_biometric(row["channel"]):
         node = row["node"]
-        if not uncounted(connection, access, [node]):
+        if not access.uncounted(connection, [node]):
             return Source(row, cloud.store.read)
         ids = cloud.feed.ids
         return Source(row, cloud.store.read, lambda p: ids.number(node, p.boot, p.sequence))

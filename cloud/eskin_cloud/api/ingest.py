@@ -20,7 +20,7 @@ from eskin_cloud.api.request_body import Received, apart, received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
-from eskin_cloud.schemas.documents import IngestDocument
+from eskin_cloud.schemas.ingest import IngestDocument
 from eskin_cloud.store.write.gateways import hear
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest
 from eskin_cloud.store.write.ingest_individually import ingest_individually

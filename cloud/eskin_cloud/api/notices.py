@@ -13,7 +13,7 @@ from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.erasures import find_erased
 from eskin_cloud.privacy.subject_notice import SubjectNotice, note
-from eskin_cloud.schemas.documents import NoticeDocument
+from eskin_cloud.schemas.ingest import NoticeDocument
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE
 from eskin_cloud.store.write.node_sites import sites_of
 

@@ -26,9 +26,13 @@ from eskin_cloud.query.prediction import Prediction
 from eskin_cloud.query.sample_validity import after
 from eskin_cloud.query.segments import Segment, merge
 from eskin_cloud.rollup.hulls import bucket_width
-from eskin_cloud.schemas.documents import TIME, Moment, PageDocument, Time
-from eskin_cloud.schemas.series import OccupancyDocument, SegmentDocument
-from eskin_cloud.schemas.shapes import occupancy_shape, page, segment_shape
+from eskin_cloud.schemas.base import TIME, Moment, PageDocument, Time, page
+from eskin_cloud.schemas.series import (
+    OccupancyDocument,
+    SegmentDocument,
+    describe_occupancy,
+    describe_segment,
+)
 from eskin_cloud.store.read.block_index import find_next
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import make_window, read_moment
@@ -146,12 +150,11 @@ def get_anomalies(
             prediction = _prediction(query, known, origin)
             runs = merge(find_anomalies(source, known, window, prediction))
             found, following = paged(_told(runs), window, query.limit, prediction.origin)
-    return as_json(page([segment_shape(run, known) for run in found], following))
+    return as_json(page([describe_segment(run, known) for run in found], following))
 
 
 @router.get(
     "/series/{node}/{channel}/anomalies/time",
-    response_model=OccupancyDocument,
     responses=REFUSALS_OF_PLACE,
 )
 def get_anomalies_time(
@@ -160,7 +163,7 @@ def get_anomalies_time(
     node: str,
     channel: str,
     query: Annotated[PredictionQuery, Query()],
-) -> Response:
+) -> OccupancyDocument:
     """Measure how long and how often a channel differs from a model."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
@@ -169,7 +172,7 @@ def get_anomalies_time(
             prediction = _prediction(query, known, window.start)
             runs = find_anomalies(source, known, window, prediction)
             found = sum_up(runs, window, find_next(source, known, window))
-    return as_json(occupancy_shape(found, window, known))
+    return describe_occupancy(found, window, known)
 
 
 def _told(runs: Iterator[Segment]) -> Iterator[Segment]:

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from operator import itemgetter
 from typing import Annotated, Any, Final
 
@@ -20,8 +20,9 @@ from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.key_access import Reader
 from eskin_cloud.privacy.sealed_rows import open_row
-from eskin_cloud.schemas.documents import NoQuery, PageDocument, SubjectDocument
-from eskin_cloud.schemas.shapes import block_shape, dump, event_shape, page
+from eskin_cloud.schemas.access import SubjectDocument
+from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
+from eskin_cloud.schemas.events import describe_block, describe_event
 from eskin_cloud.store.read.errors import UnknownChannelError
 from eskin_cloud.store.row_digests import sound
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, veiled, wearers
@@ -159,12 +160,12 @@ def stream_lines(
         last = rows[-1]["cursor"]
 
 
-def _line(cloud: AppState, reader: Reader, row: dict[str, Any]) -> dict[str, Any] | None:
+def _line(cloud: AppState, reader: Reader, row: dict[str, Any]) -> Mapping[str, object] | None:
     opened = open_row(reader, row)
     if opened is None:
         return None
     message, data = opened
     if isinstance(message, Peak):
         known = peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
-        return event_shape(known, cloud.feed.ids)
-    return block_shape(row["node"], message)
+        return describe_event(known, cloud.feed.ids)
+    return describe_block(row["node"], message)

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from eskin.privacy import is_biometric
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.cursors import read_numbers, write_cursor
-from eskin_cloud.schemas.documents import TIME, Time
+from eskin_cloud.schemas.base import TIME, Time
 from eskin_cloud.store.read.window import Window, make_window, read_window
 
 if TYPE_CHECKING:
