@@ -17,7 +17,7 @@ _RESTS: Final = 3.0
 """It rests so many times as long as it worked: it takes a quarter of a processor at most."""
 
 
-async def keep_compacted(cloud: AppState, stopping: asyncio.Event) -> None:
+async def compact(cloud: AppState, stopping: asyncio.Event) -> None:
     """Pack what is old enough, until told to stop."""
     every_s = cloud.settings.packing.every_s
     work = partial(_catch_up, cloud, stopping)

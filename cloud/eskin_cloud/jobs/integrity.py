@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 _DAY_S: Final = 86_400.0
 
 
-async def keep_whole(cloud: AppState, stopping: asyncio.Event) -> None:
+async def check_integrity(cloud: AppState, stopping: asyncio.Event) -> None:
     """Look for what is damaged, until told to stop."""
     work = partial(_look, cloud, stopping)
     await run_periodically(

@@ -22,7 +22,7 @@ _LOOKS: Final = 10
 _LONGEST_S: Final = 60.0
 
 
-async def look_for_missing(cloud: AppState, stopping: asyncio.Event) -> None:
+async def find_missing_messages(cloud: AppState, stopping: asyncio.Event) -> None:
     """Look again and again, until told to stop."""
     every_s = min(_LONGEST_S, cloud.settings.nodes.missing_s / _LOOKS)
     await run_periodically(

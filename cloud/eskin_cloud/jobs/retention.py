@@ -30,7 +30,7 @@ _DAY: Final = 86_400 * SECOND
 _PAUSE_S: Final = 0.01
 
 
-async def retain(cloud: AppState, stopping: asyncio.Event) -> None:
+async def apply_retention(cloud: AppState, stopping: asyncio.Event) -> None:
     """Look for what is too old, or erased, until told to stop."""
     every_s = cloud.settings.retention.every_s
     await run_periodically(

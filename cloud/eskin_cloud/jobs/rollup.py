@@ -18,7 +18,7 @@ _RESTS: Final = 3.0
 """While others write, it rests so many times as long as it worked: it takes a quarter at most."""
 
 
-async def keep_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
+async def build_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
     """Build what is new or changed, until told to stop."""
     work = partial(_catch_up, cloud, stopping)
     await run_periodically("pyramid", work, cloud=cloud, stopping=stopping, every_s=_EVERY_S)
