@@ -148,9 +148,9 @@ def _stretches(
 def _paged(
     stretches: Iterator[ComparisonSegment], window: Window, limit: int
 ) -> tuple[list[ComparisonSegment], str | None]:
-    told = (s for s in stretches if s.answer in {Verdict.CERTAIN, Verdict.POSSIBLE})
-    found = list(islice(told, limit))
-    following = next(told, None)
+    listed = (s for s in stretches if s.answer in {Verdict.CERTAIN, Verdict.POSSIBLE})
+    found = list(islice(listed, limit))
+    following = next(listed, None)
     return found, None if following is None else write_cursor(following.start, window.end)
 
 

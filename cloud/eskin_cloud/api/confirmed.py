@@ -1,4 +1,4 @@
-"""What gateways were told is stored: whether it still is, after a store was restored."""
+"""Confirmed messages: whether the store still has them, after it was restored."""
 
 import asyncio
 import logging
@@ -59,7 +59,7 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
 
         if missing:
             log.error(
-                "store lacks what a gateway was told is stored: gateway=%s ranges=%d messages=%d",
+                "confirmed messages missing: gateway=%s ranges=%d messages=%d",
                 posted.gateway.name,
                 len(missing),
                 sum(last - first + 1 for _, _, first, last in missing),

@@ -29,14 +29,14 @@ The REST interface under <code>/api/v1</code> works without it.</p></main></body
 
 
 @router.get("/{path:path}")
-def get_file(cloud: CloudState, visitor: MaybePrincipal, path: str) -> Response:
+def get_file(cloud: CloudState, caller: MaybePrincipal, path: str) -> Response:
     """A file of the dashboard or of ``/docs``; browsers without a session go to the login page."""
     is_page = not path.startswith("api/")
-    if visitor is None:
+    if caller is None:
         if is_page:
             return RedirectResponse("/login", 303, headers={"Cache-Control": "no-store"})
         raise ProblemError(401, "a token is missing; send Authorization: Bearer TOKEN, or sign in")
-    if access.Scope.READ not in visitor.holder.scopes:
+    if access.Scope.READ not in caller.holder.scopes:
         raise ProblemError(
             403, "this session lacks the scope read; ask for one that has it", kind="missing-scope"
         )

@@ -26,7 +26,7 @@ from eskin_cloud.store.write.gateways import hear
 router = APIRouter(tags=["ingest"])
 
 _LOOK_S: Final = 5.0
-"""Time passes, too: commands expire without anybody's word."""
+"""Commands also expire without a notification."""
 
 
 class CborResponse(Response):

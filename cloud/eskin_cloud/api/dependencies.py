@@ -1,4 +1,4 @@
-"""What routes ask for: the shared state, and proof of who asks.
+"""Dependencies of routes: the shared state, and the caller's identity.
 
 What does not wait for the store is asynchronous, so that no thread is woken for it.
 """
@@ -35,12 +35,12 @@ _documented_cookie = APIKeyCookie(
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Who asks.
+    """The caller.
 
     Attributes:
-        holder: Who, and what they may do.
+        holder: The caller's name and scopes.
         address: From where.
-        lasts: Whether they still may; asked again by what goes on for long.
+        lasts: Whether the caller still may; long answers ask again.
         opened: Sites and subjects whose sealed messages were opened for this request.
     """
 
@@ -50,10 +50,10 @@ class Access:
     opened: set[tuple[str, str]] = field(default_factory=set)
 
     def require(self) -> None:
-        """Judge again.
+        """Check again.
 
         Raises:
-            ProblemError: The token or session is good no more.
+            ProblemError: The token or session is no longer valid.
         """
         if not self.lasts():
             raise ProblemError(401, "the token was revoked while it was used", kind="revoked-token")
@@ -74,7 +74,7 @@ class Access:
 
 
 def address_of(request: Request) -> str:
-    """From where somebody asks; empty where the server does not know."""
+    """The caller's address; empty where the server does not know it."""
     return "" if request.client is None else request.client.host.removeprefix("::ffff:")
 
 
@@ -113,7 +113,7 @@ def find_access(
     bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     session: SessionCookie,
 ) -> Access | None:
-    """Who asks, by bearer token or else by session; ``None`` if it is nobody."""
+    """The caller, by bearer token or else by session; ``None`` without either."""
 
     def holder() -> Principal | None:
         if bearer is not None:
@@ -148,33 +148,33 @@ def _require_unerased(cloud: AppState, opened: set[tuple[str, str]]) -> None:
 MaybePrincipal = Annotated[Access | None, Depends(find_access)]
 
 
-async def require_read(visitor: MaybePrincipal) -> Access:
-    """Whoever may read.
+async def require_read(caller: MaybePrincipal) -> Access:
+    """Require a caller who may read.
 
     Raises:
         ProblemError: 401 without proof, 403 without the scope.
     """
-    return _require(visitor, Scope.READ)
+    return _require(caller, Scope.READ)
 
 
-async def require_operate(request: Request, visitor: MaybePrincipal) -> Access:
-    """Whoever may command nodes; browsers only from our own pages.
-
-    Raises:
-        ProblemError: 401 without proof, 403 without the scope, or from another site.
-    """
-    require_same_site(request)
-    return _require(visitor, Scope.OPERATE)
-
-
-async def require_admin(request: Request, visitor: MaybePrincipal) -> Access:
-    """Whoever may say who may do what; browsers only from our own pages.
+async def require_operate(request: Request, caller: MaybePrincipal) -> Access:
+    """Require a caller who may command nodes; browsers only from our own pages.
 
     Raises:
         ProblemError: 401 without proof, 403 without the scope, or from another site.
     """
     require_same_site(request)
-    return _require(visitor, Scope.ADMIN)
+    return _require(caller, Scope.OPERATE)
+
+
+async def require_admin(request: Request, caller: MaybePrincipal) -> Access:
+    """Require a caller who may administer access; browsers only from our own pages.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    require_same_site(request)
+    return _require(caller, Scope.ADMIN)
 
 
 def require_same_site(request: Request) -> None:
@@ -205,27 +205,27 @@ def _host_of(origin: str) -> str | None:
         return None
 
 
-def _require(visitor: Access | None, scope: Scope) -> Access:
-    if visitor is None:
+def _require(caller: Access | None, scope: Scope) -> Access:
+    if caller is None:
         raise ProblemError(
-            401, "a token is missing or no more good; send Authorization: Bearer TOKEN, or sign in"
+            401, "missing or expired token; send Authorization: Bearer TOKEN, or sign in"
         )
-    if scope not in visitor.holder.scopes:
+    if scope not in caller.holder.scopes:
         raise ProblemError(
             403,
             f"this token lacks the scope {scope}; ask for one that has it",
             kind="missing-scope",
         )
-    return visitor
+    return caller
 
 
-async def require_biometric(visitor: MaybePrincipal) -> Access:
-    """Whoever may read what tells of a person.
+async def require_biometric(caller: MaybePrincipal) -> Access:
+    """Require a caller who may read biometric channels.
 
     Raises:
         ProblemError: 401 without proof, 403 without the scope.
     """
-    return _require(_require(visitor, Scope.READ), Scope.BIOMETRIC)
+    return _require(_require(caller, Scope.READ), Scope.BIOMETRIC)
 
 
 BiometricReader = Annotated[Access, Depends(require_biometric)]

@@ -122,7 +122,7 @@ def _source(
     window: Window,
     stack: ExitStack,
 ) -> Source:
-    """Where a channel is read: what tells of a person is opened in memory, for the whole export."""
+    """Where a channel is read: a biometric one is decrypted in memory for the export."""
     if not is_biometric(row["channel"]):
         node = row["node"]
         if not access.uncounted(connection, [node]):

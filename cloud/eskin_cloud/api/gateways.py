@@ -1,4 +1,4 @@
-"""Gateways: whether they are heard, what waits in them, and how late they bring it."""
+"""Gateways: their health, spool and delay."""
 
 from typing import Annotated
 
@@ -25,7 +25,7 @@ router = APIRouter(tags=["nodes"])
 
 
 class SpoolDocument(BaseModel):
-    """What waited in a gateway's spool when it told so; ``oldest_ns`` is for how long already."""
+    """What waited in a gateway's spool at its last report, and for how long (``oldest_ns``)."""
 
     told: Moment
     messages: int
@@ -36,7 +36,7 @@ class SpoolDocument(BaseModel):
 
 
 class GatewayDocument(BaseModel):
-    """A gateway; what it does not tell is null."""
+    """A gateway; what it does not report is null."""
 
     id: str
     site: str

@@ -1,4 +1,4 @@
-"""Ingest: gateways bring what nodes said."""
+"""Ingest: gateways send nodes' messages."""
 
 import asyncio
 import logging
@@ -66,7 +66,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
             reasons[-1],
             extra={"source": posted.gateway.name},
         )
-    cloud.metrics.buried.inc(outcome.buried)
+    cloud.metrics.dead_letters_dropped.inc(outcome.buried)
     cloud.metrics.conflicts.inc(outcome.conflicts)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
     own = (

@@ -46,12 +46,12 @@ class LiveQuery(BaseModel):
 
 
 class EventStream(StreamingResponse):
-    """Server-sent events: what is said of now, and is told late, had better be said anew."""
+    """Server-sent events, sent with as little buffering as possible."""
 
     media_type = _MEDIA_TYPE
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, with as little as can be between who tells and who reads."""
+        """Answer without delaying buffers of the connection."""
         if prompt := scope.get("extensions", {}).get(PROMPT):
             prompt["begin"]()
         await super().__call__(scope, receive, send)
@@ -90,7 +90,7 @@ async def get_live(
         cloud.key_access.require(reader.holder.scopes)
     if feed.subscribers >= live.subscribers:
         raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
-    told = stream(
+    events = stream(
         feed,
         selection,
         viewers=cloud.viewers,
@@ -100,7 +100,7 @@ async def get_live(
         reveal=cloud.key_access.reveal(reader.holder.scopes),
         sealed=AccessScope.BIOMETRIC in reader.holder.scopes,
     )
-    return EventStream(told, headers={"X-Accel-Buffering": "no"})
+    return EventStream(events, headers={"X-Accel-Buffering": "no"})
 
 
 def _require_known(cloud: AppState, selection: Subscription) -> None:

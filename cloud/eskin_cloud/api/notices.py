@@ -1,4 +1,4 @@
-"""Notices of subjects: gateways tell who wears what, give keys, and have them destroyed."""
+"""Notices of subjects: gateways send assignments, keys and erasures."""
 
 import asyncio
 
@@ -55,10 +55,10 @@ async def post_subjects(cloud: CloudState, request: Request) -> Response:
 def _keep(
     cloud: AppState, notice: SubjectNotice, site: str
 ) -> tuple[list[dict[str, str]], SubjectNotice]:
-    """Destroy keys first: what is erased in the same breath, or elsewhere, is not kept.
+    """Destroy keys first: what is erased in the same notice, or elsewhere, is not kept.
 
     Returns:
-        What became of each entry, and what is the site's to say.
+        What became of each entry, and the entries of the site's own nodes.
     """
     for subject in notice.erased:
         cloud.key_access.erase(site, subject)
@@ -66,16 +66,16 @@ def _keep(
         if notice.worn:
             cloud.key_access.apply_erasures(connection)
         sites = sites_of(connection, {worn.node for worn in notice.worn})
-        buried = find_erased(connection, site, {worn.subject for worn in notice.worn})
+        erased = find_erased(connection, site, {worn.subject for worn in notice.worn})
     own = [worn for worn in notice.worn if sites.get(worn.node) == site]
-    told = []
+    answered = []
     for worn in notice.worn:
         if worn not in own:
             result = UNKNOWN_NODE
-        elif worn.subject in buried:
+        elif worn.subject in erased:
             result = "erased"
         else:
             result = cloud.key_access.keep(site, worn.subject, worn.key)
-        told.append({"id": worn.subject, "result": result})
-    told += [{"id": subject, "result": "erased"} for subject in notice.erased]
-    return told, SubjectNotice(own, notice.erased)
+        answered.append({"id": worn.subject, "result": result})
+    answered += [{"id": subject, "result": "erased"} for subject in notice.erased]
+    return answered, SubjectNotice(own, notice.erased)

@@ -90,7 +90,7 @@ def as_senml(series: Series) -> senml.Pack:
     """
     if series.t0 < senml.EARLIEST:
         first = format_timestamp(senml.EARLIEST)
-        raise QueryError("start", f"SenML tells of times since {first} alone; ask for JSON")
+        raise QueryError("start", f"SenML has no times before {first}; request JSON")
     about = {
         "coverage": (series.coverage, senml.RATIO),
         "time_error": (senml.seconds(series.time_error), senml.SECONDS),

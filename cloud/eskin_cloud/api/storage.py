@@ -20,7 +20,7 @@ class StorageDocument(BaseModel):
 
     ``bytes_per_sample`` is all that is taken and not free, by the samples kept: blocks, packs,
     indices, pyramid, events and all else. Without the scope `biometric`, where anything is sealed,
-    both are told in steps of 16 MiB.
+    both are rounded to 16 MiB.
     """
 
     bytes: int

@@ -37,7 +37,7 @@ class WindowQuery(BaseModel):
 def opened(
     cloud: AppState, access: Access, connection: Connection, row: RowMapping, window: Window
 ) -> Iterator[tuple[Connection, RowMapping]]:
-    """Where a channel is read, and its row there: what tells of a person is opened in memory."""
+    """Where a channel is read, and its row there: a biometric one is decrypted in memory."""
     if not is_biometric(row["channel"]):
         yield connection, row
         return

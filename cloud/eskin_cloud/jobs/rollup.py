@@ -1,4 +1,4 @@
-"""Keeping the pyramid up to date while the cloud runs, a little at a time, behind ingest."""
+"""Keep the pyramid up to date in the background, a little at a time."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _RESTS: Final = 3.0
 
 
 async def build_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
-    """Build what is new or changed, until told to stop."""
+    """Build what is new or changed."""
     work = partial(_catch_up, cloud, stopping)
     await run_periodically("pyramid", work, cloud=cloud, stopping=stopping, every_s=_EVERY_S)
 

@@ -45,7 +45,7 @@ class SseEncoder:
     def page(self, found: Sequence[FeedEntry], selection: Subscription) -> bytes:
         """What is asked for of neighbours in the feed, of which nothing is sealed.
 
-        Many look on in the same way, and are told of the same neighbours: printed once for all.
+        Many readers select the same: their entries are encoded once.
         """
         if not found:
             return b""
@@ -92,22 +92,22 @@ class SseEncoder:
     def join(self, entries: Sequence[FeedEntry], begun: int) -> bytes:
         """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
-        Blocks of a channel that follow each other without a gap become one hull; all else is told
+        Blocks of a channel that follow each other without a gap become one hull; all else is sent
         as it is. Only the last event carries the last entry's cursor, so a reader that breaks off
-        before it is told all of them again.
+        before it is sent all of them again.
 
         Args:
             entries: In order of their cursors, at least one.
             begun: The cursor before them.
         """
-        told: list[tuple[str, Mapping[str, object]]] = [
+        events: list[tuple[str, Mapping[str, object]]] = [
             ("block", _shape(run.series, run.received)) for run in _runs(entries)
         ]
         rows = [entry.event for entry in entries if entry.block is None and entry.event]
-        told += [(str(row["kind"]), describe_event(row, self.ids)) for row in rows]
-        cursors = [begun] * (len(told) - 1) + [entries[-1].cursor]
+        events += [(str(row["kind"]), describe_event(row, self.ids)) for row in rows]
+        cursors = [begun] * (len(events) - 1) + [entries[-1].cursor]
         return b"".join(
-            self.event(kind, at, data) for (kind, data), at in zip(told, cursors, strict=True)
+            self.event(kind, at, data) for (kind, data), at in zip(events, cursors, strict=True)
         )
 
 

@@ -32,7 +32,7 @@ class ConfirmedItem(BaseModel):
 
 
 class ConfirmedDocument(BaseModel):
-    """What a gateway was told is stored, and is not; nodes whose certificates are needed first."""
+    """Confirmed messages that are missing; nodes whose certificates are needed first."""
 
     items: list[ConfirmedItem]
     unknown_nodes: list[str]

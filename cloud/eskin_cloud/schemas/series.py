@@ -49,7 +49,7 @@ class SegmentDocument(TypedDict):
     """A run of samples, from the first to the last, with the same answer.
 
     ``coverage`` is the probability of the whole statement: the union bound over its samples. Their
-    true moments lie within ``time_error`` ns of those that are told.
+    true moments lie within ``time_error`` ns of the stated ones.
     """
 
     id: str
@@ -65,7 +65,7 @@ class OccupancyDocument(BaseModel):
 
     A sample holds until the next, for its period at most; for ``unknown_s`` nothing is known.
     ``samples`` and ``entries`` count what is known: samples in the state, and how often it began.
-    Samples are those that are told within the window; their true moments lie within ``time_error``
+    Samples are those stated within the window; their true moments lie within ``time_error``
     ns of these, and ``time_s`` holds wherever they do. ``coverage`` is the probability of the whole
     statement.
     """
