@@ -1,4 +1,4 @@
-"""How the cloud's memory comes from the system, so that what is freed goes back to it."""
+"""Choose the allocator, so that freed memory returns to the system."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from eskin.runtime.memory import keep_large_apart
 
 
 def use_one_allocator() -> None:
-    """Have all come from the C library's allocator, large pieces apart.
+    """Allocate by the C library alone, large pieces apart.
 
     Arrow would use mimalloc, which keeps pages for each thread that ever used it; nothing that is
     given back now and then comes from there (`eskin.runtime.memory.give_back`).

@@ -32,6 +32,7 @@ from eskin_cloud.api import (
     tokens,
 )
 from eskin_cloud.api.dependencies import Reader
+from eskin_cloud.api.description import describe_all
 from eskin_cloud.api.middleware.answer import AnswerMiddleware
 from eskin_cloud.api.middleware.headers import HeadersMiddleware
 from eskin_cloud.api.problems import PROBLEMS
@@ -93,4 +94,5 @@ def _application(
         HeadersMiddleware, secure=secure, requests=cloud.metrics.requests, least_status=least_status
     )
     PROBLEMS.answer_all(app)
+    describe_all(app)
     return app

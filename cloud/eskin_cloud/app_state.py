@@ -27,14 +27,14 @@ class AppState:
     Attributes:
         settings: All settings.
         store: Keeps everything.
-        feed: Tells what is stored as it comes.
-        viewers: Knows which nodes somebody looks at.
+        feed: The live feed of what is stored.
+        viewers: Which nodes are viewed live.
         notifier: Wakes gateways that wait for commands.
         gateway_trust: Verifies certificates of gateways, and those of nodes that they present.
         uploads: Room for what gateways bring.
         metrics: Counts.
         sign_ins: Counts refused sign-ins that the audit log keeps.
-        key_access: Opens what tells of a person, for those who may.
+        key_access: Decrypts biometric messages for permitted callers.
         clock: Gives UTC ns.
         dashboard: Folder of the built dashboard.
     """

@@ -1,4 +1,4 @@
-"""Figures for Prometheus, in a registry of their own."""
+"""Metrics for Prometheus, in a registry of their own."""
 
 from __future__ import annotations
 
@@ -35,10 +35,10 @@ class Metrics:
         items: Messages that gateways brought, by result.
         ingest_seconds: From a batch's last byte to its commit.
         conflicts: Messages that differ from those stored under their boot and sequence.
-        buried: Dead letters that had to make room.
+        dead_letters_dropped: Dead letters dropped to make room.
         removed: Messages removed, by reason.
         requests: Answered requests, by method and status.
-        faults: Work in the background that broke, by what it was.
+        faults: Unexpected errors of background jobs, by job.
     """
 
     def __init__(self, store: Store, feed: Feed, notifier: Notifier, *, clock_error: int) -> None:
@@ -62,9 +62,9 @@ class Metrics:
             "Messages that differ from those stored under their boot and sequence.",
             registry=self._registry,
         )
-        self.buried = Counter(
+        self.dead_letters_dropped = Counter(
             "eskin_cloud_dead_letters_dropped",
-            "Dead letters that had to make room.",
+            "Dead letters dropped to make room.",
             registry=self._registry,
         )
         self.removed = Counter(
@@ -81,7 +81,7 @@ class Metrics:
         )
         self.faults = Counter(
             "eskin_cloud_faults",
-            "Work in the background that broke and was tried again.",
+            "Unexpected errors of background jobs, which were retried.",
             ["work"],
             registry=self._registry,
         )
@@ -100,7 +100,7 @@ class Metrics:
         self._watch(store)
 
     def write(self) -> bytes:
-        """All figures in Prometheus' text format."""
+        """All metrics in Prometheus' text format."""
         self._look()
         return generate_latest(self._registry)
 

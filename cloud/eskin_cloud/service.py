@@ -8,8 +8,9 @@ import signal
 import time
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from eskin.errors import IdentityError, LockedError, SettingsError, StoreError
 from eskin.identity import ChainVerifier, Identity, server_context
@@ -27,25 +28,28 @@ from eskin_cloud.app_state import AppState
 from eskin_cloud.commands import Notifier
 from eskin_cloud.ingest.gateway_trust import GatewayTrust
 from eskin_cloud.ingest.upload_budget import UploadBudget
-from eskin_cloud.jobs.compaction import keep_compacted
-from eskin_cloud.jobs.erasure import hear
+from eskin_cloud.jobs.certificates import ServerCertificate, renew_certificates
+from eskin_cloud.jobs.compaction import compact
+from eskin_cloud.jobs.erasure import apply_erasures
 from eskin_cloud.jobs.heap_trim import trim_heap
-from eskin_cloud.jobs.integrity import keep_whole
-from eskin_cloud.jobs.missing_messages import look_for_missing
-from eskin_cloud.jobs.pg_listener import relay
-from eskin_cloud.jobs.retention import retain
-from eskin_cloud.jobs.rollup import keep_rollup
-from eskin_cloud.jobs.server_certificate import Certificate
-from eskin_cloud.jobs.silence import watch
+from eskin_cloud.jobs.integrity import check_integrity
+from eskin_cloud.jobs.missing_messages import find_missing_messages
+from eskin_cloud.jobs.periodic import run_periodically
+from eskin_cloud.jobs.pg_listener import listen
+from eskin_cloud.jobs.retention import apply_retention
+from eskin_cloud.jobs.rollup import build_rollup
+from eskin_cloud.jobs.silence import watch_silence
+from eskin_cloud.jobs.viewers import announce_viewed_nodes
 from eskin_cloud.live import Feed, Viewers
 from eskin_cloud.metrics import Metrics
 from eskin_cloud.privacy.key_access import KeyAccess
 from eskin_cloud.store import Store
+from eskin_cloud.store.stuck_writer import end_stuck_writer
 from eskin_cloud.warm_up import warm_up
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Coroutine, Iterator
 
     from eskin_cloud.settings import CloudSettings
 
@@ -124,7 +128,7 @@ def _make_viewers(settings: CloudSettings) -> Viewers:
     return Viewers(most=live.watched_nodes, lasting=live.watched_s)
 
 
-def _listeners(cloud: AppState, outer: Certificate | None) -> tuple[Listener, Listener]:
+def _listeners(cloud: AppState, outer: ServerCertificate | None) -> tuple[Listener, Listener]:
     """For people and for gateways."""
     people, gateways = cloud.settings.people, cloud.settings.gateways
     limits = cloud.settings.limits
@@ -167,7 +171,9 @@ def _gateways_context(folder: Path) -> ssl.SSLContext:
 
 async def _serve(cloud: AppState) -> None:
     people = cloud.settings.people
-    outer = None if people.identity is None else Certificate("people.identity", people.identity)
+    outer = (
+        None if people.identity is None else ServerCertificate("people.identity", people.identity)
+    )
     listeners = _listeners(cloud, outer)
     stopping = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -179,15 +185,9 @@ async def _serve(cloud: AppState) -> None:
             group.create_task(listener.serve(), name=name)
         listening = None
         if not isinstance(cloud.store.place, Path):
-            listening = group.create_task(relay(cloud, cloud.store.place), name="relay")
-        group.create_task(watch(cloud, certificates, stopping), name="watch")
-        group.create_task(hear(cloud, stopping), name="erasures")
-        group.create_task(look_for_missing(cloud, stopping), name="missing")
-        group.create_task(retain(cloud, stopping), name="retention")
-        group.create_task(keep_rollup(cloud, stopping), name="pyramid")
-        group.create_task(trim_heap(cloud, stopping), name="memory")
-        group.create_task(keep_compacted(cloud, stopping), name="packing")
-        group.create_task(keep_whole(cloud, stopping), name="wholeness")
+            listening = group.create_task(listen(cloud, cloud.store.place, stopping))
+        for job in _jobs(cloud, certificates, stopping):
+            group.create_task(job)
         for listener in listeners:
             await listener.ready.wait()
         freeze_gc()
@@ -204,6 +204,26 @@ async def _serve(cloud: AppState) -> None:
             listening.cancel()
         for listener in listeners:
             listener.should_exit = True
+
+
+def _jobs(
+    cloud: AppState, certificates: list[ServerCertificate], stopping: asyncio.Event
+) -> list[Coroutine[Any, Any, None]]:
+    """What runs in the background beside the listeners."""
+    end_stuck = partial(asyncio.to_thread, end_stuck_writer, cloud.store)
+    return [
+        run_periodically("stuck writer", end_stuck, cloud=cloud, stopping=stopping, every_s=1.0),
+        watch_silence(cloud, stopping),
+        announce_viewed_nodes(cloud, stopping),
+        renew_certificates(cloud, certificates, stopping),
+        apply_erasures(cloud, stopping),
+        find_missing_messages(cloud, stopping),
+        apply_retention(cloud, stopping),
+        build_rollup(cloud, stopping),
+        trim_heap(cloud, stopping),
+        compact(cloud, stopping),
+        check_integrity(cloud, stopping),
+    ]
 
 
 @contextmanager

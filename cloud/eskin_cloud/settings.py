@@ -246,7 +246,7 @@ class RetentionSection(Section):
         default=0.0,
         ge=0,
         le=36_500,
-        description="days that a channel that tells of a person is kept; 0: as long as others",
+        description="days that a biometric channel is kept; 0: as long as others",
     )
     channels: dict[str, float] = Field(
         default={},

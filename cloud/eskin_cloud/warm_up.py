@@ -1,4 +1,4 @@
-"""Loading what compiled code ingest, pyramid and packing use, before anybody waits for it."""
+"""Load the compiled code of ingest, pyramid and compaction before the first request."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ def warm_up() -> None:
     Pack.read(pack([Kept(data, 1, 0)])).blocks()
     _warm_up_compression(block)
     if (took := time.monotonic() - begun) > _SLOW_S:
-        log.info("compiled what is used again and again: seconds=%.1f", took)
+        log.info("kernels compiled: seconds=%.1f", took)
 
 
 def _warm_up_compression(block: Block) -> None:

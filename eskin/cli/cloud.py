@@ -104,19 +104,19 @@ def token(
 def tokens(context: typer.Context, config: Config = None) -> None:
     """List all tokens: whose they are, what they allow, whether they are good."""
     from eskin_cloud.access import list_tokens
-    from eskin_cloud.schemas.shapes import token_shape
+    from eskin_cloud.schemas.access import TokenDocument
     from eskin_cloud.store import Store
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
-        rows = [token_shape(row, now=store.clock()) for row in list_tokens(connection)]
+        rows = [TokenDocument.of(row, now=store.clock()) for row in list_tokens(connection)]
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for heading in ("id", "name", "scopes", "state", "expires"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        expires = (row["expires"] or "never").partition(".")[0]
-        add_row(table, row["id"], row["name"], " ".join(row["scopes"]), row["state"], expires)
+        expires = (row.expires or "never").partition(".")[0]
+        add_row(table, row.id, row.name, " ".join(row.scopes), row.state, expires)
     show(table)
 
 
@@ -124,19 +124,20 @@ def tokens(context: typer.Context, config: Config = None) -> None:
 def sessions(context: typer.Context, config: Config = None) -> None:
     """List the sessions of browsers that are good: who opened them, and what they allow."""
     from eskin_cloud.access import list_sessions
-    from eskin_cloud.schemas.shapes import session_shape
+    from eskin_cloud.schemas.access import SessionDocument
     from eskin_cloud.store import Store
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
     with Store(_load(config or context.obj).store.place) as store, store.read() as connection:
-        rows = [session_shape(row) for row in list_sessions(connection, now=store.clock())]
+        found = list_sessions(connection, now=store.clock())
+        rows = [SessionDocument.model_validate(row) for row in found]
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     for heading in ("id", "name", "scopes", "expires"):
         table.add_column(heading, overflow="fold")
     for row in rows:
-        expires = row["expires"].partition(".")[0]
-        add_row(table, row["id"], row["name"], " ".join(row["scopes"]), expires)
+        expires = row.expires.partition(".")[0]
+        add_row(table, row.id, row.name, " ".join(row.scopes), expires)
     show(table)
 
 

@@ -72,7 +72,7 @@ def redeem_login_code(
         here = login_codes.c.digest == digest(code)
         row = connection.execute(select(login_codes).where(here)).mappings().one_or_none()
         row = require_sound_row(connection, login_codes, row)
-        # Taken by whoever deletes it: two that come at once cannot both have it.
+        # The request that deletes it has it: of two at once, one gets a session.
         if row is None or connection.execute(delete(login_codes).where(here)).rowcount != 1:
             return None
         if row["expires"] <= now:
@@ -99,7 +99,7 @@ def open_session(store: Store, token: str, *, lifetime: int, address: str) -> Fu
 
 
 def find_session(store: Store, secret: str) -> Principal | None:
-    """Who holds a session; ``None`` if it is none, or its token is good no more.
+    """A session's principal; ``None`` if it is unknown, or its token is not valid.
 
     Raises:
         StoreError: The store cannot be read.
@@ -185,7 +185,7 @@ def revoke_session(store: Store, number: str, *, actor: Actor | None = None) -> 
 
 
 def refuse_session(store: Store, *, address: str) -> Future[None]:
-    """Keep that somebody was not let in.
+    """Audit a refused sign-in.
 
     Raises:
         StoreError: Too many writes wait.

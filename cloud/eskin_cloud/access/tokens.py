@@ -58,7 +58,7 @@ class Actor:
 def digest(secret: str) -> str:
     """The name under which a secret is kept.
 
-    Secrets are 256 random bits, so that a plain hash serves: nobody can guess them, and comparing
+    Secrets are 256 random bits, so that a plain hash serves: they cannot be guessed, and comparing
     hashes tells nothing of them by its time.
     """
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
@@ -87,7 +87,7 @@ def create_token(
         actor: Who makes it; ``None``: the command line.
 
     Returns:
-        The token, which is told only here.
+        The token, which is returned only here.
 
     Raises:
         StoreError: It cannot be written.

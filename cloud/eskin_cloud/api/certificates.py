@@ -9,10 +9,10 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.node_certificates import judge_chains, read_chains
-from eskin_cloud.schemas.documents import CBOR_BODY
 from eskin_cloud.store.write.node_sites import keep_sites
 
 router = APIRouter(tags=["ingest"])
@@ -38,7 +38,10 @@ class CertificatesDocument(BaseModel):
     openapi_extra=CBOR_BODY,
 )
 async def post_certificates(cloud: CloudState, request: Request) -> Response:
-    """Present nodes' chains: CBOR array of ``[leaf, issuer]`` (DER). The answer is durable."""
+    """Present nodes' certificate chains.
+
+    The body is a CBOR array of ``[leaf, issuer]`` (DER). The answer comes after the commit.
+    """
     async with received(cloud, request) as posted:
         gateway, site = posted.gateway.name, posted.gateway.site
         chains = await asyncio.to_thread(read_chains, posted.body)

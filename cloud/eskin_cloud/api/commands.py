@@ -17,10 +17,10 @@ from eskin.wire.messages.command_schema import RANGES, check_arguments
 from eskin.wire.timestamp import SECOND
 from eskin.wire.topics import Stream, node_topic
 from eskin_cloud.api.dependencies import CloudState, Operator, Reader
-from eskin_cloud.api.responses import as_json
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.commands.issue import Order, issue
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, CommandDocument, NoQuery, StateDocument
-from eskin_cloud.schemas.shapes import command_shape, state_shape
+from eskin_cloud.schemas.base import NoQuery
+from eskin_cloud.schemas.commands import CommandDocument, StateDocument
 from eskin_cloud.store.read.errors import UnknownChannelError
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.write.audit_log import Action, AuditEntry, record
@@ -75,7 +75,6 @@ class CommandBody(BaseModel):
 @router.post(
     "/nodes/{node}/commands",
     status_code=202,
-    response_model=CommandDocument,
     responses=REFUSALS_OF_PLACE | documented(408, 409, 413),
 )
 async def post_command(
@@ -83,9 +82,13 @@ async def post_command(
     access: Operator,
     node: str,
     body: CommandBody,
+    response: Response,
     query: Annotated[NoQuery, Query()],
-) -> Response:
-    """Ask something of a node. The answer comes once the command is kept; see its state later."""
+) -> CommandDocument:
+    """Send a command to a node.
+
+    The answer comes once the command is stored; read the command for its result.
+    """
     del query
     name = CommandName(body.name)
     arguments = check_arguments(name, body.arguments.model_dump(exclude_none=True))
@@ -109,15 +112,12 @@ async def post_command(
 
     row = await asyncio.wrap_future(cloud.store.write(work))
     cloud.notifier.wake()
-    answer = as_json(command_shape(row, now=cloud.clock()))
-    answer.status_code = 202
-    answer.headers["Location"] = f"/api/v1/nodes/{node}/commands/{row['id']}"
-    return answer
+    response.headers["Location"] = f"/api/v1/nodes/{node}/commands/{row['id']}"
+    return CommandDocument.of(row, now=cloud.clock())
 
 
 @router.get(
     "/nodes/{node}/commands/{id}",
-    response_model=CommandDocument,
     responses=REFUSALS_OF_PLACE,
 )
 def get_command(
@@ -126,24 +126,24 @@ def get_command(
     node: str,
     number: Annotated[int, Path(alias="id", ge=1, le=MOST_COUNT)],
     query: Annotated[NoQuery, Query()],
-) -> Response:
-    """A command, and what became of it."""
+) -> CommandDocument:
+    """Read a command and its result."""
     del query
     with cloud.store.read() as connection:
         find_node(connection, node)
         row = find_command(connection, node, number)
     if row is None:
         raise UnknownChannelError("id", f"{node} was never given a command {number}")
-    return as_json(command_shape(row, now=cloud.clock()))
+    return CommandDocument.of(row, now=cloud.clock())
 
 
-@router.get("/nodes/{node}/state", response_model=StateDocument, responses=REFUSALS_OF_PLACE)
+@router.get("/nodes/{node}/state", responses=REFUSALS_OF_PLACE)
 def get_state(
     cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
-) -> Response:
-    """How a node should be set, and how it says that it is."""
+) -> StateDocument:
+    """Read a node's desired and reported settings."""
     del query
     with cloud.store.read() as connection:
         find_node(connection, node)
         row = find_state(connection, node)
-    return as_json(state_shape(node, row))
+    return StateDocument.of(node, row)

@@ -12,6 +12,7 @@ from starlette.responses import Response
 
 from eskin.errors import QueryError
 from eskin_cloud.api.dependencies import Access, CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery, opened, resumed
 from eskin_cloud.app_state import AppState
@@ -21,14 +22,13 @@ from eskin_cloud.query.comparison_totals import sum_up_stretches
 from eskin_cloud.query.cursors import write_cursor
 from eskin_cloud.query.neighbourhood import Source
 from eskin_cloud.query.predicate import Verdict
+from eskin_cloud.schemas.base import PageDocument, Place, page
 from eskin_cloud.schemas.comparison import (
-    StandingDocument,
-    StretchDocument,
-    standing_shape,
-    stretch_shape,
+    ComparisonSegmentDocument,
+    ComparisonTotalsDocument,
+    describe_comparison_segment,
+    describe_comparison_totals,
 )
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, PageDocument, Place
-from eskin_cloud.schemas.shapes import page
 from eskin_cloud.store.read.lookup import find_channel, read_place
 from eskin_cloud.store.read.window import Window, read_window
 
@@ -53,7 +53,7 @@ class StretchesQuery(ComparisonQuery):
 
 @router.get(
     "/series/{node}/{channel}/comparison",
-    response_model=PageDocument[StretchDocument],
+    response_model=PageDocument[ComparisonSegmentDocument],
     responses=REFUSALS_OF_PLACE,
 )
 def get_comparison(
@@ -63,19 +63,18 @@ def get_comparison(
     channel: str,
     query: Annotated[StretchesQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, above or below another one."""
+    """List when a channel is above or below another one."""
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query) if query.cursor is None else resumed(query.cursor)
         with _sides(cloud, access, connection, rows, window) as sides:
             found, following = _paged(_stretches(*sides, window, query), window, query.limit)
     coverage = _coverage(sides)
-    return as_json(page([stretch_shape(stretch, coverage) for stretch in found], following))
+    return as_json(page([describe_comparison_segment(each, coverage) for each in found], following))
 
 
 @router.get(
     "/series/{node}/{channel}/comparison/time",
-    response_model=StandingDocument,
     responses=REFUSALS_OF_PLACE,
 )
 def get_comparison_time(
@@ -84,14 +83,15 @@ def get_comparison_time(
     node: str,
     channel: str,
     query: Annotated[ComparisonQuery, Query()],
-) -> Response:
-    """For how long and how often the channel is above or below another one."""
+) -> ComparisonTotalsDocument:
+    """Measure how long and how often a channel is above another one."""
     with cloud.store.read() as connection:
         rows = _rows(connection, node, channel, query)
         window = _window(cloud, rows, query)
         with _sides(cloud, access, connection, rows, window) as sides:
             found = sum_up_stretches(_stretches(*sides, window, query))
-    return as_json(standing_shape(found, window, sides[0].channel["unit"], _coverage(sides)))
+    unit = sides[0].channel["unit"]
+    return describe_comparison_totals(found, window, unit, _coverage(sides))
 
 
 def _rows(
@@ -148,9 +148,9 @@ def _stretches(
 def _paged(
     stretches: Iterator[ComparisonSegment], window: Window, limit: int
 ) -> tuple[list[ComparisonSegment], str | None]:
-    told = (s for s in stretches if s.answer in {Verdict.CERTAIN, Verdict.POSSIBLE})
-    found = list(islice(told, limit))
-    following = next(told, None)
+    listed = (s for s in stretches if s.answer in {Verdict.CERTAIN, Verdict.POSSIBLE})
+    found = list(islice(listed, limit))
+    following = next(listed, None)
     return found, None if following is None else write_cursor(following.start, window.end)
 
 

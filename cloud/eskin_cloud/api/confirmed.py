@@ -1,4 +1,4 @@
-"""What gateways were told is stored: whether it still is, after a store was restored."""
+"""Confirmed messages: whether the store still has them, after it was restored."""
 
 import asyncio
 import logging
@@ -10,10 +10,11 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.ingest.confirmed import read_confirmed
-from eskin_cloud.schemas.documents import CBOR_BODY, ConfirmedDocument
+from eskin_cloud.schemas.ingest import ConfirmedDocument
 from eskin_cloud.store.write.missing_messages import find_tails, note_ends
 from eskin_cloud.store.write.node_sites import sites_of
 from eskin_cloud.store.write.presence import note_absent
@@ -30,10 +31,10 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_confirmed(cloud: CloudState, request: Request) -> Response:
-    """Compare: CBOR array of ``[node, boot, last]``; answered is what this store does not have.
+    """Compare confirmed messages with the store; answers what it lacks.
 
-    Of nodes that it does not know, it answers their names: present their certificates, and ask
-    again.
+    The body is a CBOR array of ``[node, boot, last]``. For nodes that are unknown here, the
+    answer holds their names: present their certificates, and repeat the request.
     """
     async with received(cloud, request) as posted:
         confirmed = await asyncio.to_thread(read_confirmed, posted.body)
@@ -58,7 +59,7 @@ async def post_confirmed(cloud: CloudState, request: Request) -> Response:
 
         if missing:
             log.error(
-                "store lacks what a gateway was told is stored: gateway=%s ranges=%d messages=%d",
+                "confirmed messages missing: gateway=%s ranges=%d messages=%d",
                 posted.gateway.name,
                 len(missing),
                 sum(last - first + 1 for _, _, first, last in missing),

@@ -1,5 +1,6 @@
-"""The dashboard's files, for whoever signed in."""
+"""The dashboard's files and the interactive page of the API, for readers who signed in."""
 
+from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -14,6 +15,8 @@ from eskin_cloud.api.dependencies import CloudState, MaybePrincipal
 router = APIRouter(include_in_schema=False)
 
 _IMMUTABLE: Final = "public, max-age=31536000, immutable"
+_DOCS_PAGE: Final = Path(str(files("eskin_cloud.api"))) / "docs_page"
+_SWAGGER_UI: Final = Path(str(files("fastapi_offline"))) / "static"
 _NOT_BUILT: Final = b"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1"><title>eskin</title>
@@ -26,18 +29,20 @@ The REST interface under <code>/api/v1</code> works without it.</p></main></body
 
 
 @router.get("/{path:path}")
-def get_file(cloud: CloudState, visitor: MaybePrincipal, path: str) -> Response:
-    """A file of the dashboard; strangers are sent to the login page."""
+def get_file(cloud: CloudState, caller: MaybePrincipal, path: str) -> Response:
+    """A file of the dashboard or of ``/docs``; browsers without a session go to the login page."""
     is_page = not path.startswith("api/")
-    if visitor is None:
+    if caller is None:
         if is_page:
             return RedirectResponse("/login", 303, headers={"Cache-Control": "no-store"})
         raise ProblemError(401, "a token is missing; send Authorization: Bearer TOKEN, or sign in")
-    if access.Scope.READ not in visitor.holder.scopes:
-        raise ProblemError(403, "this session lacks the scope read; ask for one that has it")
+    if access.Scope.READ not in caller.holder.scopes:
+        raise ProblemError(
+            403, "this session lacks the scope read; ask for one that has it", kind="missing-scope"
+        )
     if not path and not (cloud.dashboard / "index.html").is_file():
         return Response(_NOT_BUILT, 503, media_type="text/html")
-    file = _find(cloud.dashboard, path or "index.html") if is_page else None
+    file = _find_page(cloud.dashboard, path) if is_page else None
     if file is None:
         raise ProblemError(404, f"there is nothing at /{path}; /openapi.json lists what there is")
     caching = _IMMUTABLE if path.startswith("assets/") else "no-cache"
@@ -53,8 +58,17 @@ class _WholeFile(FileResponse):
         await super().__call__({**scope, "headers": headers}, receive, send)
 
 
+def _find_page(dashboard: Path, path: str) -> Path | None:
+    if path == "docs":
+        return _DOCS_PAGE / "index.html"
+    if path.startswith("docs/"):
+        name = path.removeprefix("docs/")
+        return _find(_DOCS_PAGE, name) or _find(_SWAGGER_UI, name)
+    return _find(dashboard, path or "index.html")
+
+
 def _find(folder: Path, path: str) -> Path | None:
-    """A file inside the folder, whatever the path tries."""
+    """A file inside the folder; ``None`` where the path leads out of it."""
     try:
         file = (folder / path).resolve()
         return file if file.is_relative_to(folder.resolve()) and file.is_file() else None

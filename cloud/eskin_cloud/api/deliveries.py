@@ -11,6 +11,7 @@ from starlette.responses import Response
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import MEDIA_TYPE, Received, received
 from eskin_cloud.app_state import AppState
 from eskin_cloud.commands.command_queue import (
@@ -20,13 +21,12 @@ from eskin_cloud.commands.command_queue import (
     find_unmarked,
     mark_delivered,
 )
-from eskin_cloud.schemas.documents import CBOR_BODY
 from eskin_cloud.store.write.gateways import hear
 
 router = APIRouter(tags=["ingest"])
 
 _LOOK_S: Final = 5.0
-"""Time passes, too: commands expire without anybody's word."""
+"""Commands also expire without a notification."""
 
 
 class CborResponse(Response):
@@ -42,7 +42,7 @@ class CborResponse(Response):
     openapi_extra=CBOR_BODY,
 )
 async def post_deliveries(cloud: CloudState, request: Request) -> Response:
-    """Commands that a gateway does not hold yet, and those that it should deliver no more."""
+    """Exchange commands: those to deliver, and those to drop."""
     async with received(cloud, request) as posted:
         holding = Holding.read(posted.body)
     await _mark(cloud, posted, holding)

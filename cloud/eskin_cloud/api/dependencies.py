@@ -1,9 +1,9 @@
-"""What routes ask for: the shared state, and proof of who asks.
+"""Dependencies of routes: the shared state, and the caller's identity.
 
 What does not wait for the store is asynchronous, so that no thread is woken for it.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Annotated, Final
@@ -11,12 +11,14 @@ from urllib.parse import urlsplit
 
 from fastapi import Depends, Request
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
+from sqlalchemy import Connection
 
 from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import CALLER
 from eskin_cloud.access import Actor, Principal, Scope, find_session, find_token
 from eskin_cloud.api.middleware.answer import recheck
 from eskin_cloud.app_state import AppState
+from eskin_cloud.query.listing import sealed_nodes
 
 _COOKIE: Final = "eskin_session"
 _LONGEST_SECRET: Final = 512
@@ -33,12 +35,12 @@ _documented_cookie = APIKeyCookie(
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Who asks.
+    """The caller.
 
     Attributes:
-        holder: Who, and what they may do.
+        holder: The caller's name and scopes.
         address: From where.
-        lasts: Whether they still may; asked again by what goes on for long.
+        lasts: Whether the caller still may; long answers ask again.
         opened: Sites and subjects whose sealed messages were opened for this request.
     """
 
@@ -48,13 +50,22 @@ class Access:
     opened: set[tuple[str, str]] = field(default_factory=set)
 
     def require(self) -> None:
-        """Judge again.
+        """Check again.
 
         Raises:
-            ProblemError: The token or session is good no more.
+            ProblemError: The token or session is no longer valid.
         """
         if not self.lasts():
-            raise ProblemError(401, "the token was revoked while it was used")
+            raise ProblemError(401, "the token was revoked while it was used", kind="revoked-token")
+
+    def uncounted(self, connection: Connection, names: Sequence[str] | None = None) -> set[str]:
+        """Those of these nodes, or of all, whose messages the caller must not be able to count.
+
+        They have a biometric channel, and the caller lacks its scope: a peak is a heartbeat.
+        """
+        if Scope.BIOMETRIC in self.holder.scopes:
+            return set()
+        return sealed_nodes(connection, names)
 
     @property
     def actor(self) -> Actor:
@@ -63,7 +74,7 @@ class Access:
 
 
 def address_of(request: Request) -> str:
-    """From where somebody asks; empty where the server does not know."""
+    """The caller's address; empty where the server does not know it."""
     return "" if request.client is None else request.client.host.removeprefix("::ffff:")
 
 
@@ -102,7 +113,7 @@ def find_access(
     bearer: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     session: SessionCookie,
 ) -> Access | None:
-    """Who asks, by bearer token or else by session; ``None`` if it is nobody."""
+    """The caller, by bearer token or else by session; ``None`` without either."""
 
     def holder() -> Principal | None:
         if bearer is not None:
@@ -137,33 +148,33 @@ def _require_unerased(cloud: AppState, opened: set[tuple[str, str]]) -> None:
 MaybePrincipal = Annotated[Access | None, Depends(find_access)]
 
 
-async def require_read(visitor: MaybePrincipal) -> Access:
-    """Whoever may read.
+async def require_read(caller: MaybePrincipal) -> Access:
+    """Require a caller who may read.
 
     Raises:
         ProblemError: 401 without proof, 403 without the scope.
     """
-    return _require(visitor, Scope.READ)
+    return _require(caller, Scope.READ)
 
 
-async def require_operate(request: Request, visitor: MaybePrincipal) -> Access:
-    """Whoever may command nodes; browsers only from our own pages.
-
-    Raises:
-        ProblemError: 401 without proof, 403 without the scope, or from another site.
-    """
-    require_same_site(request)
-    return _require(visitor, Scope.OPERATE)
-
-
-async def require_admin(request: Request, visitor: MaybePrincipal) -> Access:
-    """Whoever may say who may do what; browsers only from our own pages.
+async def require_operate(request: Request, caller: MaybePrincipal) -> Access:
+    """Require a caller who may command nodes; browsers only from our own pages.
 
     Raises:
         ProblemError: 401 without proof, 403 without the scope, or from another site.
     """
     require_same_site(request)
-    return _require(visitor, Scope.ADMIN)
+    return _require(caller, Scope.OPERATE)
+
+
+async def require_admin(request: Request, caller: MaybePrincipal) -> Access:
+    """Require a caller who may administer access; browsers only from our own pages.
+
+    Raises:
+        ProblemError: 401 without proof, 403 without the scope, or from another site.
+    """
+    require_same_site(request)
+    return _require(caller, Scope.ADMIN)
 
 
 def require_same_site(request: Request) -> None:
@@ -180,7 +191,11 @@ def require_same_site(request: Request) -> None:
     else:
         own = origin is None or _host_of(origin) == request.headers.get("host", "")
     if not own:
-        raise ProblemError(403, "another site had this sent; do it on this page, or with a token")
+        raise ProblemError(
+            403,
+            "another site had this sent; do it on this page, or with a token",
+            kind="cross-site-request",
+        )
 
 
 def _host_of(origin: str) -> str | None:
@@ -190,23 +205,27 @@ def _host_of(origin: str) -> str | None:
         return None
 
 
-def _require(visitor: Access | None, scope: Scope) -> Access:
-    if visitor is None:
+def _require(caller: Access | None, scope: Scope) -> Access:
+    if caller is None:
         raise ProblemError(
-            401, "a token is missing or no more good; send Authorization: Bearer TOKEN, or sign in"
+            401, "missing or expired token; send Authorization: Bearer TOKEN, or sign in"
         )
-    if scope not in visitor.holder.scopes:
-        raise ProblemError(403, f"this token lacks the scope {scope}; ask for one that has it")
-    return visitor
+    if scope not in caller.holder.scopes:
+        raise ProblemError(
+            403,
+            f"this token lacks the scope {scope}; ask for one that has it",
+            kind="missing-scope",
+        )
+    return caller
 
 
-async def require_biometric(visitor: MaybePrincipal) -> Access:
-    """Whoever may read what tells of a person.
+async def require_biometric(caller: MaybePrincipal) -> Access:
+    """Require a caller who may read biometric channels.
 
     Raises:
         ProblemError: 401 without proof, 403 without the scope.
     """
-    return _require(_require(visitor, Scope.READ), Scope.BIOMETRIC)
+    return _require(_require(caller, Scope.READ), Scope.BIOMETRIC)
 
 
 BiometricReader = Annotated[Access, Depends(require_biometric)]

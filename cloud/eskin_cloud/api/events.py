@@ -8,11 +8,12 @@ from starlette.responses import Response
 
 from eskin.privacy import is_biometric
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.privacy.peaks import find_peaks
 from eskin_cloud.query.events import EventQuestion, find_events
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, EventDocument, PageDocument, Time
-from eskin_cloud.schemas.shapes import event_shape, page
+from eskin_cloud.schemas.base import TIME, PageDocument, Time, page
+from eskin_cloud.schemas.events import EventDocument, describe_event
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.read.window import read_moment, require_order
 
@@ -41,7 +42,7 @@ class EventsQuery(BaseModel):
 def get_events(
     cloud: CloudState, access: Reader, query: Annotated[EventsQuery, Query()]
 ) -> Response:
-    """Events that overlap ``[start, end)``."""
+    """List events that overlap a window."""
     scopes = access.holder.scopes
     if query.channel is not None and is_biometric(query.channel):
         cloud.key_access.require(scopes)
@@ -70,5 +71,5 @@ def get_events(
             find_node(connection, query.node)
         peaks = [] if reader is None else find_peaks(connection, reader, question)
         rows, following = find_events(connection, question, peaks)
-    answer = [event_shape(row, ids) for row in rows]
+    answer = [describe_event(row, ids) for row in rows]
     return as_json(page(answer, None if following is None else ids.write(*following)))

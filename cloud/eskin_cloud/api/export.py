@@ -15,12 +15,12 @@ from eskin.privacy import is_biometric
 from eskin.runtime.http_server.problems import ProblemError, documented
 from eskin_cloud.api.dependencies import Access, CloudState, Reader
 from eskin_cloud.api.export_formats import WRITERS, write
-from eskin_cloud.api.negotiation import choose
-from eskin_cloud.api.sealed_counts import uncounted
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
+from eskin_cloud.api.responses import choose
 from eskin_cloud.app_state import AppState
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.export import Export, Mark, Source
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, Place, Time
+from eskin_cloud.schemas.base import TIME, Place, Time
 from eskin_cloud.store.read.lookup import find_channel, read_place
 from eskin_cloud.store.read.window import Window, make_window, read_moment
 
@@ -70,7 +70,7 @@ def get_export(
     query: Annotated[ExportQuery, Query()],
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
-    """All samples of channels in a window, as CSV, Arrow or Parquet, in constant memory."""
+    """Export all samples of channels as CSV, Arrow or Parquet."""
     media = choose(accept, tuple(WRITERS))
     if media is None:
         raise ProblemError(406, f"{accept!r} is not offered; accept one of {', '.join(WRITERS)}")
@@ -99,8 +99,7 @@ def stream_file(
     """The file's pieces, for as long as the reader may read."""
     with opened:
         for piece in write(media, export.read(until), export.window):
-            if not access.lasts():
-                raise ProblemError(401, "the token was revoked while it was used")
+            access.require()
             yield piece
 
 
@@ -123,10 +122,10 @@ def _source(
     window: Window,
     stack: ExitStack,
 ) -> Source:
-    """Where a channel is read: what tells of a person is opened in memory, for the whole export."""
+    """Where a channel is read: a biometric one is decrypted in memory for the export."""
     if not is_biometric(row["channel"]):
         node = row["node"]
-        if not uncounted(connection, access, [node]):
+        if not access.uncounted(connection, [node]):
             return Source(row, cloud.store.read)
         ids = cloud.feed.ids
         return Source(row, cloud.store.read, lambda p: ids.number(node, p.boot, p.sequence))

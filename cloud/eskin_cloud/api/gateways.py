@@ -1,25 +1,31 @@
-"""Gateways: whether they are heard, what waits in them, and how late they bring it."""
+"""Gateways: their health, spool and delay."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel
-from starlette.responses import Response
 
-from eskin.wire.timestamp import SECOND, format_timestamp
+from eskin.wire.timestamp import SECOND
 from eskin_cloud.api.dependencies import CloudState, Reader
-from eskin_cloud.api.responses import as_json
-from eskin_cloud.api.sealed_counts import uncounted
+from eskin_cloud.api.problems import REFUSALS
 from eskin_cloud.app_state import AppState
-from eskin_cloud.schemas.documents import REFUSALS, LagDocument, Moment, NoQuery, PageDocument
-from eskin_cloud.schemas.shapes import Json, Row, health_shape, lag_shape, page, whole_minute
+from eskin_cloud.schemas.base import (
+    LagDocument,
+    Moment,
+    NoQuery,
+    PageDocument,
+    Row,
+    lag,
+    whole_minute,
+)
+from eskin_cloud.schemas.nodes import Health, judge_health
 from eskin_cloud.store.write.gateways import list_gateways
 
 router = APIRouter(tags=["nodes"])
 
 
 class SpoolDocument(BaseModel):
-    """What waited in a gateway's spool when it told so; ``oldest_ns`` is for how long already."""
+    """What waited in a gateway's spool at its last report, and for how long (``oldest_ns``)."""
 
     told: Moment
     messages: int
@@ -30,11 +36,11 @@ class SpoolDocument(BaseModel):
 
 
 class GatewayDocument(BaseModel):
-    """A gateway; what it does not tell is null."""
+    """A gateway; what it does not report is null."""
 
     id: str
     site: str
-    health: Literal["online", "late", "offline"]
+    health: Health
     first_heard: Moment
     last_heard: Moment
     nodes: int | None
@@ -46,57 +52,46 @@ class GatewayDocument(BaseModel):
     lag: LagDocument | None
 
 
-@router.get("/gateways", response_model=PageDocument[GatewayDocument], responses=REFUSALS)
-def get_gateways(cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]) -> Response:
-    """All gateways that ever proved who they are, by name.
+@router.get("/gateways", responses=REFUSALS)
+def get_gateways(
+    cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]
+) -> PageDocument[GatewayDocument]:
+    """List the gateways, by name.
 
     Without the scope `biometric`, figures that count what is sealed are null, where any is.
     """
     del query
     with cloud.store.read() as connection:
         rows = list_gateways(connection)
-        counted = not uncounted(connection, access)
-    items = [_shape(cloud, row) for row in rows]
-    if not counted:
-        items = [_coarse(item, row) for item, row in zip(items, rows, strict=True)]
-    return as_json(page(items, None))
+        counted = not access.uncounted(connection)
+    return PageDocument(items=[_gateway(cloud, row, counted=counted) for row in rows], next=None)
 
 
-def _coarse(item: Json, row: Row) -> Json:
-    counts = dict.fromkeys(("spool", "stored", "duplicate", "rejected", "latest", "lag"))
-    return item | counts | {"last_heard": format_timestamp(whole_minute(row["last_heard"]))}
+def _gateway(cloud: AppState, row: Row, *, counted: bool) -> GatewayDocument:
+    given = dict(row) | {"id": row["gateway"], "health": _health(cloud, row)}
+    if counted:
+        return GatewayDocument.model_validate(given | {"spool": _spool(row), "lag": lag(row)})
+    hidden = dict.fromkeys(("spool", "stored", "duplicate", "rejected", "latest", "lag"))
+    heard = {"last_heard": whole_minute(row["last_heard"])}
+    return GatewayDocument.model_validate(given | hidden | heard)
 
 
-def _shape(cloud: AppState, row: Row) -> Json:
-    spool = None
-    if row["told"] is not None:
-        spool = {
-            "told": format_timestamp(row["told"]),
-            "messages": row["messages"],
-            "bytes": row["used"],
-            "capacity_bytes": row["capacity"],
-            "oldest_ns": row["oldest"],
-            "dead_letters": row["dead_letters"],
-        }
-    return {
-        "id": row["gateway"],
-        "site": row["site"],
-        "health": _health(cloud, row),
-        "first_heard": format_timestamp(row["first_heard"]),
-        "last_heard": format_timestamp(row["last_heard"]),
-        "nodes": row["nodes"],
-        "spool": spool,
-        "stored": row["stored"],
-        "duplicate": row["duplicate"],
-        "rejected": row["rejected"],
-        "latest": None if row["latest"] is None else format_timestamp(row["latest"]),
-        "lag": lag_shape(row),
-    }
+def _spool(row: Row) -> SpoolDocument | None:
+    if row["told"] is None:
+        return None
+    return SpoolDocument(
+        told=row["told"],
+        messages=row["messages"],
+        bytes=row["used"],
+        capacity_bytes=row["capacity"],
+        oldest_ns=row["oldest"],
+        dead_letters=row["dead_letters"],
+    )
 
 
-def _health(cloud: AppState, row: Row) -> str:
-    """As nodes are judged; but while it waits for an answer, its silence is as it should be."""
+def _health(cloud: AppState, row: Row) -> Health:
+    """As of a node; but a gateway that waits for an answer is silent as it should be."""
     now = cloud.clock()
     silence = (now - max(row["last_heard"], row["due"])) / SECOND
     ahead = (row["last_heard"] - now) / SECOND
-    return health_shape(cloud.settings.nodes, silence, ahead=ahead)
+    return judge_health(cloud.settings.nodes, silence, ahead=ahead)

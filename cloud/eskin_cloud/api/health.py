@@ -1,4 +1,4 @@
-"""Health and figures, for machines that watch."""
+"""Health and metrics, for monitoring."""
 
 from typing import Literal
 
@@ -21,20 +21,20 @@ class HealthDocument(BaseModel):
 
 @router.get("/healthz")
 async def get_health() -> HealthDocument:
-    """Whether the process answers."""
+    """Check that the process answers."""
     return HealthDocument()
 
 
 @router.get("/readyz", responses=documented(503))
 def get_readiness(cloud: CloudState) -> HealthDocument:
-    """Whether the store can be read and written, and has the right schema."""
+    """Check that the store can be read and written."""
     cloud.store.check()
     return HealthDocument()
 
 
 @router.get("/metrics", include_in_schema=False)
 def get_metrics(cloud: CloudState, request: Request) -> Response:
-    """Figures for Prometheus, on this machine only."""
+    """Metrics for Prometheus, on this machine only."""
     if not is_loopback(address_of(request)):
-        raise ProblemError(403, "figures are told on loopback only")
+        raise ProblemError(403, "metrics are served on loopback only")
     return Response(cloud.metrics.write(), media_type="text/plain; version=0.0.4")

@@ -1,4 +1,4 @@
-"""Ingest: gateways bring what nodes said."""
+"""Ingest: gateways send nodes' messages."""
 
 import asyncio
 import logging
@@ -15,11 +15,12 @@ from eskin.privacy import SealedMessage
 from eskin.runtime.http_server.problems import documented
 from eskin.wire.messages import Result
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import Received, apart, received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
 from eskin_cloud.ingest.batch import read_batch
-from eskin_cloud.schemas.documents import CBOR_BODY, IngestDocument
+from eskin_cloud.schemas.ingest import IngestDocument
 from eskin_cloud.store.write.gateways import hear
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE, IngestResult, ingest
 from eskin_cloud.store.write.ingest_individually import ingest_individually
@@ -37,7 +38,10 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_ingest(cloud: CloudState, request: Request) -> Response:
-    """Store a batch: CBOR array of ``[node, plaintext]``. The answer comes after the commit."""
+    """Store a batch of nodes' messages.
+
+    The body is a CBOR array of ``[node, plaintext]``. The answer comes after the commit.
+    """
     async with received(cloud, request) as posted:
         body = posted.body
         begun = time.perf_counter()
@@ -62,7 +66,7 @@ async def post_ingest(cloud: CloudState, request: Request) -> Response:
             reasons[-1],
             extra={"source": posted.gateway.name},
         )
-    cloud.metrics.buried.inc(outcome.buried)
+    cloud.metrics.dead_letters_dropped.inc(outcome.buried)
     cloud.metrics.conflicts.inc(outcome.conflicts)
     results = [{"result": result.result, "reason": result.reason} for result in outcome.results]
     own = (

@@ -14,10 +14,10 @@ from eskin.runtime.http_server.problems import ProblemError
 from eskin.runtime.http_server.protocol import PROMPT
 from eskin_cloud.access import Scope as AccessScope
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.app_state import AppState
 from eskin_cloud.live.stream import stream
 from eskin_cloud.live.subscription import Subscription
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE
 from eskin_cloud.store.read.lookup import find_node, read_place
 
 router = APIRouter(tags=["live"])
@@ -46,12 +46,12 @@ class LiveQuery(BaseModel):
 
 
 class EventStream(StreamingResponse):
-    """Server-sent events: what is said of now, and is told late, had better be said anew."""
+    """Server-sent events, sent with as little buffering as possible."""
 
     media_type = _MEDIA_TYPE
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Answer, with as little as can be between who tells and who reads."""
+        """Answer without delaying buffers of the connection."""
         if prompt := scope.get("extensions", {}).get(PROMPT):
             prompt["begin"]()
         await super().__call__(scope, receive, send)
@@ -73,7 +73,10 @@ async def get_live(
         str | None, Header(max_length=100, description="where to go on: the last `id`")
     ] = None,
 ) -> Response:
-    """What is stored, as it comes; resumes after ``Last-Event-ID`` without holes."""
+    """Stream what is stored, as it arrives.
+
+    Resumes after ``Last-Event-ID`` without gaps.
+    """
     feed, live = cloud.feed, cloud.settings.live
     cursor = _cursor(cloud, last_event_id)
     selection = Subscription(
@@ -87,7 +90,7 @@ async def get_live(
         cloud.key_access.require(reader.holder.scopes)
     if feed.subscribers >= live.subscribers:
         raise ProblemError(503, f"{feed.subscribers} streams are open already; try again later")
-    told = stream(
+    events = stream(
         feed,
         selection,
         viewers=cloud.viewers,
@@ -97,7 +100,7 @@ async def get_live(
         reveal=cloud.key_access.reveal(reader.holder.scopes),
         sealed=AccessScope.BIOMETRIC in reader.holder.scopes,
     )
-    return EventStream(told, headers={"X-Accel-Buffering": "no"})
+    return EventStream(events, headers={"X-Accel-Buffering": "no"})
 
 
 def _require_known(cloud: AppState, selection: Subscription) -> None:

@@ -55,7 +55,7 @@ async def post_login(cloud: CloudState, request: Request) -> Response:
         open_session, cloud.store, token, lifetime=_lifetime(cloud), address=address
     )
     if opened is None:
-        said = "This token is none of ours, or no more good."
+        said = "This token is unknown, expired or revoked."
         return await _refused(cloud, address, said)
     return _signed_in(cloud, await asyncio.wrap_future(opened))
 
@@ -105,7 +105,7 @@ async def _read_token(request: Request) -> str:
 
 
 async def _refused(cloud: AppState, address: str, said: str) -> Response:
-    """Say no, and keep that it was said, as long as nobody makes a flood of it."""
+    """Refuse a sign-in, and audit it up to a rate."""
     if await cloud.sign_ins.take(address):
         await asyncio.wrap_future(refuse_session(cloud.store, address=address))
     return _page(said, 401)

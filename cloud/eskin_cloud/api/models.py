@@ -4,13 +4,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
-from starlette.responses import Response
 
 from eskin_cloud.api.dependencies import Reader
-from eskin_cloud.api.responses import as_json
-from eskin_cloud.query.models import MODELS, Model
-from eskin_cloud.schemas.documents import REFUSALS, IntervalDocument, NoQuery, PageDocument
-from eskin_cloud.schemas.shapes import Json, page
+from eskin_cloud.api.problems import REFUSALS
+from eskin_cloud.query.models import MODELS
+from eskin_cloud.schemas.base import IntervalDocument, NoQuery, PageDocument, interval
 
 router = APIRouter(tags=["series"])
 
@@ -33,28 +31,27 @@ class ModelDocument(BaseModel):
     parameters: list[ParameterDocument]
 
 
-@router.get("/models", response_model=PageDocument[ModelDocument], responses=REFUSALS)
-def get_models(_: Reader, query: Annotated[NoQuery, Query()]) -> Response:
-    """All quantities of models that may be asked for."""
+@router.get("/models", responses=REFUSALS)
+def get_models(_: Reader, query: Annotated[NoQuery, Query()]) -> PageDocument[ModelDocument]:
+    """List the models' quantities and their parameters."""
     del query
-    return as_json(page([_shape(name, model) for name, model in MODELS.items()], None))
-
-
-def _shape(name: str, model: Model) -> Json:
-    parameters = [
-        {
-            "name": each.name,
-            "unit": each.unit,
-            "required": each.required,
-            "usual": None
-            if each.usual is None
-            else dict(zip(("lo", "hi"), each.usual, strict=True)),
-        }
-        for each in model.parameters
-    ]
-    return {
-        "id": name,
-        "unit": model.unit,
-        "description": model.description,
-        "parameters": parameters,
-    }
+    return PageDocument(
+        items=[
+            ModelDocument(
+                id=name,
+                unit=model.unit,
+                description=model.description,
+                parameters=[
+                    ParameterDocument(
+                        name=each.name,
+                        unit=each.unit,
+                        required=each.required,
+                        usual=interval(*each.usual or (None, None)),
+                    )
+                    for each in model.parameters
+                ],
+            )
+            for name, model in MODELS.items()
+        ],
+        next=None,
+    )

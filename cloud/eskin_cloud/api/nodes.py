@@ -1,7 +1,7 @@
 """Nodes and their channels."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel, ConfigDict, Field
@@ -10,20 +10,20 @@ from starlette.responses import Response
 
 from eskin.wire.timestamp import SECOND
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
-from eskin_cloud.api.sealed_counts import uncounted
 from eskin_cloud.app_state import AppState
 from eskin_cloud.query.listing import count_channels, list_channels, list_nodes, list_removed
-from eskin_cloud.schemas.documents import (
-    REFUSALS,
-    REFUSALS_OF_PLACE,
+from eskin_cloud.schemas.base import NoQuery, PageDocument, page
+from eskin_cloud.schemas.nodes import (
     ChannelDocument,
     NodeDocument,
-    NoQuery,
-    PageDocument,
     TaxelDocument,
+    describe_channel,
+    describe_node,
+    describe_taxels,
+    judge_health,
 )
-from eskin_cloud.schemas.shapes import channel_shape, health_shape, node_shape, page, taxel_shapes
 from eskin_cloud.store.read.lookup import find_node
 from eskin_cloud.store.write.missing_messages import MissingSpan, list_missing
 
@@ -40,12 +40,12 @@ class ListQuery(BaseModel):
 
 @router.get("/nodes", response_model=PageDocument[NodeDocument], responses=REFUSALS)
 def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Query()]) -> Response:
-    """All nodes, by name."""
+    """List the nodes, by name."""
     with cloud.store.read() as connection:
         rows, following = list_nodes(connection, query.cursor)
         names = [row["node"] for row in rows]
         counts, holes = count_channels(connection, names), list_missing(connection, names)
-        sealed = uncounted(connection, access, names)
+        sealed = access.uncounted(connection, names)
     items = [
         _node(
             cloud,
@@ -63,12 +63,12 @@ def get_nodes(cloud: CloudState, access: Reader, query: Annotated[ListQuery, Que
 def get_node(
     cloud: CloudState, access: Reader, node: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """One node."""
+    """Read one node."""
     del query
     with cloud.store.read() as connection:
         row = find_node(connection, node)
         counts, holes = count_channels(connection, [node]), list_missing(connection, [node])
-        counted = not uncounted(connection, access, [node])
+        counted = not access.uncounted(connection, [node])
     return as_json(_node(cloud, row, counts.get(node, 0), holes[node], counted=counted))
 
 
@@ -80,13 +80,13 @@ def get_node(
 def get_channels(
     cloud: CloudState, access: Reader, node: str, query: Annotated[ListQuery, Query()]
 ) -> Response:
-    """A node's channels, by name."""
+    """List a node's channels, by name."""
     with cloud.store.read() as connection:
         find_node(connection, node)
         rows, following = list_channels(connection, node, query.cursor)
         gone = list_removed(connection, node)
-        counted = not uncounted(connection, access, [node])
-    items = [channel_shape(row, gone.get(row["channel"]), counted=counted) for row in rows]
+        counted = not access.uncounted(connection, [node])
+    items = [describe_channel(row, gone.get(row["channel"]), counted=counted) for row in rows]
     return as_json(page(items, following))
 
 
@@ -98,19 +98,19 @@ def get_channels(
 def get_taxels(
     cloud: CloudState, _: Reader, node: str, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """The taxels of a node that sit somewhere on its skin, by name."""
+    """List a node's taxels that have a position, by name."""
     del query
     with cloud.store.read() as connection:
         row = find_node(connection, node)
-    return as_json(page(taxel_shapes(row), None))
+    return as_json(page(describe_taxels(row), None))
 
 
 def _node(
     cloud: AppState, row: RowMapping, channels: int, holes: Sequence[MissingSpan], *, counted: bool
-) -> dict[str, Any]:
+) -> NodeDocument:
     silence = (cloud.clock() - row["last_seen"]) / SECOND
-    health = health_shape(cloud.settings.nodes, silence, ahead=-silence)
-    return node_shape(
+    health = judge_health(cloud.settings.nodes, silence, ahead=-silence)
+    return describe_node(
         row,
         channels=channels,
         health=health,

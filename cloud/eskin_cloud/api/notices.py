@@ -1,4 +1,4 @@
-"""Notices of subjects: gateways tell who wears what, give keys, and have them destroyed."""
+"""Notices of subjects: gateways send assignments, keys and erasures."""
 
 import asyncio
 
@@ -7,12 +7,13 @@ from starlette.responses import Response
 
 from eskin.runtime.http_server.problems import documented
 from eskin_cloud.api.dependencies import CloudState
+from eskin_cloud.api.problems import CBOR_BODY
 from eskin_cloud.api.request_body import received
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.jobs.erasure import find_erased, look
+from eskin_cloud.privacy.erasures import find_erased
 from eskin_cloud.privacy.subject_notice import SubjectNotice, note
-from eskin_cloud.schemas.documents import CBOR_BODY, NoticeDocument
+from eskin_cloud.schemas.ingest import NoticeDocument
 from eskin_cloud.store.write.ingest import UNKNOWN_NODE
 from eskin_cloud.store.write.node_sites import sites_of
 
@@ -26,10 +27,10 @@ router = APIRouter(tags=["ingest"])
     openapi_extra=CBOR_BODY,
 )
 async def post_subjects(cloud: CloudState, request: Request) -> Response:
-    """Take a notice; what it says is done, and what is erased is destroyed, before the answer.
+    """Take a notice of subjects: assignments, keys and erasures.
 
-    All of it is of the gateway's own site: a subject of another one, by the same name, is not
-    touched.
+    Erased keys are destroyed before the answer. A notice concerns the gateway's own site only: a
+    subject of another site, with the same name, is not touched.
     """
     async with received(cloud, request) as posted:
         gateway, site = posted.gateway.name, posted.gateway.site
@@ -54,27 +55,27 @@ async def post_subjects(cloud: CloudState, request: Request) -> Response:
 def _keep(
     cloud: AppState, notice: SubjectNotice, site: str
 ) -> tuple[list[dict[str, str]], SubjectNotice]:
-    """Destroy keys first: what is erased in the same breath, or elsewhere, is not kept.
+    """Destroy keys first: what is erased in the same notice, or elsewhere, is not kept.
 
     Returns:
-        What became of each entry, and what is the site's to say.
+        What became of each entry, and the entries of the site's own nodes.
     """
     for subject in notice.erased:
         cloud.key_access.erase(site, subject)
-    if notice.worn:
-        look(cloud)
     with cloud.store.read() as connection:
+        if notice.worn:
+            cloud.key_access.apply_erasures(connection)
         sites = sites_of(connection, {worn.node for worn in notice.worn})
-        buried = find_erased(connection, site, {worn.subject for worn in notice.worn})
+        erased = find_erased(connection, site, {worn.subject for worn in notice.worn})
     own = [worn for worn in notice.worn if sites.get(worn.node) == site]
-    told = []
+    answered = []
     for worn in notice.worn:
         if worn not in own:
             result = UNKNOWN_NODE
-        elif worn.subject in buried:
+        elif worn.subject in erased:
             result = "erased"
         else:
             result = cloud.key_access.keep(site, worn.subject, worn.key)
-        told.append({"id": worn.subject, "result": result})
-    told += [{"id": subject, "result": "erased"} for subject in notice.erased]
-    return told, SubjectNotice(own, notice.erased)
+        answered.append({"id": worn.subject, "result": result})
+    answered += [{"id": subject, "result": "erased"} for subject in notice.erased]
+    return answered, SubjectNotice(own, notice.erased)

@@ -13,6 +13,7 @@ from eskin.errors import IntervalError, QueryError
 from eskin.interval import Interval
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import CloudState, Reader
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.api.window_params import WindowQuery, opened, paged, window_of
 from eskin_cloud.query.anomalies import find_anomalies
@@ -25,9 +26,13 @@ from eskin_cloud.query.prediction import Prediction
 from eskin_cloud.query.sample_validity import after
 from eskin_cloud.query.segments import Segment, merge
 from eskin_cloud.rollup.hulls import bucket_width
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, TIME, Moment, PageDocument, Time
-from eskin_cloud.schemas.series import OccupancyDocument, SegmentDocument
-from eskin_cloud.schemas.shapes import occupancy_shape, page, segment_shape
+from eskin_cloud.schemas.base import TIME, Moment, PageDocument, Time, page
+from eskin_cloud.schemas.series import (
+    OccupancyDocument,
+    SegmentDocument,
+    describe_occupancy,
+    describe_segment,
+)
 from eskin_cloud.store.read.block_index import find_next
 from eskin_cloud.store.read.lookup import find_channel
 from eskin_cloud.store.read.window import make_window, read_moment
@@ -94,7 +99,7 @@ def get_prediction(
     channel: str,
     query: Annotated[TubeQuery, Query()],
 ) -> Response:
-    """What a model predicts for the channel: the hull of each of ``points`` buckets at most."""
+    """Predict a channel by a model, as hulls."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
@@ -132,7 +137,7 @@ def get_anomalies(
     channel: str,
     query: Annotated[AnomaliesQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, not what a model predicts."""
+    """List when a channel differs from a model's prediction."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         if query.cursor is None:
@@ -145,12 +150,11 @@ def get_anomalies(
             prediction = _prediction(query, known, origin)
             runs = merge(find_anomalies(source, known, window, prediction))
             found, following = paged(_told(runs), window, query.limit, prediction.origin)
-    return as_json(page([segment_shape(run, known) for run in found], following))
+    return as_json(page([describe_segment(run, known) for run in found], following))
 
 
 @router.get(
     "/series/{node}/{channel}/anomalies/time",
-    response_model=OccupancyDocument,
     responses=REFUSALS_OF_PLACE,
 )
 def get_anomalies_time(
@@ -159,8 +163,8 @@ def get_anomalies_time(
     node: str,
     channel: str,
     query: Annotated[PredictionQuery, Query()],
-) -> Response:
-    """For how long and how often the channel is not what a model predicts."""
+) -> OccupancyDocument:
+    """Measure how long and how often a channel differs from a model."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
@@ -168,7 +172,7 @@ def get_anomalies_time(
             prediction = _prediction(query, known, window.start)
             runs = find_anomalies(source, known, window, prediction)
             found = sum_up(runs, window, find_next(source, known, window))
-    return as_json(occupancy_shape(found, window, known))
+    return describe_occupancy(found, window, known)
 
 
 def _told(runs: Iterator[Segment]) -> Iterator[Segment]:

@@ -13,7 +13,7 @@ from eskin.errors import UntrustedCertificateError
 from eskin.identity import common_name, site_of
 from eskin_cloud.api.middleware.answer import recheck
 from eskin_cloud.ingest.errors import BatchTooLargeError, BatchTypeError, UntrustedGatewayError
-from eskin_cloud.ingest.gateway_status import HEADER, GatewayStatus
+from eskin_cloud.ingest.gateway_status import HEADER, read_status
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Callable
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from fastapi import Request
 
     from eskin_cloud.app_state import AppState
+    from eskin_cloud.store.write.gateways import GatewayStatus
 
 MEDIA_TYPE: Final = "application/cbor"
 T = TypeVar("T")
@@ -78,7 +79,7 @@ async def received(cloud: AppState, request: Request) -> AsyncIterator[Received]
         raise BatchTypeError(f"Content-Type is {kind!r}; send {MEDIA_TYPE}")
     identify(cloud, request)  # before its body takes memory
     recheck(request, lambda: identify(cloud, request))
-    condition = GatewayStatus.read(request.headers.get(HEADER))
+    condition = read_status(request.headers.get(HEADER))
     most = cloud.settings.gateways.body_bytes
     announced = request.headers.get("content-length", "")
     size = int(announced) if announced.isdecimal() else most

@@ -9,8 +9,8 @@ from starlette.responses import Response
 from eskin.errors import QueryError
 from eskin.runtime.http_server.problems import ProblemError, documented
 from eskin_cloud.api.dependencies import CloudState, Reader
-from eskin_cloud.api.negotiation import choose
-from eskin_cloud.api.responses import as_json
+from eskin_cloud.api.problems import REFUSALS_OF_PLACE
+from eskin_cloud.api.responses import as_json, choose
 from eskin_cloud.api.series_formats import WRITERS
 from eskin_cloud.api.window_params import WindowQuery, opened, paged, resumed, window_of
 from eskin_cloud.query.occupancy import measure_occupancy
@@ -18,9 +18,14 @@ from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
 from eskin_cloud.query.threshold import find_segments
 from eskin_cloud.rollup.hulls import reach
-from eskin_cloud.schemas.documents import REFUSALS_OF_PLACE, PageDocument
-from eskin_cloud.schemas.series import OccupancyDocument, SegmentDocument, SeriesDocument
-from eskin_cloud.schemas.shapes import occupancy_shape, page, segment_shape
+from eskin_cloud.schemas.base import PageDocument, page
+from eskin_cloud.schemas.series import (
+    OccupancyDocument,
+    SegmentDocument,
+    SeriesDocument,
+    describe_occupancy,
+    describe_segment,
+)
 from eskin_cloud.store.read.lookup import find_channel
 
 router = APIRouter(tags=["series"])
@@ -93,7 +98,10 @@ def get_series(
     query: Annotated[SeriesQuery, Query()],
     accept: Annotated[str | None, Header(include_in_schema=False)] = None,
 ) -> Response:
-    """A window of one channel: its samples, or the hull of each of ``points`` buckets."""
+    """Read a window of a channel.
+
+    It holds all samples, or where they are more than ``points``, the hulls of buckets.
+    """
     media = choose(accept, tuple(WRITERS))
     if media is None:
         raise ProblemError(406, f"{accept!r} is not offered; accept one of {', '.join(WRITERS)}")
@@ -117,7 +125,7 @@ def get_threshold(
     channel: str,
     query: Annotated[ThresholdQuery, Query()],
 ) -> Response:
-    """When the channel is certainly, or possibly, above or below a value, or in a band."""
+    """List when a channel is above, below or within values."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         # A cursor holds the window, too: new data must not move a default one.
@@ -125,23 +133,21 @@ def get_threshold(
         with opened(cloud, access, connection, row, window) as (source, known):
             segments = find_segments(source, known, window, query.question)
             found, following = paged(segments, window, query.limit)
-    return as_json(page([segment_shape(segment, known) for segment in found], following))
+    return as_json(page([describe_segment(segment, known) for segment in found], following))
 
 
-@router.get(
-    "/series/{node}/{channel}/time", response_model=OccupancyDocument, responses=REFUSALS_OF_PLACE
-)
+@router.get("/series/{node}/{channel}/time", responses=REFUSALS_OF_PLACE)
 def get_time(
     cloud: CloudState,
     access: Reader,
     node: str,
     channel: str,
     query: Annotated[StateQuery, Query()],
-) -> Response:
-    """For how long and how often the channel is in a state: intervals, and what is unknown."""
+) -> OccupancyDocument:
+    """Measure how long and how often a channel is in a state."""
     with cloud.store.read() as connection:
         row = find_channel(connection, node, channel)
         window = window_of(cloud, row, query)
         with opened(cloud, access, connection, row, window) as (source, known):
             found = measure_occupancy(source, known, window, query.question)
-    return as_json(occupancy_shape(found, window, known))
+    return describe_occupancy(found, window, known)

@@ -12,7 +12,8 @@ import pyarrow.parquet
 from eskin.errors import QueryError
 from eskin.wire import senml
 from eskin.wire.timestamp import format_timestamp
-from eskin_cloud.schemas.shapes import dump, series_shape
+from eskin_cloud.schemas.base import dump
+from eskin_cloud.schemas.series import describe_series
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 def as_json(series: Series) -> bytes:
     """JSON; an unbounded side is null, and both are where nothing is known."""
-    return dump(series_shape(series))
+    return dump(describe_series(series))
 
 
 def as_csv(series: Series) -> bytes:
@@ -89,7 +90,7 @@ def as_senml(series: Series) -> senml.Pack:
     """
     if series.t0 < senml.EARLIEST:
         first = format_timestamp(senml.EARLIEST)
-        raise QueryError("start", f"SenML tells of times since {first} alone; ask for JSON")
+        raise QueryError("start", f"SenML has no times before {first}; request JSON")
     about = {
         "coverage": (series.coverage, senml.RATIO),
         "time_error": (senml.seconds(series.time_error), senml.SECONDS),

@@ -5,13 +5,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 from pydantic import BaseModel
-from starlette.responses import Response
 
 from eskin.errors import StoreError
 from eskin_cloud.api.dependencies import CloudState, Reader
-from eskin_cloud.api.responses import as_json
-from eskin_cloud.api.sealed_counts import uncounted
-from eskin_cloud.schemas.documents import REFUSALS, NoQuery
+from eskin_cloud.api.problems import REFUSALS
+from eskin_cloud.schemas.base import NoQuery
 from eskin_cloud.store.disk_usage import measure_disk
 
 router = APIRouter(tags=["nodes"])
@@ -22,7 +20,7 @@ class StorageDocument(BaseModel):
 
     ``bytes_per_sample`` is all that is taken and not free, by the samples kept: blocks, packs,
     indices, pyramid, events and all else. Without the scope `biometric`, where anything is sealed,
-    both are told in steps of 16 MiB.
+    both are rounded to 16 MiB.
     """
 
     bytes: int
@@ -31,22 +29,22 @@ class StorageDocument(BaseModel):
     bytes_per_sample: float | None
 
 
-@router.get("/storage", response_model=StorageDocument, responses=REFUSALS)
-def get_storage(cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]) -> Response:
-    """What the store takes now."""
+@router.get("/storage", responses=REFUSALS)
+def get_storage(
+    cloud: CloudState, access: Reader, query: Annotated[NoQuery, Query()]
+) -> StorageDocument:
+    """Read how much of the disk the store takes."""
     del query
     use = measure_disk(cloud.store)
     if math.isnan(use.taken):
         raise StoreError("the store cannot be read now; try again in a moment")
     with cloud.store.read() as connection:
-        counted = not uncounted(connection, access)
+        counted = not access.uncounted(connection)
     if not counted:
         use = use.coarse()
-    return as_json(
-        {
-            "bytes": int(use.taken),
-            "free_bytes": int(use.free),
-            "samples": int(use.samples),
-            "bytes_per_sample": use.each,
-        }
+    return StorageDocument(
+        bytes=int(use.taken),
+        free_bytes=int(use.free),
+        samples=int(use.samples),
+        bytes_per_sample=use.each,
     )

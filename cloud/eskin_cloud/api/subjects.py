@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from operator import itemgetter
 from typing import Annotated, Any, Final
 
@@ -12,23 +12,17 @@ from sqlalchemy import Connection, RowMapping, Table, func, select
 from starlette.responses import Response, StreamingResponse
 
 from eskin.errors import NoKeyError, QueryError
-from eskin.runtime.http_server.problems import ProblemError
 from eskin.wire.messages import Peak
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.api.dependencies import Access, Administrator, BiometricReader, CloudState
+from eskin_cloud.api.problems import REFUSALS, REFUSALS_OF_PLACE
 from eskin_cloud.api.responses import as_json
 from eskin_cloud.app_state import AppState
-from eskin_cloud.jobs.erasure import look
 from eskin_cloud.privacy.key_access import Reader
 from eskin_cloud.privacy.sealed_rows import open_row
-from eskin_cloud.schemas.documents import (
-    REFUSALS,
-    REFUSALS_OF_PLACE,
-    NoQuery,
-    PageDocument,
-    SubjectDocument,
-)
-from eskin_cloud.schemas.shapes import block_shape, dump, event_shape, page
+from eskin_cloud.schemas.access import SubjectDocument
+from eskin_cloud.schemas.base import NoQuery, PageDocument, dump, page
+from eskin_cloud.schemas.events import describe_block, describe_event
 from eskin_cloud.store.read.errors import UnknownChannelError
 from eskin_cloud.store.row_digests import sound
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, veiled, wearers
@@ -45,7 +39,7 @@ _LINES: Final = "application/x-ndjson"
 def get_subjects(
     cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
 ) -> Response:
-    """All pseudonyms that gateways told of, the nodes they wore, and what is held of them."""
+    """List the subjects, by pseudonym, with their nodes and stored messages."""
     del query
     v = veiled.c
     counted = select(v.node, v.subject, func.count()).group_by(v.node, v.subject)
@@ -107,7 +101,10 @@ async def get_export(
     subject: str,
     query: Annotated[SubjectExportQuery, Query()],
 ) -> Response:
-    """All that is held of a subject: JSON lines, each a block or a peak, in order of storing."""
+    """Export all that is stored about a subject.
+
+    Each line is a block or a peak in JSON, in the order of storing.
+    """
     reader = Reader(cloud.key_access.require(access.holder.scopes), access.opened)
     site = await asyncio.to_thread(_require_site, cloud, subject, query.site)
     audit_entry = AuditEntry(
@@ -121,8 +118,8 @@ async def get_export(
 
 def _require_site(cloud: AppState, subject: str, site: str | None) -> str:
     """The site of a subject whose key is here."""
-    look(cloud)
     with cloud.store.read() as connection:
+        cloud.key_access.apply_erasures(connection)
         rows = connection.execute(select(node_sites.c.site).distinct())
         sites = [each for each in rows.scalars() if site in {None, each}]
     refusal = f"subject {subject[:100]} has no key here"
@@ -151,25 +148,24 @@ def stream_lines(
             veiled.c.subject == subject, veiled.c.cursor > last, veiled.c.node.in_(own)
         )
         with cloud.store.read() as connection:
-            cloud.key_access.heed(connection)
+            cloud.key_access.apply_erasures(connection)
             rows = connection.execute(query.order_by(veiled.c.cursor).limit(200)).mappings().all()
         if not rows:
             return
         for row in rows:
-            if not access.lasts():
-                raise ProblemError(401, "the token was revoked while it was used")
+            access.require()
             line = _line(cloud, reader, dict(row))
             if line is not None:
                 yield dump(line) + b"\n"
         last = rows[-1]["cursor"]
 
 
-def _line(cloud: AppState, reader: Reader, row: dict[str, Any]) -> dict[str, Any] | None:
+def _line(cloud: AppState, reader: Reader, row: dict[str, Any]) -> Mapping[str, object] | None:
     opened = open_row(reader, row)
     if opened is None:
         return None
     message, data = opened
     if isinstance(message, Peak):
         known = peak_row(row["node"], message, data) | {"cursor": row["cursor"]}
-        return event_shape(known, cloud.feed.ids)
-    return block_shape(row["node"], message)
+        return describe_event(known, cloud.feed.ids)
+    return describe_block(row["node"], message)

@@ -20,16 +20,9 @@ from eskin_cloud.access import (
     token_id,
 )
 from eskin_cloud.api.dependencies import Administrator, CloudState
-from eskin_cloud.api.responses import as_json
-from eskin_cloud.schemas.documents import (
-    REFUSALS,
-    NewTokenDocument,
-    NoQuery,
-    PageDocument,
-    SessionDocument,
-    TokenDocument,
-)
-from eskin_cloud.schemas.shapes import page, session_shape, token_shape
+from eskin_cloud.api.problems import REFUSALS
+from eskin_cloud.schemas.access import NewTokenDocument, SessionDocument, TokenDocument
+from eskin_cloud.schemas.base import NoQuery, PageDocument
 from eskin_cloud.store.read.errors import UnknownChannelError
 
 router = APIRouter(tags=["access"])
@@ -47,25 +40,27 @@ class TokenBody(BaseModel):
     days: float = Field(default=30.0, gt=0, le=3650, description="days it is good")
 
 
-@router.get("/tokens", response_model=PageDocument[TokenDocument], responses=REFUSALS)
-def get_tokens(cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]) -> Response:
-    """All tokens that were ever made, also those that are good no more; never their secrets."""
+@router.get("/tokens", responses=REFUSALS)
+def get_tokens(
+    cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
+) -> PageDocument[TokenDocument]:
+    """List the tokens, also expired and revoked ones, without their secrets."""
     del query
     with cloud.store.read() as connection:
         rows = list_tokens(connection)
-    return as_json(page([token_shape(row, now=cloud.clock()) for row in rows], None))
+    now = cloud.clock()
+    return PageDocument(items=[TokenDocument.of(row, now=now) for row in rows], next=None)
 
 
 @router.post(
     "/tokens",
     status_code=201,
-    response_model=NewTokenDocument,
     responses=REFUSALS | documented(408, 413),
 )
 async def post_token(
     cloud: CloudState, access: Administrator, body: TokenBody, query: Annotated[NoQuery, Query()]
-) -> Response:
-    """Make a token. It is told only in this answer."""
+) -> NewTokenDocument:
+    """Create a token; only this answer holds its secret."""
     del query
     token = await asyncio.to_thread(
         create_token,
@@ -75,10 +70,7 @@ async def post_token(
         lifetime=timedelta(days=body.days),
         actor=access.actor,
     )
-    number = token_id(digest(token))
-    answer = as_json({"id": number, "token": token})
-    answer.status_code = 201
-    return answer
+    return NewTokenDocument(id=token_id(digest(token)), token=token)
 
 
 @router.delete("/tokens/{id}", status_code=204, responses=REFUSALS | documented(404))
@@ -96,15 +88,15 @@ async def delete_token(
     return Response(status_code=204)
 
 
-@router.get("/sessions", response_model=PageDocument[SessionDocument], responses=REFUSALS)
+@router.get("/sessions", responses=REFUSALS)
 def get_sessions(
     cloud: CloudState, _: Administrator, query: Annotated[NoQuery, Query()]
-) -> Response:
-    """The sessions of browsers that are good, opened by a login link or a token."""
+) -> PageDocument[SessionDocument]:
+    """List the valid sessions of browsers."""
     del query
     with cloud.store.read() as connection:
         rows = list_sessions(connection, now=cloud.clock())
-    return as_json(page([session_shape(row) for row in rows], None))
+    return PageDocument(items=[SessionDocument.model_validate(row) for row in rows], next=None)
 
 
 @router.delete("/sessions/{id}", status_code=204, responses=REFUSALS | documented(404))
@@ -114,7 +106,7 @@ async def delete_session(
     id: str,  # noqa: A002 - the path's name for it
     query: Annotated[NoQuery, Query()],
 ) -> Response:
-    """Revoke a session; its open requests and streams end."""
+    """Revoke a session, and end its open requests and streams."""
     del query
     done = await asyncio.to_thread(revoke_session, cloud.store, id, actor=access.actor)
     if not done:

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from eskin.privacy import is_biometric
 from eskin_cloud.privacy.decrypted_window import decrypted_window
 from eskin_cloud.query.cursors import read_numbers, write_cursor
-from eskin_cloud.schemas.documents import TIME, Time
+from eskin_cloud.schemas.base import TIME, Time
 from eskin_cloud.store.read.window import Window, make_window, read_window
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class WindowQuery(BaseModel):
 def opened(
     cloud: AppState, access: Access, connection: Connection, row: RowMapping, window: Window
 ) -> Iterator[tuple[Connection, RowMapping]]:
-    """Where a channel is read, and its row there: what tells of a person is opened in memory."""
+    """Where a channel is read, and its row there: a biometric one is decrypted in memory."""
     if not is_biometric(row["channel"]):
         yield connection, row
         return

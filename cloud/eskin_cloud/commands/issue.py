@@ -30,7 +30,7 @@ MOST_WAITING: Final = 100
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """What somebody asks of a node.
+    """A command for a node.
 
     Attributes:
         node: Whom.

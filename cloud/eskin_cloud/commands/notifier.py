@@ -11,7 +11,7 @@ class Notifier:
     Attributes:
         version: Grows with every change.
         waiting: How many gateways wait.
-        closed: Whether nobody should wait any more.
+        closed: Whether waiting has ended.
     """
 
     def __init__(self) -> None:
@@ -27,7 +27,7 @@ class Notifier:
         self._news = asyncio.Event()
 
     def close(self) -> None:
-        """Let nobody wait any more."""
+        """Wake all waiters and close."""
         self.closed = True
         self.wake()
 

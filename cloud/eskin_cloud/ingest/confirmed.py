@@ -1,4 +1,4 @@
-"""What a gateway was told is stored: CBOR array of ``[node, boot, last]``."""
+"""Messages confirmed to a gateway: CBOR array of ``[node, boot, last]``."""
 
 from __future__ import annotations
 

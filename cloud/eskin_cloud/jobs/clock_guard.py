@@ -1,4 +1,4 @@
-"""The time by which things are removed: it does not follow a clock that leaps ahead."""
+"""The time that retention goes by: it does not follow a clock that leaps ahead."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def _ticks() -> int:
 
 
 class _Doubt(NamedTuple):
-    """A later time that the clock tells, and that is not believed.
+    """A later time that the clock shows, and that is not believed.
 
     Attributes:
         since: When that began, in ticks.
@@ -48,7 +48,7 @@ class ClockGuard:
 
     Args:
         clock: UTC ns.
-        ticks: Ns that passed, since whenever.
+        ticks: Ns that passed, since any moment.
         last: What the cloud went by when it ran last; without it, what the clock says is believed.
     """
 

@@ -1,4 +1,4 @@
-"""Packing what lies in the store for long, in the background: a little at a time, behind ingest."""
+"""Compact old blocks in the background, a little at a time."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ _RESTS: Final = 3.0
 """It rests so many times as long as it worked: it takes a quarter of a processor at most."""
 
 
-async def keep_compacted(cloud: AppState, stopping: asyncio.Event) -> None:
-    """Pack what is old enough, until told to stop."""
+async def compact(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Compact what is old enough."""
     every_s = cloud.settings.packing.every_s
     work = partial(_catch_up, cloud, stopping)
     await run_periodically("packing", work, cloud=cloud, stopping=stopping, every_s=every_s)

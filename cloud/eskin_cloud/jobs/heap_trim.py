@@ -1,4 +1,4 @@
-"""What a load took of the memory is given back: now and then under it, and all after it."""
+"""Return memory to the system: now and then under a load, and all of it afterwards."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ async def trim_heap(
     interval: float = _INTERVAL,
     clock: Callable[[], float] = time.monotonic,
 ) -> None:
-    """Look every few seconds, until told to stop."""
+    """Look every few seconds."""
     # Packing goes on for long when nothing comes any more, and a little of it fills all caches.
     load = _Work(lambda: cloud.uploads.taken, most=_LITTLE)
     packing = _Work(lambda: cloud.store.packed, most=0)
@@ -64,7 +64,7 @@ class _Work:
         self.came = 0
 
     def is_over(self) -> bool:
-        """Whether there was much of it, and in the last interval none; told once."""
+        """Whether there was much of it, and in the last interval none; true once."""
         before, self._seen = self._seen, self._count()
         self.came = self._seen - before
         if self.came > self._most or self._seen - self._rested < MUCH:

@@ -1,4 +1,4 @@
-"""Looking through an SQLite store's large tables, in the background: at the start and daily."""
+"""Check an SQLite store's large tables in the background: at the start and daily."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ log = logging.getLogger(__name__)
 _DAY_S: Final = 86_400.0
 
 
-async def keep_whole(cloud: AppState, stopping: asyncio.Event) -> None:
-    """Look for what is damaged, until told to stop."""
+async def check_integrity(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Look for damaged rows and indexes once a day."""
     work = partial(_look, cloud, stopping)
     await run_periodically(
         "looking for damage", work, cloud=cloud, stopping=stopping, every_s=_DAY_S

@@ -1,4 +1,4 @@
-"""Looking for messages that were made and never came."""
+"""Look for messages that were made and never arrived."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ _LOOKS: Final = 10
 _LONGEST_S: Final = 60.0
 
 
-async def look_for_missing(cloud: AppState, stopping: asyncio.Event) -> None:
-    """Look again and again, until told to stop."""
+async def find_missing_messages(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Look at intervals."""
     every_s = min(_LONGEST_S, cloud.settings.nodes.missing_s / _LOOKS)
     await run_periodically(
         "missing", lambda: look(cloud), cloud=cloud, stopping=stopping, every_s=max(0.1, every_s)

@@ -1,4 +1,4 @@
-"""Work that the cloud does again and again in the background, whatever becomes of it."""
+"""The one runner of the cloud's background jobs."""
 
 from __future__ import annotations
 
@@ -24,30 +24,30 @@ async def run_periodically(
     stopping: asyncio.Event,
     every_s: float,
 ) -> None:
-    """Do some work until told to stop. What breaks it ends nothing else, and is tried again.
+    """Run a job until `stopping` is set; an error ends neither it nor anything else.
 
-    It is told once while it lasts; what nobody foresaw is counted, too.
+    An error is logged once while it lasts. An unexpected one is counted, too.
 
     Args:
-        name: What it is.
-        work: Does it once.
-        cloud: Counts what broke.
-        stopping: Tells to stop.
-        every_s: Rest between two times.
+        name: The job's name in the log and in the metrics.
+        work: Does the job once.
+        cloud: Counts unexpected errors.
+        stopping: Ends the job.
+        every_s: Pause between two runs.
     """
-    told: type[Exception] | None = None
+    logged: type[Exception] | None = None
     while not stopping.is_set():
         try:
             await work()
-            told = None
+            logged = None
         except (EskinError, OSError) as error:
-            if told is not type(error):
-                log.warning("%s: trying again: reason=%s", name, error)
-            told = type(error)
-        except Exception as error:  # ingest and queries go on without it
-            if told is not type(error):
-                log.exception("%s: broke, trying again", name)
-            told = type(error)
+            if logged is not type(error):
+                log.warning("job failed, retrying: job=%s reason=%s", name, error)
+            logged = type(error)
+        except Exception as error:  # unexpected errors must not stop the job
+            if logged is not type(error):
+                log.exception("job failed unexpectedly, retrying: job=%s", name)
+            logged = type(error)
             cloud.metrics.faults.labels(name).inc()
         try:
             await asyncio.wait_for(stopping.wait(), every_s)

@@ -1,19 +1,20 @@
-"""Hearing of what other processes do on the same PostgreSQL server: by LISTEN."""
+"""Listen to what other processes do on the same PostgreSQL server (LISTEN)."""
 
 from __future__ import annotations
 
-import asyncio
 import logging
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 import psycopg
 
-from eskin.errors import EskinError
+from eskin.errors import StoreError
+from eskin_cloud.jobs.periodic import run_periodically
 from eskin_cloud.store.notify import CHANNEL, COMMANDS, FEED, WATCHED
 from eskin_cloud.store.postgres import arguments
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    import asyncio
 
     from sqlalchemy import URL
 
@@ -24,43 +25,39 @@ log = logging.getLogger(__name__)
 _PAUSE_S: Final = 1.0
 
 
-async def relay(cloud: AppState, place: URL) -> None:
-    """Listen until cancelled; comes back to a server that was away, which is told once."""
-    told: type[Exception] | None = None
-
-    def listening() -> None:
-        nonlocal told
-        told = None
-
-    while True:
-        try:
-            await _listen(cloud, place, listening)
-        except (psycopg.Error, EskinError, OSError) as error:
-            if told is not type(error):
-                log.warning("other processes are not heard: reason=%s", error)
-            told = type(error)
-        except Exception as error:  # others write what they like there; ingest and queries go on
-            if told is not type(error):
-                log.exception("other processes are not heard: broke, trying again")
-            told = type(error)
-            cloud.metrics.faults.labels("relay").inc()
-        await asyncio.sleep(_PAUSE_S)
+async def listen(cloud: AppState, place: URL, stopping: asyncio.Event) -> None:
+    """Listen until cancelled; reconnects to a server that was away."""
+    work = partial(_listen, cloud, place)
+    await run_periodically(
+        "PostgreSQL listener", work, cloud=cloud, stopping=stopping, every_s=_PAUSE_S
+    )
 
 
-async def _listen(cloud: AppState, place: URL, listening: Callable[[], None]) -> None:
+async def _listen(cloud: AppState, place: URL) -> None:
+    """Listen until the connection ends.
+
+    Raises:
+        StoreError: The server cannot be reached.
+    """
     words = arguments(place)
-    async with await psycopg.AsyncConnection.connect(autocommit=True, **words) as connection:
-        await connection.execute(f"LISTEN {CHANNEL}".encode())
-        listening()
-        # What was told while nobody listened.
-        await cloud.feed.catch_up()
-        cloud.notifier.wake()
-        async for notice in connection.notifies():
-            hear(cloud, notice.payload)
+    try:
+        connection = await psycopg.AsyncConnection.connect(autocommit=True, **words)
+    except psycopg.Error as error:
+        raise StoreError(f"PostgreSQL cannot be reached: {error}") from error
+    try:
+        async with connection:
+            await connection.execute(f"LISTEN {CHANNEL}".encode())
+            # What was notified while this process did not listen.
+            await cloud.feed.catch_up()
+            cloud.notifier.wake()
+            async for notice in connection.notifies():
+                receive(cloud, notice.payload)
+    except (psycopg.Error, StoreError) as error:
+        log.warning("PostgreSQL listener disconnected: reason=%s", error)
 
 
-def hear(cloud: AppState, text: str) -> None:
-    """Take in what was told; what we told ourselves is known."""
+def receive(cloud: AppState, text: str) -> None:
+    """Apply a notification of another process; this process's own are known."""
     kind, *words = text.split(" ")
     if kind == COMMANDS:
         cloud.notifier.wake()

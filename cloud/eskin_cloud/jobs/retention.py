@@ -1,4 +1,4 @@
-"""Keeping no channel longer than it may be kept: looked for in the background, removed in steps."""
+"""Remove what is too old or erased, in the background and in steps."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _DAY: Final = 86_400 * SECOND
 _PAUSE_S: Final = 0.01
 
 
-async def retain(cloud: AppState, stopping: asyncio.Event) -> None:
-    """Look for what is too old, or erased, until told to stop."""
+async def apply_retention(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Look for what is too old, or erased."""
     every_s = cloud.settings.retention.every_s
     await run_periodically(
         "retention", Rounds(cloud), cloud=cloud, stopping=stopping, every_s=every_s

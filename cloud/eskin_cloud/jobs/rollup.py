@@ -1,4 +1,4 @@
-"""Keeping the pyramid up to date while the cloud runs, a little at a time, behind ingest."""
+"""Keep the pyramid up to date in the background, a little at a time."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ _RESTS: Final = 3.0
 """While others write, it rests so many times as long as it worked: it takes a quarter at most."""
 
 
-async def keep_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
-    """Build what is new or changed, until told to stop."""
+async def build_rollup(cloud: AppState, stopping: asyncio.Event) -> None:
+    """Build what is new or changed."""
     work = partial(_catch_up, cloud, stopping)
     await run_periodically("pyramid", work, cloud=cloud, stopping=stopping, every_s=_EVERY_S)
 

@@ -1,4 +1,4 @@
-"""The live feed: what was stored, told as it comes, without holes."""
+"""The live feed: what is stored, as it arrives, without gaps."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether somebody reads as fast as there is to tell, and how often to tell who does not."""
+"""Whether a reader keeps up, and how often a slow one is sent events."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ PATIENCE_S: Final = 0.2
 PROMPT_S: Final = 0.02
 """Whoever is slow stays so until there is room at once."""
 PAUSE_S: Final = 0.25
-"""Whoever is slow is told so seldom; twice as seldom each time that there is no room even so."""
+"""A slow reader is sent events this seldom, and half as often after each overflow."""
 LONGEST_PAUSE_S: Final = 2.0
 REST_S: Final = 1.0
 """Whoever is slow stays so for as long at least."""

@@ -1,7 +1,7 @@
 """The feed: every stream reads it at its own pace by cursor, so none holds a queue of its own.
 
 The latest entries are kept in memory for all streams together; a stream that is further behind
-reads the store, and one that is too far behind is told what it misses.
+reads the store, and one that is too far behind is sent what it misses.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class Feed:
             self._wake()
 
     async def catch_up(self) -> None:
-        """Go on to what is stored by now, whoever stored it.
+        """Go on to what is stored by now, by any process.
 
         Raises:
             StoreError: The store cannot be read.
@@ -231,10 +231,10 @@ def read_entries(connection: Connection, after: int, end: int) -> Sequence[FeedE
         if is_sound(data, Head(*head), own)
     ]
     e = events.c
-    told = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
+    named = connection.execute(select(events).where(e.cursor > after, e.cursor <= end)).mappings()
     found += [
         FeedEntry(row["cursor"], row["node"], row["channel"], None, dict(row), row["received"])
-        for row in sound(connection, events, told)
+        for row in sound(connection, events, named)
     ]
     v = veiled.c
     sealed = select(v.cursor, v.node, v.channel, v.data, v.received)

@@ -12,15 +12,16 @@ from eskin.union_bound import union_coverage
 from eskin.wire.messages import Block, BlockSummary, decode_summary
 from eskin.wire.timestamp import format_timestamp
 from eskin_cloud.query.series import Series, reduce_samples
-from eskin_cloud.schemas.shapes import dump, event_shape, series_shape
+from eskin_cloud.schemas.base import Json, dump
+from eskin_cloud.schemas.events import describe_event
+from eskin_cloud.schemas.series import describe_series
 from eskin_cloud.store.read.block_index import Samples
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from eskin_cloud.live.subscription import Subscription
     from eskin_cloud.query.opaque_ids import OpaqueIds
-    from eskin_cloud.schemas.shapes import Json
     from eskin_cloud.store.feed_entry import FeedEntry
 
 _KEPT: Final = 512
@@ -44,7 +45,7 @@ class SseEncoder:
     def page(self, found: Sequence[FeedEntry], selection: Subscription) -> bytes:
         """What is asked for of neighbours in the feed, of which nothing is sealed.
 
-        Many look on in the same way, and are told of the same neighbours: printed once for all.
+        Many readers select the same: their entries are encoded once.
         """
         if not found:
             return b""
@@ -75,7 +76,7 @@ class SseEncoder:
 
     def of_row(self, cursor: int, row: dict[str, Any]) -> bytes:
         """An event's row as an event of the stream."""
-        return self.event(str(row["kind"]), cursor, event_shape(row, self.ids))
+        return self.event(str(row["kind"]), cursor, describe_event(row, self.ids))
 
     def event(self, kind: str, cursor: int, data: object) -> bytes:
         """One event of a stream."""
@@ -91,25 +92,27 @@ class SseEncoder:
     def join(self, entries: Sequence[FeedEntry], begun: int) -> bytes:
         """Many entries at once, for one who reads too slowly: fewer events, and wider hulls.
 
-        Blocks of a channel that follow each other without a gap become one hull; all else is told
+        Blocks of a channel that follow each other without a gap become one hull; all else is sent
         as it is. Only the last event carries the last entry's cursor, so a reader that breaks off
-        before it is told all of them again.
+        before it is sent all of them again.
 
         Args:
             entries: In order of their cursors, at least one.
             begun: The cursor before them.
         """
-        told = [("block", _shape(run.series, run.received)) for run in _runs(entries)]
+        events: list[tuple[str, Mapping[str, object]]] = [
+            ("block", _shape(run.series, run.received)) for run in _runs(entries)
+        ]
         rows = [entry.event for entry in entries if entry.block is None and entry.event]
-        told += [(str(row["kind"]), event_shape(row, self.ids)) for row in rows]
-        cursors = [begun] * (len(told) - 1) + [entries[-1].cursor]
+        events += [(str(row["kind"]), describe_event(row, self.ids)) for row in rows]
+        cursors = [begun] * (len(events) - 1) + [entries[-1].cursor]
         return b"".join(
-            self.event(kind, at, data) for (kind, data), at in zip(told, cursors, strict=True)
+            self.event(kind, at, data) for (kind, data), at in zip(events, cursors, strict=True)
         )
 
 
 def _shape(series: Series, received: int) -> Json:
-    return series_shape(series) | {"stored": format_timestamp(received)}
+    return describe_series(series) | {"stored": format_timestamp(received)}
 
 
 def reduce_block(node: str, block: Block, points: int, grain: int = 0) -> Series:

@@ -39,10 +39,10 @@ async def stream(
 
     Args:
         feed: Where it is read.
-        selection: What is told.
-        viewers: Hear that somebody looks at it.
+        selection: What is sent.
+        viewers: Count this stream as a view.
         cursor: Where to begin.
-        backlog: How far behind a stream may be; beyond, it is told ``lagging`` and moved on.
+        backlog: How far behind a stream may be; beyond, it gets ``lagging`` and moves on.
         heartbeat: Seconds between signs of life.
         reveal: What an entry looks like to the one who asked; ``None`` if it is not shown.
         sealed: Whether the one who asked may know when something sealed comes; else nothing that is
@@ -80,7 +80,7 @@ async def stream(
                     yield _sign(feed, place, b"heartbeat")
                     due = time.monotonic() + heartbeat
                 await feed.wait(cursor, max(0.0, due - time.monotonic()))
-    except StoreError as error:  # whoever listens comes back, and then is told
+    except StoreError as error:  # the reader reconnects, and then gets the error
         log.warning("live stream ended: reason=%s", error)
 
 
@@ -96,9 +96,9 @@ def _print(
     reveal: Callable[[FeedEntry], FeedEntry | None],
     slow_since: int | None,
 ) -> bytes:
-    """All that is asked for; or its hulls, for whoever reads more slowly than there is to tell.
+    """All that is selected; or its hulls, for a reader that is too slow.
 
-    What was missed before a stream began is told in full.
+    What was missed before a stream began is sent in full.
     """
     if slow_since is None and all(entry.veiled is None for entry in found):
         return feed.encoder.page(found, selection)
@@ -113,6 +113,6 @@ def _choose(
     selection: Subscription,
     reveal: Callable[[FeedEntry], FeedEntry | None],
 ) -> list[tuple[FeedEntry, bool]]:
-    """What is told of them, and whether others may be given the same."""
+    """What is sent of them, and whether other readers may get the same."""
     shown = [(entry, reveal(entry)) for entry in found if selection.takes(entry)]
     return [(said, said is entry) for entry, said in shown if said is not None]

@@ -1,3 +1,3 @@
-"""Who may read what tells of a person, and how it is read: in memory, never on the disk."""
+"""Biometric data: who may read it, and its decryption, in memory only."""
 
 from __future__ import annotations

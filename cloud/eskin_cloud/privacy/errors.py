@@ -1,8 +1,12 @@
-"""What cannot be shown any more."""
+"""Errors about sealed messages."""
 
 from __future__ import annotations
 
 from eskin.errors import NoKeyError, PrivacyError
+
+
+class BiometricAccessError(PrivacyError):
+    """The caller may not read biometric channels here."""
 
 
 class ErasedError(PrivacyError):

@@ -1,4 +1,4 @@
-"""The cloud's own copies of subjects' keys, where it was given any, and who may have them used."""
+"""The cloud's copies of subjects' keys, and who may use them."""
 
 from __future__ import annotations
 
@@ -12,11 +12,10 @@ from sqlalchemy import func, select
 from eskin.errors import KeyConflictError, MessageError, NoKeyError, PrivacyError, StoreError
 from eskin.identity import IdentityKind
 from eskin.privacy import Decryptor, SealedMessage
-from eskin.runtime.http_server.problems import ProblemError
 from eskin.wire.messages import Block
 from eskin_cloud.access import Scope
-from eskin_cloud.jobs.erasure import unapplied_erasures
-from eskin_cloud.privacy.errors import ErasedError
+from eskin_cloud.privacy.erasures import unapplied_erasures
+from eskin_cloud.privacy.errors import BiometricAccessError, ErasedError
 from eskin_cloud.store.write.events import peak_row
 from eskin_cloud.store.write.node_sites import node_sites
 
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _COUNT: Final = select(func.count()).select_from(node_sites)
-_DEAF_S: Final = 10.0
-"""After so long without a look at the store's erasures, the live feed is told nothing sealed."""
+_ERASURES_AGE_S: Final = 10.0
+"""After so long without a look at erasures, the live feed sends nothing sealed."""
 
 
 class Reader:
@@ -56,10 +55,10 @@ class Reader:
 
 
 class KeyAccess:
-    """Opens what is sealed, for those who may.
+    """Decrypts sealed messages for permitted callers.
 
-    Of several clouds on one store each may have a key store of its own, and an erasure is told to
-    one of them: so each question, and each second, is begun by a look at the store's erasures.
+    Of several clouds on one store each may have a key store of its own, and one of
+    them receives an erasure: so each query, and each second, begins with a look at the store's.
 
     Args:
         keystore: The cloud's key store; ``None`` where it holds no keys.
@@ -73,9 +72,9 @@ class KeyAccess:
         self._sites: dict[str, str] = {}
         self._held: dict[str, tuple[KeyStore, Decryptor]] = {}
         self._opening = Lock()
-        self._heard: set[tuple[str, str]] = set()
-        self._hearing = Lock()
-        self._looked: float | None = None
+        self._applied: set[tuple[str, str]] = set()
+        self._applying = Lock()
+        self._applied_at: float | None = None
 
     def of(self, site: str) -> KeyStore:
         """The key store of a site: its subjects are others than another site's of the same name.
@@ -97,7 +96,7 @@ class KeyAccess:
         return self._open(site)[1].read(node, sealed)
 
     def site_of(self, node: str) -> str:
-        """A node's site, as far as the store told; empty where it has none."""
+        """A node's site, as far as it is known; else empty."""
         return self._sites.get(node, "")
 
     def _open(self, site: str) -> tuple[KeyStore, Decryptor]:
@@ -110,13 +109,13 @@ class KeyAccess:
             return self._held[site]
 
     def may(self, scopes: Iterable[Scope]) -> bool:
-        """Whether somebody is shown what tells of a person."""
+        """Whether a caller may read biometric data here."""
         return self.keystore is not None and Scope.BIOMETRIC in scopes
 
     def reader(
         self, scopes: Iterable[Scope], connection: Connection, opened: set[tuple[str, str]]
     ) -> Reader:
-        """What opens sealed messages of whoever is not erased.
+        """A reader of sealed messages of subjects that are not erased.
 
         Args:
             scopes: Of the one who asks.
@@ -124,30 +123,28 @@ class KeyAccess:
             connection: Reads the store that the question is asked of.
 
         Raises:
-            ProblemError: 403 without the scope, or where this cloud holds no keys.
+            BiometricAccessError: The scope is missing, or this cloud holds no keys.
             PrivacyError: The key of an erased subject cannot be destroyed.
         """
         self.require(scopes)
-        self.heed(connection)
+        self.apply_erasures(connection)
         return Reader(self, opened)
 
     def require(self, scopes: Iterable[Scope]) -> Self:
-        """Refuse whoever may not be shown what tells of a person.
+        """Refuse a caller who may not read biometric data.
 
         Raises:
-            ProblemError: 403 without the scope, or where this cloud holds no keys.
+            BiometricAccessError: The scope is missing, or this cloud holds no keys.
         """
         if Scope.BIOMETRIC not in scopes:
-            raise ProblemError(
-                403,
-                "this channel tells of a person, and this token lacks the scope "
-                f"{Scope.BIOMETRIC}; ask for one that has it",
+            raise BiometricAccessError(
+                f"this channel is biometric, and this token lacks the scope {Scope.BIOMETRIC}; "
+                "ask for one that has it"
             )
         if self.keystore is None:
-            raise ProblemError(
-                403,
-                "this channel tells of a person, and this cloud holds no keys to read it; its "
-                "site does (keys.directory here, and keys.share at the gateway, would change that)",
+            raise BiometricAccessError(
+                "this channel is biometric, and this cloud holds no keys to read it; its site does "
+                "(set keys.directory here and keys.share at the gateway to change that)"
             )
         return self
 
@@ -169,7 +166,7 @@ class KeyAccess:
         return "kept"
 
     def erase(self, site: str, pseudonym: str) -> bool:
-        """Destroy the copy of a subject's key, for good, also where there never was one.
+        """Destroy the copy of a subject's key, also where there never was one.
 
         Returns:
             Whether it is new here that it was erased.
@@ -179,13 +176,13 @@ class KeyAccess:
         """
         if self.keystore is None:
             return False
-        keystore, unveiler = self._open(site)
+        keystore, decryptor = self._open(site)
         new = keystore.bury(pseudonym)
-        unveiler.forget(pseudonym)
+        decryptor.forget(pseudonym)
         return new
 
-    def heed(self, connection: Connection) -> None:
-        """Destroy copies of keys of whom the store says that they are erased.
+    def apply_erasures(self, connection: Connection) -> None:
+        """Destroy the keys of subjects that the store says are erased.
 
         Raises:
             PrivacyError: One cannot be destroyed.
@@ -193,15 +190,15 @@ class KeyAccess:
         if self.keystore is None:
             return
         begun = time.monotonic()
-        with self._hearing:
+        with self._applying:
             if connection.execute(_COUNT).scalar_one() != len(self._sites):
                 rows = connection.execute(select(node_sites.c.node, node_sites.c.site))
                 self._sites = {row.node: row.site for row in rows}
-            for site, subject in unapplied_erasures(connection, self._heard):
+            for site, subject in unapplied_erasures(connection, self._applied):
                 if self.erase(site, subject):
-                    log.info("erased, as another cloud was told: site=%s subject=%s", site, subject)
-                self._heard.add((site, subject))
-            self._looked = begun
+                    log.info("erasure of another cloud applied: site=%s subject=%s", site, subject)
+                self._applied.add((site, subject))
+            self._applied_at = begun
 
     def require_unerased(self, connection: Connection, subjects: Iterable[tuple[str, str]]) -> None:
         """Check that none of some subjects, each with its site, was erased, here or elsewhere.
@@ -210,7 +207,7 @@ class KeyAccess:
             ErasedError: One was.
             PrivacyError: The key of an erased subject cannot be destroyed.
         """
-        self.heed(connection)
+        self.apply_erasures(connection)
         if self.keystore is not None:
             for site, subject in subjects:
                 try:
@@ -219,9 +216,9 @@ class KeyAccess:
                     raise ErasedError(error) from error
 
     def reveal(self, scopes: Iterable[Scope]) -> Callable[[FeedEntry], FeedEntry | None]:
-        """What the live feed's entries look like to somebody; ``None`` for what is not shown.
+        """Decrypts the live feed's entries for a caller; ``None`` for what it may not read.
 
-        It raises StoreError where nobody has looked for erasures for long: see `hear`.
+        It raises StoreError where erasures were not looked for in a while.
         """
         shown = self.may(scopes)
 
@@ -230,15 +227,15 @@ class KeyAccess:
                 return entry
             if not shown:
                 return None
-            self._require_hearing()
+            self._require_fresh_erasures()
             return _open(self, entry, entry.veiled)
 
         return revealed
 
-    def _require_hearing(self) -> None:
-        # The feed is told on the loop, where nobody may wait for the store.
-        if self._looked is None or time.monotonic() - self._looked > _DEAF_S:
-            raise StoreError(f"whom other clouds erased was not heard for {_DEAF_S:.0f} s")
+    def _require_fresh_erasures(self) -> None:
+        # The feed runs on the event loop, which must not wait for the store.
+        if self._applied_at is None or time.monotonic() - self._applied_at > _ERASURES_AGE_S:
+            raise StoreError(f"erasures of other clouds were not read for {_ERASURES_AGE_S:.0f} s")
 
 
 def _open(reader: KeyAccess, entry: FeedEntry, sealed: bytes) -> FeedEntry | None:

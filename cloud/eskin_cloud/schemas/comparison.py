@@ -1,27 +1,21 @@
-"""The shapes of answers that compare two channels."""
-
-from __future__ import annotations
+"""Answers that compare two channels."""
 
 import math
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from pydantic import BaseModel
+from typing_extensions import TypedDict
 
 from eskin.union_bound import union_coverage
 from eskin.wire.timestamp import format_timestamp
-from eskin_cloud.query.predicate import Verdict
-from eskin_cloud.schemas.documents import IntervalDocument, Moment
-from eskin_cloud.schemas.series import CountDocument
-from eskin_cloud.schemas.shapes import seconds
-
-if TYPE_CHECKING:
-    from eskin_cloud.query.comparison_segments import ComparisonSegment
-    from eskin_cloud.query.comparison_totals import ComparisonTotals
-    from eskin_cloud.schemas.shapes import Json
-    from eskin_cloud.store.read.window import Window
+from eskin_cloud.query.comparison_segments import ComparisonSegment
+from eskin_cloud.query.comparison_totals import ComparisonTotals
+from eskin_cloud.schemas.base import CountDocument, IntervalDocument, Moment, seconds
+from eskin_cloud.schemas.series import verdict_of
+from eskin_cloud.store.read.window import Window
 
 
-class StretchDocument(BaseModel):
+class ComparisonSegmentDocument(TypedDict):
     """A stretch of time with the same answer, ``end`` excluded.
 
     ``coverage`` is the probability of the whole statement: the union bound over all samples of
@@ -35,7 +29,7 @@ class StretchDocument(BaseModel):
     coverage: float
 
 
-class StandingDocument(BaseModel):
+class ComparisonTotalsDocument(BaseModel):
     """For how long and how often a channel is above or below another, over a window.
 
     For ``unknown_s`` one of both is not known; ``entries`` counts how often the state began while
@@ -51,27 +45,31 @@ class StandingDocument(BaseModel):
     coverage: float
 
 
-def stretch_shape(stretch: ComparisonSegment, coverage: float) -> Json:
+def describe_comparison_segment(
+    segment: ComparisonSegment, coverage: float
+) -> ComparisonSegmentDocument:
     """A stretch that is known; ``coverage`` is the least of a sample's."""
-    verdict = "certain" if stretch.answer is Verdict.CERTAIN else "possible"
+    verdict = verdict_of(segment.answer)
     return {
-        "id": f"{stretch.start}-{stretch.end}-{verdict}",
-        "start": format_timestamp(stretch.start),
-        "end": format_timestamp(stretch.end),
+        "id": f"{segment.start}-{segment.end}-{verdict}",
+        "start": format_timestamp(segment.start),
+        "end": format_timestamp(segment.end),
         "verdict": verdict,
-        "coverage": union_coverage(coverage, n=stretch.samples),
+        "coverage": union_coverage(coverage, n=segment.samples),
     }
 
 
-def standing_shape(found: ComparisonTotals, window: Window, unit: str, coverage: float) -> Json:
+def describe_comparison_totals(
+    found: ComparisonTotals, window: Window, unit: str, coverage: float
+) -> ComparisonTotalsDocument:
     """For how long and how often; seconds are rounded outward."""
     least, most = found.time
-    return {
-        "start": format_timestamp(window.start),
-        "end": format_timestamp(window.end),
-        "unit": unit,
-        "time_s": {"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
-        "unknown_s": seconds(found.unknown, math.inf),
-        "entries": {"lo": found.entries[0], "hi": found.entries[1]},
-        "coverage": union_coverage(coverage, n=found.samples),
-    }
+    return ComparisonTotalsDocument(
+        start=format_timestamp(window.start),
+        end=format_timestamp(window.end),
+        unit=unit,
+        time_s={"lo": seconds(least, -math.inf), "hi": seconds(most, math.inf)},
+        unknown_s=seconds(found.unknown, math.inf),
+        entries={"lo": found.entries[0], "hi": found.entries[1]},
+        coverage=union_coverage(coverage, n=found.samples),
+    )

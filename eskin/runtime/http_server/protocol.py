@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol
 
-from eskin.runtime.http_server.problems import MEDIA_TYPE, details
+from eskin.runtime.http_server.problems import MEDIA_TYPE, details, kind_of
 from eskin.runtime.http_server.rate_limit import source_of
 
 if TYPE_CHECKING:
@@ -223,7 +223,7 @@ class GuardedProtocol(HttpToolsProtocol):
         """Refuse, as problem details (RFC 9457), and end the connection."""
         del msg
         status = self._refusal
-        body = details(status, _DETAILS[status])
+        body = details(status, _DETAILS[status], kind=kind_of(status))
         head = (
             f"HTTP/1.1 {status:d} {status.phrase}\r\nContent-Type: {MEDIA_TYPE}\r\n"
             f"Content-Length: {len(body)}\r\nX-Content-Type-Options: nosniff\r\n"

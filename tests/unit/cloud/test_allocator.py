@@ -10,7 +10,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 import pyarrow as pa
 import eskin.runtime.memory
-from cloud import allocator
+from eskin_cloud import allocator
 
 apart = []
 allocator.keep_large_apart = lambda: apart.append(eskin.runtime.memory.keep_large_apart())

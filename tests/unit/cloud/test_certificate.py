@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.jobs.server_certificate import Certificate
+from eskin_cloud.jobs.certificates import ServerCertificate
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import Identity, IdentityKind, install, next_key, settle
@@ -52,7 +52,7 @@ def test_cloud_starts_in_the_middle_of_a_renewal(
     identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     cut_off(identities, own, monkeypatch)
-    shown = Certificate("gateways.identity", own.directory)
+    shown = ServerCertificate("gateways.identity", own.directory)
     settle(own.directory)
     assert shown.refresh()
     assert not shown.refresh()
@@ -61,7 +61,7 @@ def test_cloud_starts_in_the_middle_of_a_renewal(
 def test_renewed_certificate_that_could_not_be_taken_is_tried_again(
     identities: Identities, own: Identity, caplog: pytest.LogCaptureFixture
 ) -> None:
-    shown = Certificate("gateways.identity", own.directory)
+    shown = ServerCertificate("gateways.identity", own.directory)
     renew(identities, own)
     chain = own.directory / "chain.pem"
     whole = chain.read_bytes()
@@ -78,14 +78,14 @@ def test_renewed_certificate_that_could_not_be_taken_is_tried_again(
 def test_certificate_for_which_the_moment_is_bad_is_tried_again(
     identities: Identities, own: Identity, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shown = Certificate("gateways.identity", own.directory)
+    shown = ServerCertificate("gateways.identity", own.directory)
     renew(identities, own)
 
     def fail(*_: object) -> None:
         raise IdentityError("too many open files")
 
     with monkeypatch.context() as patched:
-        patched.setattr("eskin_cloud.jobs.server_certificate.show", fail)
+        patched.setattr("eskin_cloud.jobs.certificates.show", fail)
         assert not shown.refresh()
         assert shown.fault == "too many open files"
     assert shown.refresh()
@@ -93,4 +93,4 @@ def test_certificate_for_which_the_moment_is_bad_is_tried_again(
 
 def test_folder_without_a_certificate_is_named(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=r"chain\.pem and key\.pem cannot be used"):
-        Certificate("people.identity", tmp_path)
+        ServerCertificate("people.identity", tmp_path)

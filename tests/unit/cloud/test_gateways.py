@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
-from eskin_cloud.ingest.gateway_status import HEADER, GatewayStatus
+from eskin_cloud.ingest.gateway_status import HEADER
 from eskin_cloud.store.row_digests import ROW_DIGEST
-from eskin_cloud.store.write.gateways import gateways, hear, list_gateways
+from eskin_cloud.store.write.gateways import GatewayStatus, gateways, hear, list_gateways
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.jobs.compaction import _catch_up, keep_compacted
+from eskin_cloud.jobs.compaction import _catch_up, compact
 from eskin_cloud.query.export import Export, Mark, Source
 from eskin_cloud.query.predicate import Predicate
 from eskin_cloud.query.series import read_series
@@ -298,6 +298,6 @@ async def test_cloud_packs_in_the_background_but_not_where_it_is_told_not_to(
         section, live = PackingSection(on=on), LiveSection(backlog=2)
         with standing(folder, identities, packing=section, live=live) as stand:
             put(stand.cloud.store, *map(said, range(45)))
-            await keep_compacted(stand.cloud, asyncio.Event())
+            await compact(stand.cloud, asyncio.Event())
             # A stream at the edge of the backlog reads on while others store: the last four stay.
             assert packs(stand.cloud.store) == [21] * on

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from eskin_cloud.jobs.rollup import keep_rollup
+from eskin_cloud.jobs.rollup import build_rollup
 from eskin_cloud.query.occupancy import measure_occupancy, sum_up
 from eskin_cloud.query.predicate import Predicate, Verdict
 from eskin_cloud.query.segments import Segment, merge
@@ -161,7 +161,7 @@ async def test_background_builds_what_came_and_ends_when_told(stand: Stand) -> N
     moments = [START + n * 20_000 for n in range(5)]
     put(stand.cloud.store, *(block(n, time=(t, t), dt=1) for n, t in enumerate(moments)))
     stopping = asyncio.Event()
-    building = asyncio.create_task(keep_rollup(stand.cloud, stopping))
+    building = asyncio.create_task(build_rollup(stand.cloud, stopping))
     while not _levels(stand.cloud.store):  # noqa: ASYNC110 - made by the code under test
         await asyncio.sleep(0.01)
     stopping.set()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_cloud.access import create_token
-from eskin_cloud.api.negotiation import choose
+from eskin_cloud.api.responses import choose
 
 from tests.unit.cloud.clouds import problem, put
 from tests.unit.cloud.messages import CHANNEL, DT, NODE, START, block

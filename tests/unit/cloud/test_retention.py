@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import cbor2
 import pytest
-from eskin_cloud.jobs.retention import kept_for, retain, sweep
+from eskin_cloud.jobs.retention import apply_retention, kept_for, sweep
 from eskin_cloud.settings import RetentionSection
 from eskin_cloud.store.schema.sealed_tables import erased_subjects, removals, veiled
 from eskin_cloud.store.schema.tables import blocks, channels, events
@@ -144,7 +144,7 @@ async def test_ingest_goes_on_between_the_steps(
         at_day(stand, 3)
         stopping = asyncio.Event()
         before = stand.cloud.store.writer.jobs
-        running = asyncio.create_task(retain(stand.cloud, stopping))
+        running = asyncio.create_task(apply_retention(stand.cloud, stopping))
         late = cbor2.dumps([["palm", block(1, **days(3)).encode()]])
         answer = await stand.ingest(late)
         assert answer.json()["items"][0]["result"] == "stored"

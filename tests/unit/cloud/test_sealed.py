@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from eskin_cloud.access import Scope
 from eskin_cloud.live.feed import read_entries
-from eskin_cloud.schemas.documents import ChannelDocument
+from eskin_cloud.schemas.nodes import ChannelDocument
 from eskin_cloud.store.schema.tables import dead_letters
 from eskin_cloud.store.write.dead_letters import count
+from pydantic import TypeAdapter
 from sqlalchemy import select
 
 from eskin.peaks import Verdict
@@ -151,7 +152,7 @@ async def test_reader_without_the_scope_is_refused_and_told_why(stand: Stand, si
     assert [item for item in listed if item["kind"] == "peak"] == []
     (channel,) = (await stand.get(f"/api/v1/nodes/{NODE}/channels")).json()["items"]
     assert (channel["blocks"], channel["samples"], channel["bounds"]) == (None, None, None)
-    assert ChannelDocument.model_validate(channel).bytes is None
+    assert TypeAdapter(ChannelDocument).validate_python(channel)["bytes"] is None
 
 
 async def test_cloud_without_keys_says_so(
@@ -237,7 +238,7 @@ async def test_live_stream_reveals_to_whoever_may_read_alone(stand: Stand, site:
     key_access = stand.cloud.key_access
     with stand.cloud.store.read() as connection:
         entries = read_entries(connection, 0, stand.cloud.feed.last)
-        key_access.heed(connection)
+        key_access.apply_erasures(connection)
     sealed = [entry for entry in entries if entry.veiled is not None]
     assert [key_access.reveal([Scope.READ])(entry) for entry in sealed] == [None, None]
     shown = [key_access.reveal([Scope.READ, Scope.BIOMETRIC])(entry) for entry in sealed]

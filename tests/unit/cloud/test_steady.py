@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from eskin_cloud.jobs import retention
 from eskin_cloud.jobs.clock_guard import ABSENCE, DOUBT, LEAP, ClockGuard
-from eskin_cloud.jobs.retention import Rounds, retain, sweep
+from eskin_cloud.jobs.retention import Rounds, apply_retention, sweep
 from eskin_cloud.settings import RetentionSection
 from eskin_cloud.store.clock_state import Reading, last_reading
 
@@ -171,7 +171,7 @@ async def test_year_that_a_clock_leapt_ahead_removes_nothing(
     with standing(tmp_path, identities, retention=rules) as stand:
         await stand.ingest(batch(*(block(n) for n in range(5))))
         stopping = asyncio.Event()
-        running = asyncio.create_task(retain(stand.cloud, stopping))
+        running = asyncio.create_task(apply_retention(stand.cloud, stopping))
         for moment in (stand.clock.now, START + YEAR):
             stand.clock.now, seen = moment, sweeps
             while sweeps < seen + 3:  # noqa: ASYNC110 - done by the code under test

@@ -6,8 +6,8 @@ import asyncio
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.jobs.pg_listener import relay
-from eskin_cloud.jobs.silence import watch
+from eskin_cloud.jobs.pg_listener import listen
+from eskin_cloud.jobs.viewers import announce_viewed_nodes
 from eskin_cloud.settings import LiveSection
 from eskin_cloud.store.schema.tables import NODE_LENGTH
 from sqlalchemy import URL
@@ -35,8 +35,8 @@ async def test_as_many_as_may_be_watched_are_told_however_long_their_names(
     with standing(tmp_path, identities, place=place, live=live) as stand:
         heard = stand.cloud.viewers
         tasks = [
-            asyncio.create_task(relay(stand.cloud, place)),
-            asyncio.create_task(watch(stand.cloud, [], stopping)),
+            asyncio.create_task(listen(stand.cloud, place, stopping)),
+            asyncio.create_task(announce_viewed_nodes(stand.cloud, stopping)),
         ]
         async with asyncio.timeout(60):
             with heard.looking(NODES):

@@ -10,7 +10,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import pytest
-from eskin_cloud.jobs.server_certificate import Certificate
+from eskin_cloud.jobs.certificates import ServerCertificate
 
 from eskin.identity import IdentityKind
 from eskin.runtime.http_server.listener import _MARGIN
@@ -34,7 +34,7 @@ def anyio_backend() -> str:
 @pytest.fixture
 def context(identities: Identities) -> ssl.SSLContext:
     folder = identities.make(IdentityKind.SERVER, "server.listener").directory
-    return Certificate("people.identity", folder).context
+    return ServerCertificate("people.identity", folder).context
 
 
 async def silent(port: int, stack: AsyncExitStack) -> asyncio.StreamReader:

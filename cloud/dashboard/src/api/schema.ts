@@ -1,5 +1,16 @@
 /* Written by `python -m docs.tools.openapi --typescript`: do not edit. */
 
+export interface AuditEntryDocument {
+  readonly id: number;
+  readonly time: string;
+  readonly actor: string;
+  readonly address: string;
+  readonly action: string;
+  readonly target: string;
+  readonly detail: string;
+  readonly digest: string;
+}
+
 export interface BoundsDocument {
   readonly lo: readonly (number | null)[];
   readonly hi: readonly (number | null)[];
@@ -41,20 +52,27 @@ export interface CommandDocument {
   readonly answered: TimeDocument | null;
 }
 
+export interface ComparisonSegmentDocument {
+  readonly id: string;
+  readonly start: string;
+  readonly end: string;
+  readonly verdict: "certain" | "possible";
+  readonly coverage: number;
+}
+
+export interface ComparisonTotalsDocument {
+  readonly start: string;
+  readonly end: string;
+  readonly unit: string;
+  readonly time_s: IntervalDocument;
+  readonly unknown_s: number;
+  readonly entries: CountDocument;
+  readonly coverage: number;
+}
+
 export interface CountDocument {
   readonly lo: number;
   readonly hi: number;
-}
-
-export interface DeedDocument {
-  readonly id: number;
-  readonly time: string;
-  readonly actor: string;
-  readonly address: string;
-  readonly action: string;
-  readonly target: string;
-  readonly detail: string;
-  readonly digest: string;
 }
 
 export interface EnergyDocument {
@@ -246,16 +264,6 @@ export interface SpoolDocument {
   readonly dead_letters: number;
 }
 
-export interface StandingDocument {
-  readonly start: string;
-  readonly end: string;
-  readonly unit: string;
-  readonly time_s: IntervalDocument;
-  readonly unknown_s: number;
-  readonly entries: CountDocument;
-  readonly coverage: number;
-}
-
 export interface StateDocument {
   readonly node: string;
   readonly desired: Readonly<Record<string, Readonly<Record<string, number | string>>>>;
@@ -272,14 +280,6 @@ export interface StorageDocument {
   readonly free_bytes: number;
   readonly samples: number;
   readonly bytes_per_sample: number | null;
-}
-
-export interface StretchDocument {
-  readonly id: string;
-  readonly start: string;
-  readonly end: string;
-  readonly verdict: "certain" | "possible";
-  readonly coverage: number;
 }
 
 export interface SubjectDocument {

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from sqlalchemy import BigInteger, Column, Table, insert, select, update
 
@@ -15,7 +15,6 @@ from eskin_cloud.store.write.node_sites import SITE_LENGTH
 if TYPE_CHECKING:
     from sqlalchemy import Connection
 
-    from eskin_cloud.ingest.gateway_status import GatewayStatus
     from eskin_cloud.store.write.ingest import IngestResult
 
 gateways: Final = Table(
@@ -48,6 +47,26 @@ latest block was stored, and ``lag_lo`` to ``lag_hi`` how long after that block'
 """
 keep_checked(gateways)
 _COUNTED: Final = ("stored", "duplicate", "rejected")
+
+
+class GatewayStatus(NamedTuple):
+    """A gateway's report of its own status.
+
+    Attributes:
+        messages: Messages in its spool.
+        used: Their bytes.
+        capacity: Most bytes.
+        oldest: For how long the oldest has waited, ns; ``None`` where none waits.
+        dead_letters: Messages that it could not use.
+        nodes: How many nodes it hears.
+    """
+
+    messages: int
+    used: int
+    capacity: int
+    oldest: int | None
+    dead_letters: int
+    nodes: int
 
 
 def hear(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from eskin_cloud.ingest.errors import MalformedBatchError
-from eskin_cloud.ingest.gateway_status import GatewayStatus
+from eskin_cloud.ingest.gateway_status import read_status
 
 from tests.robustness.fuzz.mutations.texts import mutate_text
 from tests.robustness.fuzz.target import Target
@@ -19,7 +19,7 @@ def make(_: Path) -> Target:
 
     def check(data: bytes) -> None:
         try:
-            found = GatewayStatus.read(data.decode("latin-1"))
+            found = read_status(data.decode("latin-1"))
         except MalformedBatchError:
             return
         assert found is not None

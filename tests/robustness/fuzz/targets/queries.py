@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from eskin_cloud.api.negotiation import choose
+from eskin_cloud.api.responses import choose
 from eskin_cloud.query.cursors import read_numbers, read_texts, write_cursor
 from eskin_cloud.store.read.window import read_moment, read_window
 

@@ -1,26 +1,47 @@
-"""A server's certificate, read again when it was renewed."""
+"""Server certificates: renewed files are loaded without a restart."""
 
 from __future__ import annotations
 
 import logging
 import ssl
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity.identity import CHAIN_FILE, KEY_FILE
 from eskin.identity.tls import show
 from eskin.runtime.files.stamp import version
+from eskin_cloud.jobs.periodic import run_periodically
 
 if TYPE_CHECKING:
+    import asyncio
+    from collections.abc import Sequence
     from pathlib import Path
 
     from eskin.runtime.files.stamp import Version
+    from eskin_cloud.app_state import AppState
 
 log = logging.getLogger(__name__)
 
+_INTERVAL_S: Final = 1.0
 
-class Certificate:
-    """A server's certificate and key; a renewed one is taken without a restart.
+
+async def renew_certificates(
+    cloud: AppState, certificates: Sequence[ServerCertificate], stopping: asyncio.Event
+) -> None:
+    """Look for renewed certificates each second."""
+
+    async def refresh() -> None:
+        for certificate in certificates:
+            if certificate.refresh():
+                log.info("certificate renewed")
+
+    await run_periodically(
+        "certificates", refresh, cloud=cloud, stopping=stopping, every_s=_INTERVAL_S
+    )
+
+
+class ServerCertificate:
+    """A server's certificate and key.
 
     Args:
         setting: Name of the setting that holds the folder.
@@ -28,7 +49,7 @@ class Certificate:
 
     Attributes:
         context: For TLS 1.2 and later.
-        fault: Why a renewed certificate was not taken at the last look; ``None`` if it was.
+        fault: Why the last look rejected a renewed certificate; ``None`` if it did not.
 
     Raises:
         SettingsError: They cannot be used.
@@ -47,21 +68,21 @@ class Certificate:
             ) from error
 
     def refresh(self) -> bool:
-        """Take a renewed certificate; gives whether there was one that can be used.
+        """Load a renewed certificate; returns whether there was a usable one.
 
-        What cannot be is said once, and tried again at the next look.
+        An unusable one is logged once, and tried again at the next look.
         """
         try:
-            renewed = self._take()
+            renewed = self._load()
         except (IdentityError, OSError) as error:
             if str(error) != self.fault:
-                log.warning("renewed certificate not taken, trying again: %s", error)
+                log.warning("renewed certificate rejected, retrying: reason=%s", error)
             self.fault = str(error)
             return False
         self.fault = None
         return renewed
 
-    def _take(self) -> bool:
+    def _load(self) -> bool:
         versions = self._versions()
         if versions == self._shown:
             return False

@@ -1,0 +1,51 @@
+"""Answers to gateways."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, Field
+from typing_extensions import TypedDict
+
+
+class ResultDocument(TypedDict):
+    """What became of one message."""
+
+    result: Literal["stored", "duplicate", "rejected", "unknown_node"]
+    reason: str | None
+
+
+class IngestDocument(TypedDict):
+    """What became of a batch, in its order."""
+
+    items: list[ResultDocument]
+    watched: Annotated[
+        dict[str, float], Field(description="nodes that a viewer watches, and for how many seconds")
+    ]
+
+
+class ConfirmedItem(BaseModel):
+    """Numbers of a boot that are not stored here; the last one included."""
+
+    node: str
+    boot: int
+    first: int
+    last: int
+
+
+class ConfirmedDocument(BaseModel):
+    """Confirmed messages that are missing; nodes whose certificates are needed first."""
+
+    items: list[ConfirmedItem]
+    unknown_nodes: list[str]
+
+
+class NoticeItem(BaseModel):
+    """What became of a subject's key here."""
+
+    id: str
+    result: Literal["kept", "declined", "erased", "conflict", "unknown_node"]
+
+
+class NoticeDocument(BaseModel):
+    """The answer to a notice of subjects."""
+
+    items: list[NoticeItem]
