@@ -12,11 +12,10 @@ import numpy as np
 from eskin.identity import Identity
 from eskin.runtime.memory import freeze_gc
 from eskin_sensor_node.link.publisher import Publisher
-from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.compiled_writer import CompiledWriter
 from eskin_sensor_node.machine.radio import Radio
-from eskin_sensor_node.node.commands import Commander
+from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_node, build_outbox, open_flash
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -30,8 +29,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_OF_RADIO: Final = 0x7AD10
-"""Tells the radio's random numbers from all others of a seed."""
+_RADIO_STREAM: Final = 0x7AD10
+"""Separates the radio's random numbers from all others of a seed."""
 _SHORTEST_TICK_S: Final = 0.005
 _SHORTEST_FAST_TICK_S: Final = 0.05
 """A fast emulation takes several frames in one commit."""
@@ -48,7 +47,7 @@ def run(settings: NodeSettings) -> None:
     stop = threading.Event()
 
     def end(number: int, _frame: FrameType | None) -> None:
-        log.info("ending: signal=%s", signal.Signals(number).name)
+        log.info("stopping: signal=%s", signal.Signals(number).name)
         stop.set()
 
     for number in (signal.SIGTERM, signal.SIGINT):
@@ -74,7 +73,7 @@ def _serve(
     own = settings.node
     warm_up(settings)
     node, clock = build_node(settings, outbox=outbox, truth=truth, functions=compiled_inversion())
-    commander = Commander(
+    commander = CommandReceiver(
         outbox,
         own=Identity.load(settings.identity.directory),
         cloud=settings.identity.cloud,
@@ -85,23 +84,24 @@ def _serve(
     node.at_start = commander.start
 
     def take_command(signed: bytes) -> None:
-        with node.still():
+        with node.paused():
             commander.take(signed)
 
     publisher = Publisher(
         outbox,
-        node=RadioCallbacks(
-            node.record_status, take_command, node.attend, is_running=lambda: node.machine.running
-        ),
         radio=Radio(
             settings.radio,
             now=clock.now,
-            random=np.random.default_rng((truth.seed(own.seed), outbox.boot, _OF_RADIO)),
+            random=np.random.default_rng((truth.seed(own.seed), outbox.boot, _RADIO_STREAM)),
             meter=node.machine.ledger,
+            speed=own.speed,
         ),
-        speed=own.speed,
         broker=settings.broker,
         identity=settings.identity,
+        record_status=node.record_status,
+        take_command=take_command,
+        attend=node.attend,
+        is_running=lambda: node.machine.running,
     )
     publisher.start()
     freeze_gc()
@@ -116,4 +116,4 @@ def _serve(
     node.finish()
     publisher.notify()
     publisher.stop()
-    log.info("ended: node=%s waiting=%d", own.name, outbox.messages)
+    log.info("stopped: node=%s waiting=%d", own.name, outbox.messages)

@@ -1,4 +1,4 @@
-"""Compiles what the packaged nodes use, alone and as a fleet."""
+"""Compiles the kernels of the packaged nodes, alone and as a fleet."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-def _rehearse(profile: str) -> None:
+def _warm_up_node(profile: str) -> None:
     warm_up(Design.named(profile).settings)
 
 
-def _fleets() -> None:
+def _warm_up_fleets() -> None:
     """Their nodes measure into columns of arrays, which are other types."""
     for profile in profile_names():
         warm_up_fleet(Design.named(profile).settings)
 
 
 STEPS: Final[dict[str, Callable[[], object]]] = {
-    f"the node {name}": partial(_rehearse, name) for name in profile_names()
-} | {"fleets of nodes": _fleets}
+    f"the node {name}": partial(_warm_up_node, name) for name in profile_names()
+} | {"fleets of nodes": _warm_up_fleets}
 """What is compiled, and what uses each of its kernels once."""

@@ -21,9 +21,8 @@ from eskin_gateway.settings import (
 from eskin_gateway.settings import IdentitySection as GatewayIdentity
 from eskin_sensor_node.firmware.message_writer import Channel
 from eskin_sensor_node.link.publisher import Publisher
-from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
 from eskin_sensor_node.machine.radio import Radio
-from eskin_sensor_node.node.commands import Commander
+from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.settings import BrokerSection as NodeBroker
 from eskin_sensor_node.settings import IdentitySection as NodeIdentity
@@ -62,7 +61,7 @@ class ObedientNode:
         )
         self.outbox = build_outbox(self.flash, capacity=10**6, broker=broker)
         self.controls = SimpleControls()
-        commander = Commander(
+        commander = CommandReceiver(
             self.outbox,
             own=self._identity,
             cloud="server.cloud",
@@ -72,14 +71,14 @@ class ObedientNode:
         commander.start()
         self._publisher = Publisher(
             self.outbox,
-            node=RadioCallbacks(self._record_status, commander.take),
+            record_status=self._record_status,
+            take_command=commander.take,
             radio=Radio(
                 RadioSection(),
                 now=time.monotonic_ns,
                 random=np.random.default_rng(1),
                 meter=Traffic(),
             ),
-            speed=1.0,
             broker=broker,
             identity=NodeIdentity(directory=self._identity.directory, site=self._site),
         )

@@ -16,7 +16,6 @@ from eskin_gateway.settings import (
     SpoolSection,
 )
 from eskin_sensor_node.link.publisher import Publisher
-from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
 from eskin_sensor_node.settings import BrokerSection as NodeBroker
 from eskin_sensor_node.settings import IdentitySection as NodeIdentity
 
@@ -50,8 +49,7 @@ def publisher(own: Identities, name: str, bench: Bench, port: int) -> Publisher:
     return Publisher(
         bench.outbox,
         radio=bench.radio(),
-        speed=1.0,
-        node=RadioCallbacks(bench.node.record_status),
+        record_status=bench.node.record_status,
         broker=NodeBroker(
             port=port, resend_s=0.3, status_s=0.5, drain_s=0.0, window=20, silence_s=5.0
         ),

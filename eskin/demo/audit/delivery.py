@@ -33,12 +33,10 @@ if TYPE_CHECKING:
 
     from eskin.demo.layout import Layout
 
-_IN_FLEET: Final = (
+_WAITING: Final = (
     "SELECT name, message.boot, sequence FROM message JOIN member ON member.id = message.member"
 )
-_ENDS_IN_FLEET: Final = (
-    "SELECT name, ended.boot, last FROM ended JOIN member ON member.id = ended.member"
-)
+_ENDED: Final = "SELECT name, ended.boot, last FROM ended JOIN member ON member.id = ended.member"
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,12 +120,10 @@ class UnderWay:
             truths |= dict.fromkeys(found, path)
         # Before what waits there: what flash comes to hold meanwhile is found further on.
         ended: dict[str, dict[int, int]] = defaultdict(dict)
-        for node, boot, last in _in_flash(layout, "SELECT boot, last FROM ended", _ENDS_IN_FLEET):
+        for node, boot, last in _in_flash(layout, _ENDED):
             ended[node][boot] = last
         waiting = {node: Sightings() for node in made}
-        for node, boot, sequence in _in_flash(
-            layout, "SELECT boot, sequence FROM message", _IN_FLEET
-        ):
+        for node, boot, sequence in _in_flash(layout, _WAITING):
             if node in waiting:
                 waiting[node].span(boot, sequence, sequence)
         for node, body in _rows(layout.spool, "SELECT node, body FROM messages"):
@@ -264,14 +260,10 @@ def _sighted(node: str, connection: Connection) -> Sightings:
     return sighted
 
 
-def _in_flash(layout: Layout, single: str, fleet: str) -> Iterator[tuple[str, int, int]]:
-    """Ask the chips of nodes and fleets; gives the node, a boot and a sequence."""
+def _in_flash(layout: Layout, query: str) -> Iterator[tuple[str, int, int]]:
+    """Query the flash of nodes and fleets; gives the node, a boot and a sequence."""
     for path in layout.flashes:
-        if _rows(path, "SELECT 1 FROM sqlite_master WHERE name = 'member'"):
-            yield from _rows(path, fleet)
-        else:
-            for boot, sequence in _rows(path, single):
-                yield path.parent.name, boot, sequence
+        yield from _rows(path, query)
 
 
 def _rows(path: Path, query: str) -> list[tuple[Any, ...]]:

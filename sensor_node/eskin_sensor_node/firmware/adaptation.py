@@ -8,7 +8,7 @@
   that takes it on (`eskin_sensor_node.firmware.autoranging`).
 
 A setting belongs to a frame, or to a sample that is converted again: it decides how codes are read,
-never what is told of the world. So a contact that stays cannot be trimmed away; intervals only
+never what is reported. So a contact that stays cannot be trimmed away; intervals only
 become wider or narrower around it.
 """
 

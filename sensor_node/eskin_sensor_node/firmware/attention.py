@@ -1,15 +1,15 @@
-"""Short blocks while somebody looks on: what is seen at once is worth a message of its own."""
+"""Short blocks while a viewer watches."""
 
 _BILLION = 1000000000
 MOST = 60 * _BILLION
-"""ns for which one word of a gateway shortens blocks, at most."""
+"""ns for which one acknowledgement shortens blocks, at most."""
 
 
 class Attention:
     """For how long, and how far, a node cuts its blocks.
 
     Args:
-        length: ns of a block while somebody looks on; 0: blocks stay as they are designed.
+        length: ns of a block while a viewer watches; 0: blocks stay as they are designed.
 
     Attributes:
         until: Ticks at which it ends.
@@ -20,7 +20,7 @@ class Attention:
         self.until = 0
 
     def hold(self, ticks: int, span: int) -> None:
-        """Somebody looks on for some ns more."""
+        """A viewer watches for some ns more."""
         self.until = max(self.until, ticks + min(span, MOST))
 
     def most(self, ticks: int, dt: int) -> int:

@@ -48,7 +48,7 @@ class Baseline:
         self.lo = down(lo * (ratio[0] if lo >= 0.0 else ratio[1]))
         self.hi = up(hi * (ratio[1] if hi >= 0.0 else ratio[0]))
 
-    def stays(
+    def track(
         self, lows: "Sequence[float]", highs: "Sequence[float]", n: int, threshold: float
     ) -> bool:
         """Whether n samples are certainly nearer to the rest than a threshold; then follow them."""

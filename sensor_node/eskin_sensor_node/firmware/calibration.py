@@ -1,4 +1,4 @@
-"""What a data sheet says of parts, as bounds to calculate with.
+"""The parts of a data sheet, as bounds to calculate with.
 
 A part of value v and tolerance t lies in ``v·[1 - t, 1 + t]``; a sheet is a map of SI values.
 """

@@ -6,6 +6,10 @@ one kind keep one size.
 
 import struct
 
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 _UNSIGNED = 0x00
 _NEGATIVE = 0x20
 _BYTES = 0x40
@@ -71,3 +75,37 @@ class Writer:
             self.buffer.extend(struct.pack(">BI", major | 26, value))
         else:
             self.buffer.extend(struct.pack(">BQ", major | 27, value))
+
+
+def put_integer(out: Writer, key: int, value: int) -> None:
+    """A number."""
+    out.integer(key)
+    out.integer(value)
+
+
+def put_integers(out: Writer, key: int, values: "Sequence[int]") -> None:
+    """An array of numbers."""
+    out.integer(key)
+    out.array(len(values))
+    for value in values:
+        out.integer(value)
+
+
+def put_real(out: Writer, key: int, value: float) -> None:
+    """A float."""
+    out.integer(key)
+    out.real(value)
+
+
+def put_reals(out: Writer, key: int, values: "Sequence[float]") -> None:
+    """An array of floats."""
+    out.integer(key)
+    out.array(len(values))
+    for value in values:
+        out.real(value)
+
+
+def put_text(out: Writer, key: int, value: str) -> None:
+    """A text."""
+    out.integer(key)
+    out.text(value)

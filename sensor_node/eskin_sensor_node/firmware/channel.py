@@ -1,4 +1,4 @@
-"""One quantity of one taxel: its samples, its rest, its peaks, and what is told of them."""
+"""One quantity of one taxel: samples, baseline, peaks and their messages."""
 
 from array import array
 
@@ -65,7 +65,7 @@ class ChannelUnit:
         self._message_writer = message_writer
         self.silent = 0
         self.calibrating = False
-        self.away = False
+        self.maybe_touched = False
         self.filled = 0
         self._schedule = schedule
         self.first = self.since = 0
@@ -85,15 +85,15 @@ class ChannelUnit:
         """Take the next frame that is bounded as the rest."""
         self.calibrating = True
 
-    def tell(self, frame: "Frame", mode: str, encoding: int) -> "list[Record]":
-        """What is to be said of the frame in the buffers: its block, then its peaks."""
+    def report(self, frame: "Frame", mode: str, encoding: int) -> "list[Record]":
+        """Messages of the frame in the buffers: its block, then its peaks."""
         if self.calibrating:
             self.calibrating = not self.baseline.calibrate(self.lows, self.highs, frame.n)
         self.filled, self.first = frame.n, frame.first + frame.n
-        at_rest = self.baseline.stays(self.lows, self.highs, frame.n, self.threshold)
-        self.away = self.baseline.known and self.threshold > 0.0 and not at_rest
+        at_rest = self.baseline.track(self.lows, self.highs, frame.n, self.threshold)
+        self.maybe_touched = self.baseline.known and self.threshold > 0.0 and not at_rest
         records = []
-        if mode == SAMPLES or (mode == ADAPTIVE and self._speaks(at_rest=at_rest)):
+        if mode == SAMPLES or (mode == ADAPTIVE and self._is_block_due(at_rest=at_rest)):
             time = self._clock.enclosure(frame.start, frame.n * frame.dt)
             records.append(
                 self._message_writer.block(
@@ -103,27 +103,27 @@ class ChannelUnit:
         if self.detector is not None:
             if self.smoothing.weight > 0.0:
                 self.smoothing.smooth(self.lows, self.highs, frame.n)
-            self._tell_peaks(records, self.detector.feed(self.lows, self.highs, frame.n))
+            self._append_peaks(records, self.detector.feed(self.lows, self.highs, frame.n))
             if frame.closes:
-                self._tell_peaks(records, self.detector.gap(0))
+                self._append_peaks(records, self.detector.gap(0))
         return records
 
     def skip(self, samples: int) -> "list[Record]":
-        """Say that samples are missing here; gives the peaks that stay undecided."""
+        """Skip missing samples; gives the peaks that stay undecided."""
         records: list[Record] = []
         self.filled = 0 if samples else self.filled
         self.first += samples
         if self.detector is not None:
-            self._tell_peaks(records, self.detector.gap(samples))
+            self._append_peaks(records, self.detector.gap(samples))
         self.smoothing.reset()
         self.since = self.first
         return records
 
-    def _speaks(self, *, at_rest: bool) -> bool:
+    def _is_block_due(self, *, at_rest: bool) -> bool:
         self.silent = self.silent + 1 if at_rest and self.silent + 1 < HEARTBEAT else 0
         return self.silent == 0
 
-    def _tell_peaks(self, records: "list[Record]", events: "list[PeakEvent]") -> None:
+    def _append_peaks(self, records: "list[Record]", events: "list[PeakEvent]") -> None:
         for event in events:
             earliest, _ = self._clock.enclosure(self._schedule.ticks(event.first))
             _, latest = self._clock.enclosure(self._schedule.ticks(event.last))

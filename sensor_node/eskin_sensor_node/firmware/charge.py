@@ -1,4 +1,4 @@
-"""What the firmware keeps of its supply over the end of its life: an interval that time widens.
+"""The charge that the firmware stores at shutdown: an interval that time widens.
 
 Left alone, a supercapacitor of capacitance C with a leakage resistance R keeps the share
 ``exp(-2t/(R·C))`` of its energy. Touches may go on meanwhile, so from above only its rated voltage
@@ -27,7 +27,7 @@ def read_charge(record: bytes, latest: int, *, leakage: "Bounds", half: "Bounds"
     """J that are stored at least, at a moment not after so many ns UTC.
 
     Args:
-        record: As `write_charge` wrote it, when the firmware's life ended.
+        record: As `write_charge` wrote it, when the firmware stopped.
         latest: ns UTC.
         leakage: Bounds of the leakage resistance in ohm.
         half: Bounds of half the capacitance in F.

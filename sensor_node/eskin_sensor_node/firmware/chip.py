@@ -8,7 +8,7 @@ class StoredMessage:
         position: Its boot and sequence.
         kind: As in `eskin_sensor_node.firmware.message_writer`.
         body: Its plaintext.
-        time: UTC ns, earliest and latest moment that it tells of.
+        time: UTC ns, earliest and latest moment that it covers.
         samples: How many samples go with it.
         messages: How many it stands for: itself, and those that a gap names.
     """
@@ -64,8 +64,8 @@ if TYPE_CHECKING:
         def roll_back(self) -> None:
             """Undo it, if one is open."""
 
-        def append(self, boot: int, record: Record, shelf: int) -> None:
-            """Keep a message on a shelf."""
+        def append(self, boot: int, record: Record, priority: int) -> None:
+            """Store a message."""
 
         def delete(self, boot: int, first: int, last: int) -> tuple[int, int]:
             """Delete from the first to the last sequence; gives how many, and their bytes."""
@@ -76,16 +76,16 @@ if TYPE_CHECKING:
         def after(self, position: Position, limit: int) -> list[StoredMessage]:
             """The next messages behind a position, in order."""
 
-        def oldest(self, shelf: int) -> StoredMessage | None:
-            """The first message of a shelf; None if it is empty."""
+        def oldest(self, priority: int) -> StoredMessage | None:
+            """The first message of a priority; None if it is empty."""
 
         def level(self) -> tuple[int, int]:
             """How many messages it keeps, and their bytes."""
 
         def gaps(self) -> int:
-            """How many gaps were ever recorded, as it was last told."""
+            """How many gaps were ever recorded."""
 
-        def keep_counts(self, gaps: int, last: int) -> None:
+        def store_counts(self, gaps: int, last: int) -> None:
             """Keep that number, and the greatest sequence that this boot has given out."""
 
         def ended(self) -> list[Position]:
@@ -94,11 +94,11 @@ if TYPE_CHECKING:
         def answer(self) -> bytes | None:
             """The last result, also after it was acknowledged."""
 
-        def keep_answer(self, body: bytes) -> None:
+        def store_answer(self, body: bytes) -> None:
             """Keep the last result apart from the messages."""
 
         def charge(self) -> bytes:
             """What was kept of the supply; empty where nothing was."""
 
-        def keep_charge(self, body: bytes) -> None:
+        def store_charge(self, body: bytes) -> None:
             """Keep that."""

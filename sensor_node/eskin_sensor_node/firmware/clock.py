@@ -7,7 +7,7 @@ class Clock:
     """What the node knows of time: a reading at its start, and how far it may be wrong.
 
     Args:
-        reading: UTC at tick 0, ns since 1970, as the real-time clock says.
+        reading: UTC at tick 0, ns since 1970, by the real-time clock.
         error: Greatest error of that reading, ns.
         drift: Greatest error of the crystal, in parts of 1e9.
     """

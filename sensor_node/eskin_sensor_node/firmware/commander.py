@@ -1,7 +1,6 @@
-"""What becomes of a command: done once, in time, by the node that it is for, and answered.
+"""Executes commands: once, in time, by the node that they are for, with a result.
 
-Who sent it is decided before: a modem or a secure element verifies the signature, and hands over
-what was signed.
+A modem or a secure element verifies the signature before, and hands over what was signed.
 """
 
 from eskin_sensor_node.firmware.reader import read_map
@@ -10,20 +9,20 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any, Protocol
 
+    from eskin_sensor_node.firmware.message_writer import State
     from eskin_sensor_node.firmware.outbox import Outbox
-    from eskin_sensor_node.firmware.places import Places
 
     Time = tuple[int, int]
     """Earliest and latest UTC of the present in ns, as the node knows it."""
 
     class Controls(Protocol):
-        """What can be set of a node."""
+        """A node's settings."""
 
-        def apply(self, name: str, arguments: "dict[str, Any]") -> Places:
-            """Do what a command asks, whole or not at all, or raise `Refusal`; gives the state."""
+        def apply(self, name: str, arguments: "dict[str, Any]") -> State:
+            """Apply a command, whole or not at all, or raise `Refusal`; gives the state."""
 
-        def restore(self, state: Places) -> Places:
-            """Take up what was reported before, as far as it fits; gives the state."""
+        def restore(self, state: State) -> State:
+            """Restore the reported state, as far as it fits; gives the state."""
 
 
 DONE = 0
@@ -39,19 +38,19 @@ _SECOND = 1000000000
 
 
 class Refusal(Exception):  # noqa: N818 - it is no error
-    """A command cannot be done; its text says why."""
+    """A command cannot be done; its text is the reason."""
 
 
 class Commander:
-    """Does what the node is asked.
+    """Executes the node's commands.
 
-    The effect of a command lives in memory until its id, its result and the state behind are in
+    The effect of a command is in memory only until its id, its result and the state behind are in
     flash, in one commit; a crash before undoes it, and a start after takes it up again. So it has
     one effect, however often it comes.
 
     Args:
         node: Its name.
-        outbox: Keeps the last command's result, and tells it.
+        outbox: Stores the last command's result.
         controls: What can be set.
     """
 
@@ -60,17 +59,17 @@ class Commander:
         self._outbox = outbox
         self._controls = controls
         self._last: tuple[int, int, str | None] = (0, DONE, None)
-        self._state: Places = {}
+        self._state: State = {}
         self._recorded = True
 
     def start(self, time: "Time") -> None:
-        """Take up the state of before, and say how the node is set; once, before any command.
+        """Restore the state and report it; once, before any command.
 
         Raises:
-            ValueError: What flash has kept is no result.
+            ValueError: What flash holds is no result.
         """
         kept = self._outbox.answer()
-        state: Places = {}
+        state: State = {}
         if kept is not None:
             fields = read_map(kept)
             if 5 not in fields or 6 not in fields or 8 not in fields:

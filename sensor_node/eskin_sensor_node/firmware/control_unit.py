@@ -1,4 +1,4 @@
-"""The control unit of Fig. 3: from codes to intervals, peaks, and the messages that tell them."""
+"""The control unit of Fig. 3: from codes to intervals, peaks and messages."""
 
 from array import array
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.taxel.taxel import Taxel
 
 
-_FRUGAL = (SAMPLES, ADAPTIVE, PEAKS)
+_MODES_BY_LOAD = (SAMPLES, ADAPTIVE, PEAKS)
 """Modes, each of which sends less than the one before."""
 
 
@@ -39,9 +39,9 @@ class ControlUnit:
         message_writer: Writes its messages.
 
     Attributes:
-        broken: Whether the taxel is certainly stuck or dead: it tells of no cause then.
+        broken: Whether the taxel is certainly stuck or dead: it reports no derived quantity then.
         ranging: Converts again what saturates, while it is adaptive.
-        left_out: Samples that it has not told for this, until somebody says so and sets it to 0.
+        omitted_samples: Samples left out for this reason, until the caller reports them.
         known_neighbours: How many were measured at the instants of its last frame.
     """
 
@@ -68,7 +68,7 @@ class ControlUnit:
         self.schedule = self.designed = schedule
         self.known_neighbours = 0
         self.broken = False
-        self.left_out = 0
+        self.omitted_samples = 0
         self._around: Sequence[ControlUnit] = ()
         self._frame: Frame | None = None
         self._adjustable: list[Codes] = []
@@ -96,9 +96,9 @@ class ControlUnit:
         return [unit.channel for unit in self.units]
 
     @property
-    def mode_now(self) -> str:
-        """The mode that is set, or a more frugal one while load is shed."""
-        return _FRUGAL[max(_FRUGAL.index(self.mode), min(self.shed, 2))]
+    def effective_mode(self) -> str:
+        """The mode that is set, or one that sends less while load is shed."""
+        return _MODES_BY_LOAD[max(_MODES_BY_LOAD.index(self.mode), min(self.shed, 2))]
 
     def process(
         self, frame: "Frame", readings: "Readings", other: "Readings | None" = None
@@ -109,7 +109,7 @@ class ControlUnit:
         """
         self.measure(frame, readings, other)
         self.separate()
-        return self.tell()
+        return self.report()
 
     def surround(self, around: "Sequence[ControlUnit]", neighbours: int) -> None:
         """Sit among so many neighbours in the skin, some of which are measured by the node."""
@@ -127,7 +127,7 @@ class ControlUnit:
         """Calculate a frame's samples back, as if the taxel were alone.
 
         Where the input was an interval, there are readings of its one end and of its other one;
-        what is told encloses both.
+        what is reported encloses both.
         """
         self._frame = frame
         self.ranging.measure(readings, frame.n, self._bounds)
@@ -137,7 +137,7 @@ class ControlUnit:
             self._adjustable += other.codes[: self._taxel.amplified]
 
     def separate(self) -> None:
-        """Take back what neighbours hand on that are measured at the same instants."""
+        """Subtract the crosstalk of neighbours that are measured at the same instants."""
         if self._frame is None:
             return
         around = [unit.felt() for unit in self._around if unit.measures(self._frame)]
@@ -145,15 +145,15 @@ class ControlUnit:
         self._taxel.separate(self._frame.n, self._bounds, around)
 
     def measures(self, frame: "Frame") -> bool:
-        """Whether it has measured at a frame's instants, and is to be believed of them."""
+        """Whether it has measured at a frame's instants, and is not broken."""
         return self._frame is not None and self._frame.meets(frame) and not self.broken
 
     def felt(self) -> "tuple[Buffer, Buffer]":
         """What it hands on a share of, at its frame's instants."""
         return self._taxel.felt(self._bounds)
 
-    def tell(self) -> "list[Record]":
-        """What is to be said of the frame that was measured."""
+    def report(self) -> "list[Record]":
+        """Messages of the frame that was measured."""
         records: list[Record] = []
         frame, self._frame = self._frame, None
         if frame is None:
@@ -161,17 +161,17 @@ class ControlUnit:
         for unit, (quantity, _) in zip(self.units, self._taxel.quantities):  # noqa: B905 - MicroPython's zip
             if self.broken and quantity in self._taxel.derived:
                 records += unit.skip(frame.n)
-                self.left_out += frame.n
+                self.omitted_samples += frame.n
             else:
-                records += unit.tell(frame, self.mode_now, self._encoding)
+                records += unit.report(frame, self.effective_mode, self._encoding)
         if self.adaptive:
             plate = self.adaptation.plate
-            self.adaptation.adapt(self._adjustable, frame.n, rests=self._rests())
+            self.adaptation.adapt(self._adjustable, frame.n, rests=self._is_untouched())
             records += self._adjust(plate)
         return records
 
     def skip(self, samples: int) -> "list[Record]":
-        """Say that samples are missing here; gives the peaks that stay undecided."""
+        """Skip missing samples; gives the peaks that stay undecided."""
         records: list[Record] = []
         for unit in self.units:
             records += unit.skip(samples)
@@ -226,7 +226,7 @@ class ControlUnit:
         return records
 
     def _enclose(self, readings: "Readings", n: int) -> None:
-        """Widen what is measured, so that it encloses what other readings tell."""
+        """Widen what is measured, so that it encloses other readings."""
         found = [array("d", bytes(8 * n)) for _ in self._bounds]
         self.ranging.measure(readings, n, found)
         for j in range(0, len(found), 2):
@@ -235,9 +235,9 @@ class ControlUnit:
                 lows[k] = min(lows[k], found[j][k])
                 highs[k] = max(highs[k], found[j + 1][k])
 
-    def _rests(self) -> bool:
+    def _is_untouched(self) -> bool:
         """Whether nothing touches, as far as is known."""
-        return not any(unit.away for unit in self.units)
+        return not any(unit.maybe_touched for unit in self.units)
 
     def _adjust(self, plate: int) -> "list[Record]":
         """Calculate with the chosen settings; peaks end where plates move from another step."""

@@ -93,8 +93,8 @@ class EnergyManager:
         self._begin_horizon()
 
     @property
-    def told(self) -> "Energy":
-        """What a status tells of it."""
+    def status(self) -> "Energy":
+        """The energy of a status message."""
         return self.stored, self.charge, self.verdict, self.stage
 
     def watch(self, code: int, work: "Sequence[int]") -> None:
@@ -121,11 +121,11 @@ class EnergyManager:
         self._shed()
 
     def rest(self, time: "tuple[int, int]") -> bytes:
-        """What flash is to keep at the end of the firmware's life, at a moment in UTC ns."""
+        """The charge to store when the firmware stops, at a moment in UTC ns."""
         return write_charge(self.stored[0], time[0])
 
     def recall(self, record: bytes, time: "tuple[int, int]") -> None:
-        """Begin with what flash kept, at a moment in UTC ns; the first code tells more."""
+        """Begin with the stored charge, at a moment in UTC ns; the first code narrows it."""
         least = read_charge(record, time[1], leakage=self._leakage, half=self._half)
         self.stored = least, up(self._half[1] * up(self._rated * self._rated))
         volts = max(0.0, down(sqrt(max(0.0, down(least / self._half[1])))))

@@ -1,4 +1,4 @@
-"""What gives way in a full storage, and the gap that names it."""
+"""Evicts messages from a full storage, and names them in a gap."""
 
 from eskin_sensor_node.firmware.gap_reasons import FULL
 from eskin_sensor_node.firmware.loss_log import Loss
@@ -10,13 +10,13 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.message_writer import MessageWriter, Numbers, Record
 
 _GAP_RESERVE = 2048
-"""Bytes kept for the gap that tells what gave way."""
-_EVENTS = 1
-_SHELVES = {BLOCK: 0, RESULT: 2, GAP: 3}
-"""Where a message is kept, by its kind; others are events."""
-_GIVING_WAY = (_SHELVES[BLOCK], _EVENTS, _SHELVES[GAP], _SHELVES[RESULT])
-"""Raw blocks first, peaks and status when there are none. A gap would only have to be said again;
-a result tells how the node is set."""
+"""Bytes reserved for the gap that names what was evicted."""
+_EVENT = 1
+_PRIORITIES = {BLOCK: 0, RESULT: 2, GAP: 3}
+"""Of a message, by its kind; others are events."""
+_EVICTION_ORDER = (_PRIORITIES[BLOCK], _EVENT, _PRIORITIES[GAP], _PRIORITIES[RESULT])
+"""Raw blocks first, then peaks and status. An evicted gap would need another gap; a result has the
+node's state."""
 
 
 class Level:
@@ -31,7 +31,7 @@ class Level:
 
 
 class OpenGap:
-    """The last gap of what gave way: it may still grow, as long as nobody has read it."""
+    """The last gap of evicted messages: it may grow until the radio has read it."""
 
     __slots__ = ("loss", "sequence")
 
@@ -41,18 +41,18 @@ class OpenGap:
 
 
 class Change:
-    """Messages that enter the storage in one transaction, and what gives way for them.
+    """Messages that enter the storage in one transaction, and what is evicted for them.
 
     Args:
         chip: The storage, with a transaction open.
         message_writer: Writes the gaps.
         numbers: Gives their sequence numbers.
         level: How full it is before; stays as it is.
-        opened: The gap that may grow; stays as it is.
+        open_gap: The gap that may grow; stays as it is.
 
     Attributes:
         level: How full it is behind.
-        opened: The gap that may grow then.
+        open_gap: The gap that may grow then.
     """
 
     def __init__(
@@ -61,28 +61,28 @@ class Change:
         message_writer: "MessageWriter",
         numbers: "Numbers",
         level: Level,
-        opened: "OpenGap | None",
+        open_gap: "OpenGap | None",
     ) -> None:
         self._chip = chip
         self._message_writer = message_writer
         self._numbers = numbers
         self.level = Level(level.messages, level.used, level.gaps)
-        self.opened = opened
+        self.open_gap = open_gap
 
     def insert(self, record: "Record") -> None:
         """Keep a message."""
-        self._chip.append(self._chip.boot, record, _SHELVES.get(record.kind, _EVENTS))
+        self._chip.append(self._chip.boot, record, _PRIORITIES.get(record.kind, _EVENT))
         if record.kind == RESULT:
-            self._chip.keep_answer(record.body)
+            self._chip.store_answer(record.body)
         self.level.messages += 1
         self.level.used += len(record.body)
         self.level.gaps += record.kind == GAP
 
     def make_room(self, capacity: int) -> None:
-        """Let the oldest give way until what is left fits, and name it in a gap."""
+        """Evict the oldest until what is left fits, and name it in a gap."""
         if self.level.used <= capacity:
             return
-        loss, sequence = self._reopened()
+        loss, sequence = self._take_open_gap()
         while self.level.used > capacity - _GAP_RESERVE:
             victim = self._victim()
             if victim is None:
@@ -96,18 +96,18 @@ class Change:
             loss.take(victim.time, victim.samples, victim.messages)
             loss.name(boot, number, number)
         self.insert(loss.gap(self._message_writer, sequence))
-        self.opened = OpenGap(sequence, loss)
+        self.open_gap = OpenGap(sequence, loss)
 
-    def _reopened(self) -> "tuple[Loss, int]":
-        if self.opened is None:
+    def _take_open_gap(self) -> "tuple[Loss, int]":
+        if self.open_gap is None:
             return Loss(FULL), self._numbers.next_sequence()
-        self._remove(self._chip.boot, self.opened.sequence)
+        self._remove(self._chip.boot, self.open_gap.sequence)
         self.level.gaps -= 1
-        return self.opened.loss.copy(), self.opened.sequence
+        return self.open_gap.loss.copy(), self.open_gap.sequence
 
     def _victim(self) -> "StoredMessage | None":
-        for shelf in _GIVING_WAY:
-            found = self._chip.oldest(shelf)
+        for priority in _EVICTION_ORDER:
+            found = self._chip.oldest(priority)
             if found is not None:
                 return found
         return None

@@ -1,4 +1,4 @@
-"""Why samples or messages are missing, as a gap says it: the machine hands over a code."""
+"""Reasons of gaps: codes, and their texts."""
 
 from eskin_sensor_node.firmware.states import ORDERED, SCARCE
 
@@ -9,7 +9,7 @@ FAILED = 3
 """Sampling came too late; a recording has a gap; the storage had no room, or was not written."""
 DEAD = 4
 STUCK = 5
-"""A taxel is broken, and tells of no cause."""
+"""A taxel is broken, and reports no derived quantity."""
 ASLEEP = {SCARCE: 6, ORDERED: 7}
 """Sampling was given up: by the cause."""
 RESET = 8
@@ -32,6 +32,6 @@ TEXTS = (
 """For people, by code."""
 
 
-def tell(code: int, taxel: str) -> str:
+def reason_text(code: int, taxel: str) -> str:
     """The text of a code, with the taxel that is broken, where one is."""
     return taxel + " " + TEXTS[code] if taxel else TEXTS[code]

@@ -1,4 +1,4 @@
-"""What a node had to give up, gathered until a gap can say it."""
+"""Lost messages and samples, collected until a gap reports them."""
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -29,7 +29,7 @@ class Loss:
         self.spans: list[tuple[int, int, int]] = []
 
     def copy(self) -> "Loss":
-        """The same, to go on with."""
+        """A copy."""
         made = Loss(self.reason)
         made.time = self.time
         made.messages = self.messages
@@ -38,14 +38,14 @@ class Loss:
         return made
 
     def take(self, time: "tuple[int, int]", samples: int, messages: int) -> None:
-        """Count in a message: the time it tells of, its samples, how many it stands for."""
+        """Count in a message: the time it covers, its samples, how many it stands for."""
         known = self.time or time
         self.time = min(known[0], time[0]), max(known[1], time[1])
         self.samples += samples
         self.messages += messages
 
     def name(self, boot: int, first: int, last: int) -> None:
-        """Name positions that nobody will hear of again; neighbours melt."""
+        """Name lost positions; adjacent ranges are merged."""
         spans = self.spans
         at = len(spans)
         while at > 0 and spans[at - 1] > (boot, first, last):
@@ -66,7 +66,7 @@ class Loss:
         return len(self.spans) >= MOST_SPANS
 
     def gap(self, message_writer: "MessageWriter", sequence: int) -> "Record":
-        """Say it, at a position that was given out before."""
+        """The gap, at a position that was given out before."""
         time = self.time or (0, 0)
         return message_writer.gap(
             self.reason, time, self.samples, self.messages, self.spans, sequence

@@ -1,26 +1,27 @@
-"""What the control unit says: messages as bytes, written for `eskin.wire.messages` to read."""
+"""Writes messages as bytes, for `eskin.wire.messages` to read."""
 
-from eskin_sensor_node.firmware.cbor import Writer
-from eskin_sensor_node.firmware.encoding import Q16, TAGS, write
-from eskin_sensor_node.firmware.fields import (
+from eskin_sensor_node.firmware.cbor import (
+    Writer,
     put_integer,
     put_integers,
     put_real,
     put_reals,
     put_text,
 )
-from eskin_sensor_node.firmware.gap_reasons import tell
-from eskin_sensor_node.firmware.places import write_places
+from eskin_sensor_node.firmware.encoding import Q16, TAGS, write
+from eskin_sensor_node.firmware.gap_reasons import reason_text
 from eskin_sensor_node.firmware.rounding import up
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
     from typing import Protocol
 
     from eskin_sensor_node.firmware.energy import Energy
     from eskin_sensor_node.firmware.peaks import PeakEvent
-    from eskin_sensor_node.firmware.places import Places
+
+    State = Mapping[str, Mapping[str, float | str]]
+    """Settings of each place: a channel, a taxel, or ``*``."""
 
     class Numbers(Protocol):
         """Counts messages."""
@@ -60,13 +61,13 @@ class Record:
 
     Attributes:
         kind: `BLOCK`, `PEAK`, `GAP`, `STATUS` or `RESULT`.
-        sequence: Its place in what this boot says.
+        sequence: Its number in this boot.
         body: Its bytes.
-        earliest: UTC ns that it tells of.
+        earliest: UTC ns of its begin.
         latest: The same, at the end.
         samples: How many samples it holds, or for a gap: how many were lost.
         named: How many lost messages it names.
-        channel: Name of the channel that it tells of, or empty.
+        channel: Name of its channel, or empty.
     """
 
     __slots__ = (
@@ -117,7 +118,7 @@ class MessageWriter:
         self._numbers = numbers
         self.gateway_time: "int | None" = None
 
-    def hear(self, time: int) -> None:
+    def observe_time(self, time: int) -> None:
         """Remember the time in an acknowledgement, UTC ns, if it is the latest."""
         if self.gateway_time is None or time > self.gateway_time:
             self.gateway_time = time
@@ -191,7 +192,7 @@ class MessageWriter:
             taxel: Which one is broken, where this is why.
         """
         out, sequence = self._begin(GAP, 8, sequence)
-        put_text(out, 4, tell(reason, taxel))
+        put_text(out, 4, reason_text(reason, taxel))
         put_integers(out, 5, time)
         put_integer(out, 6, messages)
         put_integer(out, 7, samples)
@@ -219,7 +220,7 @@ class MessageWriter:
         held: "tuple[int, int] | None" = None,
         ended: "Sequence[tuple[int, int]] | None" = None,
     ) -> Record:
-        """How the node fares, and why it started.
+        """The node's state, and why it started.
 
         ``storage``: messages, bytes, capacity in bytes, gaps ever. ``energy``: bounds of what is
         stored in J, bounds of the state of charge, verdict, stage of shedding. ``faults``: taxels
@@ -227,9 +228,9 @@ class MessageWriter:
         with x and y in m on a flat map of the skin. ``held``: below it nothing waits or will come.
         ``ended``: former boots, and the last number of each.
         """
-        heard = self.gateway_time
+        gateway_time = self.gateway_time
         parts = 13 + (energy is not None) + (faults is not None) + bool(places)
-        parts += (heard is not None) + (held is not None) + (ended is not None)
+        parts += (gateway_time is not None) + (held is not None) + (ended is not None)
         out, sequence = self._begin(STATUS, parts)
         put_integers(out, 4, time)
         put_text(out, 5, profile)
@@ -251,8 +252,8 @@ class MessageWriter:
             _faults(out, faults)
         if places:
             _places(out, places)
-        if heard is not None:
-            put_integer(out, 20, heard)
+        if gateway_time is not None:
+            put_integer(out, 20, gateway_time)
         if held is not None:
             put_integers(out, 21, held)
         if ended is not None:
@@ -270,7 +271,7 @@ class MessageWriter:
         command: int,
         outcome: int,
         reason: "str | None",
-        places: "Places",
+        state: "State",
     ) -> Record:
         """What became of the last command, why it was not done, and how each place is set."""
         out, sequence = self._begin(RESULT, 7 if reason is None else 8)
@@ -280,7 +281,7 @@ class MessageWriter:
         if reason is not None:
             put_text(out, 7, reason)
         out.integer(8)
-        write_places(out, places)
+        _write_state(out, state)
         return Record(RESULT, sequence, bytes(out.buffer), time, 0)
 
     def _begin(self, kind: int, fields: int, sequence: "int | None" = None) -> "tuple[Writer, int]":
@@ -323,3 +324,25 @@ def _faults(out: Writer, faults: "Sequence[tuple[str, int, int]]") -> None:
         out.text(name)
         out.integer(dead)
         out.integer(stuck)
+
+
+def _write_state(out: Writer, state: "State") -> None:
+    """Write a map from places to maps of their settings, each a number or a text."""
+    out.map(len(state))
+    for place in _in_order(state):
+        out.text(place)
+        settings = state[place]
+        out.map(len(settings))
+        for name in _in_order(settings):
+            out.text(name)
+            value = settings[name]
+            if isinstance(value, str):
+                out.text(value)
+            else:
+                out.real(value)
+
+
+def _in_order(texts: "Iterable[str]") -> "list[str]":
+    """As their encodings follow each other (RFC 8949, section 4.2.1): short ones first."""
+    encoded = [(len(each), each) for each in [text.encode() for text in texts]]
+    return [each.decode() for _, each in sorted(encoded)]

@@ -1,21 +1,20 @@
-"""Everything that a node says waits here until a gateway acknowledges it.
+"""The outbox: messages wait here until a gateway acknowledges them.
 
-The chip keeps the messages and the radio carries them; what waits, what goes out next, when it goes
-out again, what is forgotten and what gives way is decided here.
+The chip stores the messages and the radio sends them; the outbox decides what to send next, when
+to send it again, what to delete and what to evict.
 """
 
-from eskin_sensor_node.firmware.batch import Batch
 from eskin_sensor_node.firmware.eviction import Change, Level
 from eskin_sensor_node.firmware.gap_reasons import FAILED
 from eskin_sensor_node.firmware.loss_log import Loss
 from eskin_sensor_node.firmware.message_writer import STATUS, MessageWriter
-from eskin_sensor_node.firmware.window import Window
+from eskin_sensor_node.firmware.window import InFlightWindow
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
     from types import TracebackType
-    from typing import Protocol
+    from typing import Protocol, Self
 
     from eskin_sensor_node.firmware.chip import Chip, Position, StoredMessage
     from eskin_sensor_node.firmware.eviction import OpenGap
@@ -45,17 +44,17 @@ class NoLock:
     """For a control unit that does one thing at a time."""
 
     def __enter__(self) -> None:
-        """Nobody else is there."""
+        """Do nothing."""
 
     def __exit__(self, *_: object) -> None:
-        """Nobody waits."""
+        """Do nothing."""
 
 
 class Outbox:
     """A node's outbox.
 
-    A message leaves it in one of two ways: acknowledged, or named by a gap because it had to give
-    way or could not be written. Over capacity the oldest raw blocks give way first, then the oldest
+    A message leaves it acknowledged, or named by a gap because it was evicted or could not be
+    written. Over capacity the oldest raw blocks are evicted first, then the oldest
     peaks and status, and gaps and results last.
 
     Moments are the caller's, in one unit; positions are ``(boot, sequence)``.
@@ -88,22 +87,22 @@ class Outbox:
         lock: "Lock | None" = None,
     ) -> None:
         self._chip = chip
-        self._hand = message_writer
+        self._writer_type = message_writer
         self.capacity = capacity
         self._lock = lock or NoLock()
-        self._window = Window(window, resend_after)
+        self._window = InFlightWindow(window, resend_after)
         self._status_every = status_every
-        # Survives a reset, as a retained register does: no loss goes untold.
-        self._unsaid = Loss(FAILED)
+        # Survives a reset, as a retained register does: every loss is reported.
+        self._pending_loss = Loss(FAILED)
         self._start()
 
     def _start(self) -> None:
         self.boot = self._chip.boot
-        self.message_writer = self._hand(self.boot, self)
+        self.message_writer = self._writer_type(self.boot, self)
         messages, used = self._chip.level()
         self._level = Level(messages, used, self._chip.gaps())
         self._sequence = self._settled = 0
-        self._opened: OpenGap | None = None
+        self._open_gap: OpenGap | None = None
         self._change: Change | None = None
         self._window.clear()
         self._sent_up_to = _BEFORE_ALL
@@ -114,7 +113,7 @@ class Outbox:
     def restart(self) -> None:
         """Start anew after a reset of the machine: another boot, and all that waits is sent again.
 
-        The radio stays connected, and hears a status first of all. If the chip cannot count the
+        The radio stays connected, and sends a status first. If the chip cannot count the
         boot, the old one goes on.
         """
         with self._lock:
@@ -124,54 +123,54 @@ class Outbox:
             if connected:
                 self._status_at = _AT_ONCE
 
-    # What the node says.
+    # Messages of the node.
 
     def next_sequence(self) -> int:
         """Give out the next number; only for use inside of a batch."""
         self._sequence += 1
         return self._sequence - 1
 
-    def batch(self) -> Batch:
+    def batch(self) -> "Batch":
         """Messages that become durable together: in one commit, at the end of a ``with``.
 
-        What fails is lost, and the next batch that can be written tells so in a gap.
+        What fails is lost, and the next batch that can be written reports it in a gap.
         """
         return Batch(self, self._chip, self._lock)
 
-    def unsaid(self) -> "list[Record]":
+    def pending_gap(self) -> "list[Record]":
         """The gap that must come first, if something could not be written before."""
-        if self._unsaid.time is None:
+        if self._pending_loss.time is None:
             return []
-        return [self._unsaid.gap(self.message_writer, self.next_sequence())]
+        return [self._pending_loss.gap(self.message_writer, self.next_sequence())]
 
     def write(self, records: "Sequence[Record]") -> None:
         """Put messages into the chip's open transaction; `settle` or `lose` must follow."""
-        change = Change(self._chip, self.message_writer, self, self._level, self._opened)
+        change = Change(self._chip, self.message_writer, self, self._level, self._open_gap)
         for record in records:
             change.insert(record)
         change.make_room(self.capacity)
-        self._chip.keep_counts(change.level.gaps, self._sequence - 1)
+        self._chip.store_counts(change.level.gaps, self._sequence - 1)
         self._change = change
 
     def settle(self, records: "Sequence[Record]") -> None:
-        """What was written is durable now."""
+        """Take over what was written: it is durable now."""
         if self._change is not None:
-            self._level, self._opened = self._change.level, self._change.opened
+            self._level, self._open_gap = self._change.level, self._change.open_gap
             self._change = None
-        self._unsaid = Loss(FAILED)
+        self._pending_loss = Loss(FAILED)
         self._settled = self._sequence
         for record in records:
             if record.kind == STATUS:
                 self.newest_status = self._introduction = self.boot, record.sequence
 
     def lose(self, records: "Sequence[Record]") -> None:
-        """What was to be written is lost; the next batch tells so."""
+        """Count what was not written as lost; the next batch reports it."""
         self._change = None
         for record in records:
             time = record.earliest, record.latest
-            self._unsaid.take(time, record.samples, 1 + record.named)
+            self._pending_loss.take(time, record.samples, 1 + record.named)
         if self._sequence > self._settled:
-            self._unsaid.name(self.boot, self._settled, self._sequence - 1)
+            self._pending_loss.name(self.boot, self._settled, self._sequence - 1)
 
     def usage(self) -> "tuple[int, int, int, int]":
         """Waiting messages, their bytes, capacity in bytes, gaps ever recorded."""
@@ -183,10 +182,10 @@ class Outbox:
         """How many wait."""
         return self._level.messages
 
-    # What the radio asks, and tells.
+    # Requests of the radio.
 
     def connect(self, now: int) -> None:
-        """The radio has a new connection: everything is to be sent, a status first of all."""
+        """After a new connection, send everything again, a status first."""
         with self._lock:
             self._window.clear()
             self._sent_up_to = _BEFORE_ALL
@@ -194,13 +193,13 @@ class Outbox:
             self._status_at = now
 
     def introduce(self, now: int) -> None:
-        """The radio has a new certificate: a status is due at once, which carries it."""
+        """After a new certificate, send a status at once, which carries it."""
         with self._lock:
             self.newest_status = None
             if self._status_at is not None:
                 self._status_at = now
 
-    def tell_status(self, now: int) -> bool:
+    def is_status_due(self, now: int) -> bool:
         """Whether to record a status now; asked once, the next is due a period later.
 
         One unanswered status is enough: it is sent again, and more would only pile up.
@@ -224,7 +223,7 @@ class Outbox:
                 self._take(self._introduction, found)
                 self._introduction = None
             for position in self._window.late(now):
-                # Not a slice: what gave way meanwhile takes nobody's place.
+                # Not a slice: evicted messages take no place.
                 if len(found) < most:
                     self._take(position, found)
             while (limit := min(most - len(found), self._window.room)) > 0:
@@ -237,20 +236,20 @@ class Outbox:
                     break
             return found
 
-    def left(self, position: "Position", now: int) -> None:
-        """The radio is rid of a message, sent or not; from here on it is missed."""
+    def mark_sent(self, position: "Position", now: int) -> None:
+        """The radio has sent or dropped a message; its acknowledgement is awaited."""
         with self._lock:
-            self._window.note_left(position, now)
+            self._window.note_sent(position, now)
 
-    def awaits(self, spans: "Sequence[tuple[int, int, int]]") -> bool:
+    def has_in_flight(self, spans: "Sequence[tuple[int, int, int]]") -> bool:
         """Whether something is under way of what ``(boot, first, last)`` name."""
         with self._lock:
             return bool(self._window.named(spans))
 
     def acknowledge(self, spans: "Sequence[tuple[int, int, int]]") -> None:
-        """Forget what a gateway has made durable: ``(boot, first, last)``.
+        """Delete what a gateway has made durable: ``(boot, first, last)``.
 
-        If the chip cannot forget, they stay, and are sent again.
+        If the chip cannot delete them, they stay, and are sent again.
         """
         with self._lock:
             messages = freed = 0
@@ -291,7 +290,7 @@ class Outbox:
             return self._chip.answer()
 
     def charge(self) -> bytes:
-        """What the last life kept of its supply; empty where it kept nothing."""
+        """The charge that the last boot stored; empty where it stored none."""
         with self._lock:
             return self._chip.charge()
 
@@ -305,5 +304,68 @@ class Outbox:
     def _hand_over(self, kept: "StoredMessage", found: "list[StoredMessage]") -> None:
         self._window.hand_over(kept.position)
         found.append(kept)
-        if self._opened is not None and kept.position == (self.boot, self._opened.sequence):
-            self._opened = None
+        if self._open_gap is not None and kept.position == (self.boot, self._open_gap.sequence):
+            self._open_gap = None
+
+
+class Batch:
+    """Messages that become durable together, or are lost together.
+
+    Attributes:
+        records: Its messages so far, behind a gap if one was pending.
+    """
+
+    def __init__(self, outbox: "Outbox", chip: "Chip", lock: "Lock") -> None:
+        self._outbox = outbox
+        self._chip = chip
+        self._lock = lock
+        self._pending: list[Record] = []
+        self._charge: bytes | None = None
+        self.records: list[Record] = []
+
+    def __enter__(self) -> "Self":
+        self._lock.__enter__()
+        self._pending = self._outbox.pending_gap()
+        self.records = list(self._pending)
+        return self
+
+    def __exit__(self, kind: "type[BaseException] | None", *_: object) -> None:
+        try:
+            self._end(kind is None)
+        finally:
+            self._lock.__exit__(None, None, None)
+
+    def take(self, records: "Iterable[Record]") -> None:
+        """Add messages."""
+        self.records.extend(records)
+
+    def store_charge(self, body: bytes) -> None:
+        """Store the charge along; empty: delete it."""
+        self._charge = body
+
+    def _end(self, whole: bool) -> None:  # noqa: FBT001
+        kept = False
+        try:
+            if whole:
+                self._commit(self.records)
+                kept = True
+        finally:
+            if kept:
+                self._outbox.settle(self.records)
+            else:
+                self._outbox.lose(self.records[len(self._pending) :])
+
+    def _commit(self, records: "Sequence[Record]") -> None:
+        if not records and self._charge is None:
+            return
+        committed = False
+        self._chip.begin()
+        try:
+            self._outbox.write(records)
+            if self._charge is not None:
+                self._chip.store_charge(self._charge)
+            self._chip.commit()
+            committed = True
+        finally:
+            if not committed:
+                self._chip.roll_back()

@@ -168,7 +168,7 @@ class PeakDetector:
         return events
 
     def gap(self, samples: int) -> "list[PeakEvent]":
-        """Say that samples are missing here; nothing is joined across."""
+        """Skip missing samples; no peak is joined across."""
         events = [PeakEvent(POSSIBLE, span) for span in self.undecided]
         self.undecided.clear()
         self.certain.reset()

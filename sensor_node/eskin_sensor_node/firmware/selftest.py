@@ -1,6 +1,6 @@
 """Which taxels are stuck or dead, from what they measured: three answers, in constant memory.
 
-Over a window of samples a tube tells two things for certain: how far its quantity moved at least
+Over a window of samples a tube shows two things for certain: how far its quantity moved at least
 (``max lo - min hi``), and how far it can have moved at most (``max hi - min lo``). A contact does
 not leave out a taxel in its middle, nor does the air: one that stays still while all around it
 move is stuck. One of which no sample in a window is bounded lies outside of its converter's range:
@@ -20,7 +20,7 @@ STILL = 0.5
 """A stuck one's bounds stray by this share of their width at most: noise and steps of the code."""
 
 
-class Window:
+class BoundsWindow:
     """What one taxel's bounds did.
 
     Attributes:
@@ -89,7 +89,7 @@ class SelfTest:
 
     def __init__(self, neighbours: "Sequence[Sequence[int]]") -> None:
         self._neighbours = neighbours
-        self._windows = [Window() for _ in neighbours]
+        self._windows = [BoundsWindow() for _ in neighbours]
 
     def take(self, taxel: int, lows: "Sequence[float]", highs: "Sequence[float]", n: int) -> None:
         """Take samples of one quantity of a taxel, always of the same one."""

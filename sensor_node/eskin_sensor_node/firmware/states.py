@@ -1,4 +1,4 @@
-"""What the node is about: its states, and what leads from one to another."""
+"""The firmware's state machine."""
 
 BOOT = "boot"
 RUN = "run"
@@ -28,7 +28,7 @@ TRANSITIONS = {
 
 
 class StateMachine:
-    """The state of one life of the firmware, from a reset to the next.
+    """The state of the firmware, from one boot to the next.
 
     Attributes:
         state: One of the states above.

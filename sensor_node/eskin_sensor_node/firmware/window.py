@@ -7,7 +7,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.chip import Position
 
 
-class Window:
+class InFlightWindow:
     """Remembers what is under way, and since when.
 
     Args:
@@ -38,7 +38,7 @@ class Window:
         """The radio has it now."""
         self._left[position] = None
 
-    def note_left(self, position: "Position", now: int) -> None:
+    def note_sent(self, position: "Position", now: int) -> None:
         """The radio is rid of it, sent or not."""
         if position in self._left:
             self._left[position] = now

@@ -41,7 +41,7 @@ def calibrate(lows: Floats, highs: Floats, rest: Any) -> None:
 
 
 @part
-def stays(lows: Floats, highs: Floats, threshold: float, rest: Any) -> bool:
+def track(lows: Floats, highs: Floats, threshold: float, rest: Any) -> bool:
     """Whether a frame is certainly nearer to the rest than a threshold; then follow it."""
     if rest.known == 0:
         return False
@@ -56,11 +56,11 @@ def stays(lows: Floats, highs: Floats, threshold: float, rest: Any) -> bool:
 
 
 @part
-def speaks(lows: Floats, highs: Floats, threshold: float, mode: int, rest: Any) -> bool:
-    """Look at a frame as `firmware.channel` does; return whether its block is sent."""
+def is_block_due(lows: Floats, highs: Floats, threshold: float, mode: int, rest: Any) -> bool:
+    """Return whether a frame's block is sent, as `firmware.channel` does."""
     if rest.calibrating != 0:
         calibrate(lows, highs, rest)
-    at_rest = stays(lows, highs, threshold, rest)
+    at_rest = track(lows, highs, threshold, rest)
     if mode != _ADAPTIVE:
         return mode == _SAMPLES
     rest.silent = rest.silent + 1 if at_rest and rest.silent + 1 < HEARTBEAT else 0

@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin_sensor_node.firmware.clock import Clock as FirmwareClock
 from eskin_sensor_node.fleet.stacking import stacked
-from eskin_sensor_node.machine.crystal import Crystal
+from eskin_sensor_node.timebase import Crystal
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class Clocks:
-    """Draws for each node what `eskin_sensor_node.service.build_node` draws for one.
+    """Draws for each node what `node.factory.build_clock` draws for one.
 
     Args:
         starts: True UTC at tick 0 of each node, ns.
@@ -51,7 +51,7 @@ class Clocks:
 
 
 class ClockColumn:
-    """Clocks of which nobody asks what the firmware knows.
+    """Clocks of some nodes, without the firmware's knowledge.
 
     Args:
         starts: True UTC at tick 0 of each node, ns.

@@ -1,4 +1,4 @@
-"""Nodes of one roster that are set alike: the vectorised twin of `node.node.Node`."""
+"""Nodes of a roster that are set alike: the vectorised twin of `node.node.Node`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from eskin_sensor_node.firmware.message_writer import Channel
-from eskin_sensor_node.fleet.columns import side_by_side
+from eskin_sensor_node.fleet.columns import concatenate
 from eskin_sensor_node.fleet.message_kernels import GONE
-from eskin_sensor_node.fleet.taxel import Standing, TaxelRows
-from eskin_sensor_node.fleet.watch import Watch
+from eskin_sensor_node.fleet.self_test import CohortSelfTest
+from eskin_sensor_node.fleet.taxel import TaxelRows, TaxelState
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.firmware.schedule import Frame
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
-    from eskin_sensor_node.fleet.taxel import Said
+    from eskin_sensor_node.fleet.taxel import FrameMessages
 
 
 class Key(NamedTuple):
@@ -35,40 +35,39 @@ class Key(NamedTuple):
     order: tuple[int, ...]
 
 
-class Share(NamedTuple):
+class CohortPart(NamedTuple):
     """Some nodes with the same key.
 
     Attributes:
         numbers: Which.
-        taxels: Where each of their taxels stands.
+        taxels: The state of each taxel.
     """
 
     numbers: list[int]
-    taxels: list[Standing]
+    taxels: list[TaxelState]
 
 
 class Cohort:
     """Samples all taxels of its nodes in step.
 
-    Says byte for byte what each node would say alone.
+    Writes byte for byte what each node would write alone.
 
     Args:
         roster: All nodes that started together.
-        shares: Who of them they are, and where they stand; all of them at their start, if there
-            are none.
+        shares: Which of them it has, and their states; without any, all of them at their start.
         order: As in their key.
 
     Attributes:
         numbers: Which nodes, a row each; `GONE` where one has left.
         taxels: What each has.
-        watch: Looks for dead taxels.
+        self_test: Looks for dead taxels.
     """
 
     def __init__(
-        self, roster: Roster, shares: Sequence[Share] = (), order: Sequence[int] | None = None
+        self, roster: Roster, shares: Sequence[CohortPart] = (), order: Sequence[int] | None = None
     ) -> None:
-        everybody = [Share(list(range(len(roster))), [])]
-        found = [number for share in shares or everybody for number in share.numbers]
+        all_members = [CohortPart(list(range(len(roster))), [])]
+        found = [number for share in shares or all_members for number in share.numbers]
         self.numbers = np.array(found, np.int64)
         self._roster = roster
         self._clocks = roster.clocks.beside(found)
@@ -81,10 +80,11 @@ class Cohort:
         self._patches = roster.patches
         for number, patch in self._patches.items():
             self.taxels[number].surround(patch.neighbours)
-        self.watch = Watch(roster, self.numbers, since=min(each.next.start for each in self.taxels))
+        since = min(each.next.start for each in self.taxels)
+        self.self_test = CohortSelfTest(roster, self.numbers, since=since)
         self._order = itertools.count()
         self._due: list[tuple[int, int, int]] = []
-        self._line_up(order or range(len(self.taxels)))
+        self._arm_all(order or range(len(self.taxels)))
 
     def __len__(self) -> int:
         return int(np.count_nonzero(self.numbers != GONE))
@@ -100,21 +100,21 @@ class Cohort:
 
     @property
     def members(self) -> list[int]:
-        """Numbers of those who are still there."""
+        """Numbers of the nodes that are still there."""
         found: list[int] = self.numbers[self.numbers != GONE].tolist()
         return found
 
-    def share(self) -> Share:
-        """Those who are still there, and where they stand."""
+    def share(self) -> CohortPart:
+        """The nodes that are still there, and their states."""
         rows = np.flatnonzero(self.numbers != GONE).tolist()
-        return Share(self.members, [taxel.standing(rows) for taxel in self.taxels])
+        return CohortPart(self.members, [taxel.standing(rows) for taxel in self.taxels])
 
     def row(self, number: int) -> int:
         """Where a node stands here."""
         return int(np.flatnonzero(self.numbers == number)[0])
 
     def leave(self, number: int) -> None:
-        """A node is no more one of these."""
+        """Remove a node."""
         self.numbers[self.row(number)] = GONE
 
     @property
@@ -122,7 +122,7 @@ class Cohort:
         """Ticks at which the next frame is complete."""
         return self._due[0][0]
 
-    def advance(self, ticks: int) -> Iterator[Said]:
+    def advance(self, ticks: int) -> Iterator[FrameMessages]:
         """Take all frames that are complete by now."""
         while self.next_due <= ticks:
             number = self._due[0][2]
@@ -133,22 +133,22 @@ class Cohort:
             yield taxel.sample()
             heapq.heapreplace(self._due, (taxel.next.end, next(self._order), number))
 
-    def _sample_skin(self, frame: Frame) -> list[Said]:
+    def _sample_skin(self, frame: Frame) -> list[FrameMessages]:
         """Take the frames of all pads at the same instants, as `node.sampling_group` does."""
         together = [k for k in self._patches if self.taxels[k].next.meets(frame)]
         for k in together:
-            self.taxels[k].take()
+            self.taxels[k].measure()
         for k in together:
             around = [each for each in self._patches[k].around if each in together]
             self.taxels[k].separate([self.taxels[each] for each in around])
-        said = [self.taxels[k].tell() for k in together]
+        found = [self.taxels[k].report() for k in together]
         self._due = [each for each in self._due if each[2] not in together]
         self._due += [(self.taxels[k].next.end, next(self._order), k) for k in together]
         heapq.heapify(self._due)
-        return said
+        return found
 
-    def pass_over(self, ticks: int) -> tuple[list[Said], int, tuple[int, int]]:
-        """Give up all frames that begin before a moment.
+    def pass_over(self, ticks: int) -> tuple[list[FrameMessages], int, tuple[int, int]]:
+        """Skip all frames that begin before a moment.
 
         Returns:
             The peaks that stay undecided; how many samples each node lost; from which tick to which
@@ -156,11 +156,11 @@ class Cohort:
         """
         begin = min(taxel.next.start for taxel in self.taxels)
         passed = [taxel.skip(ticks) for taxel in self.taxels]
-        self._line_up(range(len(self.taxels)))
+        self._arm_all(range(len(self.taxels)))
         again = max(taxel.next.start for taxel in self.taxels)
-        return [said for said, _ in passed], sum(lost for _, lost in passed), (begin, again)
+        return [messages for messages, _ in passed], sum(lost for _, lost in passed), (begin, again)
 
-    def finish(self) -> list[Said]:
+    def finish(self) -> list[FrameMessages]:
         """The peaks that stay undecided at the end."""
         return [taxel.skip(0)[0] for taxel in self.taxels]
 
@@ -173,18 +173,18 @@ class Cohort:
         """What each node measures."""
         return [Channel(*given) for taxel in self.taxels for given in taxel.described]
 
-    def _line_up(self, order: Sequence[int]) -> None:
+    def _arm_all(self, order: Sequence[int]) -> None:
         # As in a machine's queue of events: what is armed first comes first.
         self._due = [(self.taxels[k].next.end, next(self._order), k) for k in order]
         heapq.heapify(self._due)
 
 
-def _together(standings: Sequence[Standing]) -> Standing:
+def _together(standings: Sequence[TaxelState]) -> TaxelState:
     """Where one taxel of several shares stands."""
     kept = [standing.drawn for standing in standings]
     drawn = [each for some in kept if some is not None for each in some]
-    columns = side_by_side([standing.columns for standing in standings])
-    return Standing(standings[0].setting, columns, drawn if None not in kept else None)
+    columns = concatenate([standing.columns for standing in standings])
+    return TaxelState(standings[0].setting, columns, drawn if None not in kept else None)
 
 
 def _taxels(roster: Roster) -> int:

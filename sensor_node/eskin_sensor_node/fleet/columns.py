@@ -1,4 +1,4 @@
-"""What the firmware of some nodes remembers of a taxel, in columns, and in a node of its own."""
+"""The firmware's state of a taxel, in columns of nodes, and in a single node."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class Columns(NamedTuple):
         """Those of some nodes."""
         return Columns(*(each[:, rows] for each in self))
 
-    def lay_down(self, k: int, row: int, unit: ChannelUnit, before: int) -> None:
+    def store(self, k: int, row: int, unit: ChannelUnit, before: int) -> None:
         """Take what a node's k-th channel remembers; so many samples are before its first one."""
         rest = self.rests[k, row]
         rest["lo"], rest["hi"], rest["known"] = (
@@ -68,7 +68,7 @@ class Columns(NamedTuple):
                 span.lowest, span.floor, span.ceiling,
             )  # fmt: skip
 
-    def pick_up(self, k: int, row: int, unit: ChannelUnit, first: int) -> None:
+    def load(self, k: int, row: int, unit: ChannelUnit, first: int) -> None:
         """Let a node's k-th channel, set likewise, go on with its sample of a number."""
         rest = self.rests[k, row]
         unit.first = first
@@ -107,7 +107,7 @@ def fresh(channels: int, nodes: int, longest: int) -> Columns:
     return Columns(progress, passes, np.zeros((*shape, MOST_REGIONS + 1), REGION), rests)
 
 
-def side_by_side(parts: Sequence[Columns]) -> Columns:
+def concatenate(parts: Sequence[Columns]) -> Columns:
     """All nodes of some columns."""
     return Columns(*(np.concatenate(each, axis=1) for each in zip(*parts, strict=True)))
 

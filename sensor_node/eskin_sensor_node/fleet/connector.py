@@ -1,4 +1,4 @@
-"""Connects a fleet, one member after the other, and again those who were lost."""
+"""Connects the members of a fleet one after the other, and reconnects them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import time
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.fleet.radio import Radio
+    from eskin_sensor_node.fleet.connection import Connection
 
 log = logging.getLogger(__name__)
 
@@ -23,18 +23,18 @@ _LONGEST_S: Final = 8.0
 class Connector:
     """A thread for what blocks: names, TCP and TLS handshakes.
 
-    A radio belongs to it from `connect` until it comes back by `ready`. A broker that is away keeps
-    all waiting; a member whom the broker turns away waits alone.
+    A connection belongs to it from `connect` until it comes back by `ready`. If the broker is
+    unreachable all wait; a member that the broker refuses waits alone.
     """
 
     def __init__(self) -> None:
-        self._wanted: queue.SimpleQueue[Radio | None] = queue.SimpleQueue()
-        self._done: queue.SimpleQueue[Radio] = queue.SimpleQueue()
-        self._waiting: list[tuple[float, int, Radio]] = []
+        self._requests: queue.SimpleQueue[Connection | None] = queue.SimpleQueue()
+        self._done: queue.SimpleQueue[Connection] = queue.SimpleQueue()
+        self._waiting: list[tuple[float, int, Connection]] = []
         self._order = itertools.count()
         self._stopping = threading.Event()
-        self.wake, self._bell = socket.socketpair()
-        for end in (self.wake, self._bell):
+        self.wake, self._notifier = socket.socketpair()
+        for end in (self.wake, self._notifier):
             end.settimeout(0.0)
         self._thread = threading.Thread(target=self._run, name="connector", daemon=True)
 
@@ -45,18 +45,18 @@ class Connector:
     def stop(self) -> None:
         """End, at most an attempt later."""
         self._stopping.set()
-        self._wanted.put(None)
+        self._requests.put(None)
         self._thread.join()
         self.wake.close()
-        self._bell.close()
+        self._notifier.close()
 
-    def connect(self, radio: Radio) -> None:
-        """Connect a radio, now or later."""
-        self._wanted.put(radio)
+    def connect(self, connection: Connection) -> None:
+        """Connect a connection, now or later."""
+        self._requests.put(connection)
 
-    def ready(self) -> list[Radio]:
-        """Radios whose handshake is over."""
-        found: list[Radio] = []
+    def ready(self) -> list[Connection]:
+        """Connections whose handshake is over."""
+        found: list[Connection] = []
         try:
             self.wake.recv(4096)
         except BlockingIOError:
@@ -74,36 +74,40 @@ class Connector:
                 self._attempt(heapq.heappop(self._waiting)[2])
 
     def _take(self) -> None:
-        """Take new wishes; sleep where nothing is to be done."""
+        """Take new requests; sleep where nothing is due."""
         pause: float | None = None
         if self._waiting:
             pause = max(0.0, self._waiting[0][0] - time.monotonic())
         try:
-            radio = self._wanted.get(timeout=pause) if pause != 0.0 else self._wanted.get_nowait()
+            connection = (
+                self._requests.get(timeout=pause) if pause != 0.0 else self._requests.get_nowait()
+            )
         except queue.Empty:
             return
-        if radio is not None:
-            delay = min(_LONGEST_S, 2.0 ** (radio.attempts - 1)) if radio.attempts else 0.0
-            radio.attempts += 1
+        if connection is not None:
+            delay = (
+                min(_LONGEST_S, 2.0 ** (connection.attempts - 1)) if connection.attempts else 0.0
+            )
+            connection.attempts += 1
             due = time.monotonic() + delay
-            heapq.heappush(self._waiting, (due, next(self._order), radio))
+            heapq.heappush(self._waiting, (due, next(self._order), connection))
 
-    def _attempt(self, radio: Radio) -> None:
+    def _attempt(self, connection: Connection) -> None:
         try:
-            radio.connect()
+            connection.connect()
         except ssl.SSLError as error:
-            log.warning("a node is turned away: error=%s", error)
-            self._wanted.put(radio)
+            log.warning("connection refused: error=%s", error)
+            self._requests.put(connection)
         except OSError as error:
-            log.warning("broker cannot be reached, messages wait: error=%s", error)
-            self._wanted.put(radio)
-            self._stopping.wait(min(_LONGEST_S, 0.5 * radio.attempts))
-        except Exception:  # the thread's outermost; the radio counts its attempts
-            log.exception("a node cannot connect and tries again: attempts=%d", radio.attempts)
-            self._wanted.put(radio)
+            log.warning("broker unreachable: error=%s", error)
+            self._requests.put(connection)
+            self._stopping.wait(min(_LONGEST_S, 0.5 * connection.attempts))
+        except Exception:  # the thread's outermost; the connection counts its attempts
+            log.exception("connecting failed, retrying: attempts=%d", connection.attempts)
+            self._requests.put(connection)
         else:
-            self._done.put(radio)
+            self._done.put(connection)
             try:
-                self._bell.send(b"!")
+                self._notifier.send(b"!")
             except BlockingIOError:  # the other side has enough to wake up for
                 return

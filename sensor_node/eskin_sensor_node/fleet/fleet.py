@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Final
 
 from eskin.errors import FlashError
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.fleet.connector import Connector
     from eskin_sensor_node.fleet.member import Member
     from eskin_sensor_node.fleet.shard import Shard
-    from eskin_sensor_node.fleet.storage import Storage
+    from eskin_sensor_node.machine.flash.file import FlashFile
     from eskin_sensor_node.node.ground_truth import GroundTruth
 
 log = logging.getLogger(__name__)
@@ -26,8 +26,8 @@ log = logging.getLogger(__name__)
 TURN: Final = BILLION // 40
 """A turn collects what comes in this time, ns, into one commit."""
 _ROUND: Final = BILLION // 2
-"""Each member is looked after at least so often, ns."""
-_FAILED: Final = "a node failed and goes on: node=%s failures=%d"
+"""Longest time between two maintenance turns of a member, ns."""
+_FAILED: Final = "member failed, continuing: node=%s failures=%d"
 _MOST_AT_ONCE: Final = 16
 """Messages that one member sends before the next one's turn."""
 
@@ -36,9 +36,9 @@ class Fleet:
     """All members of one process.
 
     Args:
-        members: They, shard by shard.
-        storage: Where they keep what they say.
-        truth: What the emulator keeps.
+        members: The members, shard by shard.
+        storage: Their flash file.
+        truth: The ground truth.
         connector: Connects them.
     """
 
@@ -46,7 +46,7 @@ class Fleet:
         self,
         members: Sequence[Member],
         *,
-        storage: Storage,
+        storage: FlashFile,
         truth: GroundTruth,
         connector: Connector,
     ) -> None:
@@ -58,7 +58,7 @@ class Fleet:
         self._of_shard: dict[Shard, list[Member]] = {shard: [] for shard in self._shards}
         for member in members:
             self._of_shard[member.shard].append(member)
-        self._by_radio = {member.radio: member for member in self.members}
+        self._by_connection = {member.connection: member for member in self.members}
         self._selector = selectors.DefaultSelector()
         self._selector.register(connector.wake, selectors.EVENT_READ)
         self._cursor = 0
@@ -66,8 +66,8 @@ class Fleet:
 
     @property
     def online(self) -> int:
-        """Members that the broker has taken."""
-        return sum(member.radio.online for member in self.members)
+        """How many members are connected."""
+        return sum(member.connection.online for member in self.members)
 
     @property
     def waiting(self) -> int:
@@ -76,11 +76,13 @@ class Fleet:
 
     @property
     def drained(self) -> bool:
-        """Whether nobody who is online waits for an acknowledgement."""
-        return not any(member.radio.online and member.outbox.messages for member in self.members)
+        """Whether no connected member waits for an acknowledgement."""
+        return not any(
+            member.connection.online and member.outbox.messages for member in self.members
+        )
 
     def start(self) -> None:
-        """Let all members take up how they were set, and connect.
+        """Restore the settings of all members, and connect them.
 
         Raises:
             FlashError: Flash cannot be read or written.
@@ -89,21 +91,21 @@ class Fleet:
             for member in self.members:
                 member.commander.start()
         for shard, members in self._of_shard.items():
-            shard.gather(at_once=True)
+            shard.regroup(at_once=True)
             shard.restarted = lambda row, members=members: members[row].commander.start()  # type: ignore[misc]  # bound now
         for member in self.members:
-            self._connector.connect(member.radio)
+            self._connector.connect(member.connection)
 
     def turn(self, *, sampling: bool = True) -> None:
-        """Do what is to be done now; waits a little for something to do."""
+        """Run one turn; waits a little for something to do."""
         begun = time.monotonic_ns()
-        self._listen(begun + TURN)
+        self._poll(begun + TURN)
         now = time.monotonic_ns()
         self._take_acknowledgements(now)
         self._take_commands()
         if sampling:
             self._sample(now)
-        self._look_after(now)
+        self._maintain(now)
         self._send(now)
 
     def finish(self) -> None:
@@ -114,43 +116,43 @@ class Fleet:
                 node.finish()
 
     def close(self) -> None:
-        """Say goodbye for all."""
+        """Disconnect all."""
         for member in self.members:
-            if member.radio.socket is not None:
-                member.radio.close()
+            if member.connection.socket is not None:
+                member.connection.close()
         self._selector.close()
 
-    def _listen(self, until: int) -> None:
+    def _poll(self, until: int) -> None:
         """Serve connections until a moment."""
         while (left := until - time.monotonic_ns()) > 0:
             for key, events in self._selector.select(left / BILLION):
                 if key.data is None:
-                    for radio in self._connector.ready():
-                        self._join(self._by_radio[radio])
+                    for connection in self._connector.ready():
+                        self._register(self._by_connection[connection])
                 else:
                     self._serve(key.data, readable=bool(events & selectors.EVENT_READ))
 
-    def _join(self, member: Member) -> None:
-        own = member.radio.socket
+    def _register(self, member: Member) -> None:
+        own = member.connection.socket
         if own is None:
-            self._connector.connect(member.radio)
+            self._connector.connect(member.connection)
             return
         self._selector.register(own, selectors.EVENT_READ, member)
         self._serve(member, readable=True)
 
     def _serve(self, member: Member, *, readable: bool) -> None:
-        own = member.radio.socket
+        own = member.connection.socket
         stands = False
         try:
-            stands = member.radio.serve(readable=readable)
-        except Exception:  # one member's trouble is not the others'
+            stands = member.connection.serve(readable=readable)
+        except Exception:  # one member must not stop the others
             self.failures += 1
             log.exception(_FAILED, member.name, self.failures)
         if not stands or own is None:
             self._lose(member, own)
             return
         events = selectors.EVENT_READ
-        if member.radio.writes:
+        if member.connection.writes:
             events |= selectors.EVENT_WRITE
         if self._selector.get_key(own).events != events:
             self._selector.modify(own, events, member)
@@ -161,12 +163,12 @@ class Fleet:
         for each in gone:
             self._selector.unregister(each)
         log.log(
-            logging.WARNING if member.radio.online else logging.DEBUG,
-            "connection lost, messages wait: node=%s",
+            logging.WARNING if member.connection.online else logging.DEBUG,
+            "connection lost: node=%s",
             member.name,
         )
-        member.radio.online = False
-        self._connector.connect(member.radio)
+        member.connection.online = False
+        self._connector.connect(member.connection)
 
     def _keys(self, own: object, member: Member) -> Iterable[selectors.SelectorKey]:
         if own is not None:
@@ -174,42 +176,44 @@ class Fleet:
         return [key for key in self._selector.get_map().values() if key.data is member]
 
     def _take_acknowledgements(self, now: int) -> None:
-        heard = [member for member in self.members if member.radio.spans and member.running]
-        if not heard:
+        acknowledged = [
+            member for member in self.members if member.connection.spans and member.running
+        ]
+        if not acknowledged:
             return
         try:
             with self._storage.commit():
-                for member in heard:
+                for member in acknowledged:
                     member.acknowledge()
         except FlashError as error:
-            log.warning("acknowledgements are not taken, and will come again: error=%s", error)
-            for member in heard:
-                member.outbox.look_again(now)
-        for member in heard:
-            with self._tolerant(member):
-                member.heed()
+            log.warning("acknowledgements not applied: error=%s", error)
+            for member in acknowledged:
+                member.outbox.resync(now)
+        for member in acknowledged:
+            with self._isolated(member):
+                member.finish_acknowledging()
 
     def _take_commands(self) -> None:
         for member in self.members:
-            if member.radio.commands and member.running:
-                with self._tolerant(member):
+            if member.connection.commands and member.running:
+                with self._isolated(member):
                     member.take_commands()
 
     def _sample(self, now: int) -> None:
-        self._sample_alone()
+        self._sample_singles()
         for shard in self._shards:
-            shard.gather()
+            shard.regroup()
             if shard.due() <= now:
                 records, truth = shard.sample(now)
                 try:
-                    # Before the storage's commit: every stored block has its truth.
+                    # Before the flash's commit: every stored block has its truth.
                     self._truth.store(truth, shard.settled(truth))
                 except FlashError as error:
-                    log.error("the truth fails: error=%s", error)  # noqa: TRY400 - says all
+                    log.error("ground truth not written: error=%s", error)  # noqa: TRY400 - one line
                 self._store(shard, records)
 
-    def _sample_alone(self) -> None:
-        """Let those catch up who sample alone, and make durable what they say, in one commit."""
+    def _sample_singles(self) -> None:
+        """Run the nodes that sample alone, in one commit."""
         due = [
             self._of_shard[shard][row]
             for shard in self._shards
@@ -219,82 +223,82 @@ class Fleet:
         if not due:
             return
         for member in due:
-            member.outbox.mark()
+            member.outbox.begin_savepoint()
         try:
             # The truth first: every stored block has it.
             with self._storage.commit(), self._truth.together():
                 for member in due:
-                    with self._tolerant(member):
+                    with self._isolated(member):
                         member.catch_up()
         except FlashError as error:
-            log.error("storage fails, sampling goes on: error=%s", error)  # noqa: TRY400 - likewise
+            log.error("flash commit failed, sampling continues: error=%s", error)  # noqa: TRY400 - likewise
             for member in due:
                 member.outbox.undo()
 
     def _store(self, shard: Shard, records: dict[int, list[Record]]) -> None:
-        """Make what members of a shard say durable, in one commit."""
-        told = {row: shard.outboxes[row].unsaid() for row in records}
+        """Store messages of a shard's members, in one commit."""
+        gaps = {row: shard.outboxes[row].pending_gap() for row in records}
         try:
             with self._storage.commit():
-                for row, said in records.items():
-                    shard.outboxes[row].write(told[row] + said)
+                for row, found in records.items():
+                    shard.outboxes[row].write(gaps[row] + found)
         except FlashError as error:
-            log.error("storage fails, sampling goes on: error=%s", error)  # noqa: TRY400 - likewise
-            for row, said in records.items():
-                shard.outboxes[row].lose(said)
+            log.error("flash commit failed, sampling continues: error=%s", error)  # noqa: TRY400 - likewise
+            for row, found in records.items():
+                shard.outboxes[row].lose(found)
             return
-        for row, said in records.items():
-            shard.outboxes[row].settle(told[row] + said)
+        for row, found in records.items():
+            shard.outboxes[row].settle(gaps[row] + found)
         for row in records:
             self._of_shard[shard][row].more = True
 
     @contextmanager
-    def _tolerant(self, member: Member) -> Iterator[None]:
-        """One member's trouble is not the others'."""
+    def _isolated(self, member: Member) -> Iterator[None]:
+        """Catch and log one member's error."""
         try:
             yield
         except FlashError as error:
-            log.warning("flash fails: node=%s error=%s", member.name, error)
+            log.warning("flash failed: node=%s error=%s", member.name, error)
         except Exception:
             self.failures += 1
             log.exception(_FAILED, member.name, self.failures)
 
-    def _look_after(self, now: int) -> None:
-        """Introduce those who are new, tell states, ping, and send again, some at a time."""
+    def _maintain(self, now: int) -> None:
+        """Send statuses, pings and repeats, for some members at a time."""
         share = max(1, len(self.members) * TURN // _ROUND)
         begin, end = self._cursor, self._cursor + share
         self._cursor = end if end < len(self.members) else 0
         asking: dict[Shard, list[int]] = {}
         for number, member in enumerate(self.members):
-            radio = member.radio
-            if radio.fresh:
-                radio.fresh = False
+            connection = member.connection
+            if connection.fresh:
+                connection.fresh = False
                 member.outbox.connect(now)
             elif not begin <= number < end:
                 continue
             member.follow_keys(now)
-            if not radio.online or not member.running:
+            if not connection.online or not member.running:
                 continue
             member.more = True
-            if not radio.keep_alive():
-                self._lose(member, radio.socket)
-            elif member.outbox.tell_status(now):
+            if not connection.keep_alive():
+                self._lose(member, connection.socket)
+            elif member.outbox.is_status_due(now):
                 if member.alone is None:
                     asking.setdefault(member.shard, []).append(member.row)
                 else:
-                    with self._tolerant(member):
+                    with self._isolated(member):
                         member.alone.record_status()
         for shard, rows in asking.items():
             self._store(shard, {row: [shard.status(row, now)] for row in rows})
 
     def _send(self, now: int) -> None:
         for member in self.members:
-            radio = member.radio
-            if not (member.more and radio.online and member.running) or radio.writes:
+            connection = member.connection
+            if not (member.more and connection.online and member.running) or connection.writes:
                 continue
             member.more = False
-            with self._tolerant(member):
-                sent = radio.send_due(member.outbox, now, _MOST_AT_ONCE)
+            with self._isolated(member):
+                sent = connection.send_due(member.outbox, now, _MOST_AT_ONCE)
                 member.more = sent == _MOST_AT_ONCE
             if member.has_backlog():
                 self._serve(member, readable=False)

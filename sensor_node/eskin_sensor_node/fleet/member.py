@@ -1,16 +1,17 @@
-"""One node of a fleet, as its loop sees it."""
+"""One node of a fleet, in the fleet's loop, and its controls."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from eskin_sensor_node.fleet.controls import MemberControls
-from eskin_sensor_node.machine.crystal import BILLION
-from eskin_sensor_node.node.commands import Commander
+from eskin_sensor_node.node.commands import CommandReceiver
+from eskin_sensor_node.node.controls import NodeControls
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
+    from eskin.wire.messages.command_schema import Arguments, State
+    from eskin_sensor_node.fleet.connection import Connection
     from eskin_sensor_node.fleet.outbox import MemberOutbox
-    from eskin_sensor_node.fleet.radio import Radio
     from eskin_sensor_node.fleet.shard import Shard
     from eskin_sensor_node.fleet.single_node import SingleNode
 
@@ -22,33 +23,33 @@ class Member:
     """One node of a fleet.
 
     Args:
-        shard: With whom it samples.
+        shard: The members that started with it.
         row: Its place there.
-        radio: Its connection.
+        connection: Its connection.
         cloud: Common name of the only server that may command it.
 
     Attributes:
         name: Its name.
         shard: As given.
         row: As given.
-        radio: As given.
+        connection: As given.
         outbox: Where its messages wait.
-        commander: Does what the cloud asks of it.
+        commander: Executes the cloud's commands.
         more: Whether it has something to send.
-        watched: ms for which somebody looks on, as the last acknowledgements say.
+        watched: ms for which a viewer watches, by the last acknowledgements.
     """
 
-    __slots__ = ("commander", "more", "name", "outbox", "radio", "row", "shard", "watched")
+    __slots__ = ("commander", "connection", "more", "name", "outbox", "row", "shard", "watched")
 
-    def __init__(self, shard: Shard, row: int, radio: Radio, *, cloud: str) -> None:
+    def __init__(self, shard: Shard, row: int, connection: Connection, *, cloud: str) -> None:
         self.name = shard.names[row]
         self.shard = shard
         self.row = row
-        self.radio = radio
+        self.connection = connection
         self.outbox: MemberOutbox = shard.outboxes[row]
-        self.commander = Commander(
+        self.commander = CommandReceiver(
             self.outbox,
-            own=radio.keys.own,
+            own=connection.keys.own,
             cloud=cloud,
             controls=MemberControls(shard, row),
             enclosure=lambda: shard.enclosure(row),
@@ -68,46 +69,78 @@ class Member:
 
     def has_backlog(self) -> bool:
         """Whether its connection did not take all that was written."""
-        return self.radio.writes
+        return self.connection.writes
 
     def follow_keys(self, now: int) -> None:
-        """Seal with what was renewed; now: monotonic ns."""
-        if self.radio.keys.refresh(now / BILLION):
-            # A gateway opens nothing of a certificate that it has not seen.
+        """Reload renewed keys; now: monotonic ns."""
+        if self.connection.keys.refresh(now / BILLION):
+            # A gateway cannot decrypt before it has seen the certificate.
             self.outbox.introduce(now)
 
     def catch_up(self) -> None:
-        """Do what is due by now; it samples alone."""
+        """Run what is due by now; it samples alone."""
         node = self.shard.singles[self.row]
-        meter, radio = node.machine.ledger, self.radio
-        meter.sent, radio.sent = meter.sent + radio.sent, 0
-        meter.received, radio.received = meter.received + radio.received, 0
+        meter, connection = node.machine.ledger, self.connection
+        meter.sent, connection.sent = meter.sent + connection.sent, 0
+        meter.received, connection.received = meter.received + connection.received, 0
         node.catch_up()
         self.more = True
 
     def acknowledge(self) -> None:
-        """Forget what gateways have; within the storage's transaction."""
-        # A copy, of which nothing is under way, tells of nobody who looks on.
-        looks = [each for each in self.radio.looks if self.outbox.awaits(each.spans)]
+        """Delete what gateways acknowledged, within the flash file's transaction."""
+        # A replayed copy, of which nothing is in flight, reports no viewer.
+        looks = [each for each in self.connection.looks if self.outbox.has_in_flight(each.spans)]
         self.watched = max((each.watched for each in looks), default=0)
-        self.outbox.acknowledge(self.radio.spans)
-        if self.radio.time is not None:
-            self.outbox.message_writer.hear(self.radio.time)
+        self.outbox.acknowledge(self.connection.spans)
+        if self.connection.time is not None:
+            self.outbox.message_writer.observe_time(self.connection.time)
 
-    def heed(self) -> None:
-        """They are done with; somebody may look on."""
-        self.radio.spans, self.radio.looks = [], []
+    def finish_acknowledging(self) -> None:
+        """Clear them, and shorten blocks where a viewer watches."""
+        self.connection.spans, self.connection.looks = [], []
         self.more = True
         if self.watched:
             self.shard.attend(self.row, self.watched / _MS)
 
     def take_commands(self) -> None:
-        """Do what it was asked.
+        """Execute its commands.
 
         Raises:
-            FlashError: A result could not be kept; its command comes again.
+            FlashError: A result was not stored; its command comes again.
         """
-        asked, self.radio.commands = self.radio.commands, []
+        asked, self.connection.commands = self.connection.commands, []
         for signed in asked:
             self.commander.take(signed)
             self.more = True
+
+
+class MemberControls:
+    """Controls of a member: it leaves its cohort, and later joins members set likewise.
+
+    Args:
+        shard: The members that started with it.
+        row: Its place there.
+    """
+
+    __slots__ = ("_row", "_shard")
+
+    def __init__(self, shard: Shard, row: int) -> None:
+        self._shard = shard
+        self._row = row
+
+    def apply(self, name: str, arguments: Arguments) -> State:
+        """As `eskin_sensor_node.node.controls.NodeControls.apply`."""
+        node = self._shard.singles.get(self._row) or self._shard.make_single(self._row)
+        state = NodeControls(node).apply(name, arguments)
+        self._shard.part(self._row, node)
+        return state
+
+    def restore(self, state: State) -> State:
+        """As `node.controls.NodeControls.restore`; as designed, it stays in its cohort."""
+        designed, node = self._shard.designed, self._shard.singles.get(self._row)
+        if node is None:
+            if state in ({}, designed):
+                return designed
+            node = self._shard.make_single(self._row)
+            self._shard.part(self._row, node)
+        return NodeControls(node).restore(state)

@@ -1,4 +1,4 @@
-"""What a taxel's frame makes thousands of nodes say: blocks and peaks, compiled."""
+"""Blocks and peaks of one frame of thousands of nodes, compiled."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ import numpy as np
 from eskin.kernels.jit import kernel, part
 from eskin.peaks.search import search
 from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
-from eskin_sensor_node.fleet.baseline_kernels import forget, smooth, speaks
-from eskin_sensor_node.fleet.timing import Timing, error_at, ticks_of
+from eskin_sensor_node.fleet.baseline_kernels import forget, is_block_due, smooth
 from eskin_sensor_node.machine.cbor import Scratch, scratch
 from eskin_sensor_node.machine.compiled_messages import Channel, Span, block, peak
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -34,7 +34,18 @@ RECORD: Final = np.dtype(
 )  # fmt: skip
 """One message: the node's row, its channel, what flash must know, and where its bytes lie."""
 GONE: Final = -1
-"""In the place of a node that has left its group: nothing is said for it."""
+"""In the place of a node that has left its group: it gets no messages."""
+
+
+class Timing(NamedTuple):
+    """A schedule and a clock's bounds, as `firmware.schedule` and `firmware.clock` have them."""
+
+    origin: int
+    dt: int
+    burst: int
+    pause: int
+    error: int
+    drift: int
 
 
 class Design(NamedTuple):
@@ -83,7 +94,7 @@ class Nodes(NamedTuple):
 
 
 class Group(NamedTuple):
-    """Those who sample together.
+    """Nodes that sample together.
 
     Attributes:
         nodes: All nodes that started together.
@@ -100,6 +111,22 @@ class Output(NamedTuple):
     content: Bytes
     records: Any
     events: Any
+
+
+@part
+def _ticks_of(timing: Timing, sample: int) -> int:
+    """When a sample is taken."""
+    if timing.burst == 0:
+        return timing.origin + sample * timing.dt
+    number, inside = sample // timing.burst, sample % timing.burst
+    return timing.origin + number * timing.pause + inside * timing.dt
+
+
+@part
+def _error_at(timing: Timing, ticks: int) -> int:
+    """Greatest error of the clock; the product of both would not fit into 64 bits after days."""
+    seconds, rest = ticks // BILLION, ticks % BILLION
+    return timing.error + seconds * timing.drift - (-rest * timing.drift) // BILLION
 
 
 @part
@@ -149,9 +176,9 @@ def _seek(
     boot, reading = group.nodes.boots[node], group.nodes.readings[node]
     for number in range(found):
         event = output.events[number]
-        first, last = ticks_of(design.timing, event.first), ticks_of(design.timing, event.last)
-        earliest = reading + first - error_at(design.timing, first)
-        time = Span(first, earliest, reading + last + error_at(design.timing, last))
+        first, last = _ticks_of(design.timing, event.first), _ticks_of(design.timing, event.last)
+        earliest = reading + first - _error_at(design.timing, first)
+        time = Span(first, earliest, reading + last + _error_at(design.timing, last))
         sequence, record = _next(group, row), output.records[count]
         _note(record, row, k, PEAK, sequence, time, 0)
         record.begin = at
@@ -163,7 +190,7 @@ def _seek(
 
 
 @part
-def _tell_block(
+def _write_block(
     lows: Floats,
     highs: Floats,
     row: int,
@@ -178,7 +205,7 @@ def _tell_block(
     """Write the block of one channel."""
     n, dt = lows.size, design.timing.dt
     node = group.numbers[row]
-    error, middle = error_at(design.timing, ticks + n * dt), group.nodes.readings[node] + ticks
+    error, middle = _error_at(design.timing, ticks + n * dt), group.nodes.readings[node] + ticks
     time = Span(ticks, middle - error, middle + error)
     until = Span(ticks, time.earliest, time.latest + (n - 1) * dt)
     sequence, record = _next(group, row), output.records[place.messages]
@@ -193,7 +220,7 @@ def _tell_block(
 
 
 @part
-def _tell_channel(
+def _write_channel(
     lows: Floats,
     highs: Floats,
     row: int,
@@ -208,8 +235,8 @@ def _tell_channel(
 ) -> Place:
     """Write a channel's block, if it is sent, and the peaks that are decided now."""
     threshold, rest = design.prominences[k], columns.rests[k, row]
-    if speaks(lows, highs, threshold, design.mode, rest):
-        place = _tell_block(lows, highs, row, k, ticks, design, group, output, place, room)
+    if is_block_due(lows, highs, threshold, design.mode, rest):
+        place = _write_block(lows, highs, row, k, ticks, design, group, output, place, room)
     if threshold > 0.0:
         if design.smoothing > 0.0:
             smooth(lows, highs, design.smoothing, rest)
@@ -238,7 +265,7 @@ def _pause(
 
 
 @kernel
-def tell(
+def write_frame(
     ticks: int,
     closes: bool,  # noqa: FBT001 - compiled
     lows: Floats,
@@ -269,7 +296,7 @@ def tell(
             continue
         for k in range(lows.shape[0]):
             lo, hi = lows[k, row], highs[k, row]
-            place = _tell_channel(
+            place = _write_channel(
                 lo, hi, row, k, ticks, design, group, columns, output, place, room
             )
             if closes:
@@ -279,7 +306,7 @@ def tell(
 
 @kernel
 def skip(samples: int, design: Design, group: Group, columns: Columns, output: Output) -> Place:
-    """Say that samples are missing; writes the peaks that stay undecided. Else as `tell`."""
+    """Skip missing samples; writes the peaks that stay undecided. Else as `write_frame`."""
     room, place = scratch(), Place(0, 0)
     for row in range(group.numbers.size):
         if group.numbers[row] == GONE:

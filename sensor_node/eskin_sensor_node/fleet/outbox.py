@@ -1,4 +1,4 @@
-"""A member's outbox: the firmware's, which counts together with others'."""
+"""A member's outbox: the firmware's, with its sequence numbers in a column."""
 
 from __future__ import annotations
 
@@ -12,24 +12,24 @@ if TYPE_CHECKING:
 
     from eskin_sensor_node.firmware.message_writer import Record
     from eskin_sensor_node.fleet.message_kernels import Nodes
-    from eskin_sensor_node.fleet.storage import Partition
+    from eskin_sensor_node.machine.flash.flash import Partition
 
 
 class MemberOutbox(Outbox):
     """Its next sequence number stands in a column, where compiled loops count, too.
 
     Args:
-        chip: The member's part of the storage.
+        chip: The member's part of the flash file.
         nodes: Those that started together.
         row: The member's place among them.
-        given: As the firmware's outbox takes it.
+        given: As for the firmware's outbox.
     """
 
     def __init__(self, chip: Partition, nodes: Nodes, row: int, **given: Any) -> None:
         self._nodes = nodes
         self._row = row
         self._partition = chip
-        self._said: list[Record] | None = None
+        self._records: list[Record] | None = None
         super().__init__(chip, **given)
 
     @property
@@ -41,31 +41,31 @@ class MemberOutbox(Outbox):
         self._nodes.sequences[self._row] = value
 
     def settle(self, records: Sequence[Record]) -> None:
-        """What was written is durable, or will be with the storage's transaction for many."""
+        """Take over what was written; durable now, or with the file's transaction."""
         super().settle(records)
-        if self._said is not None:
-            self._said += records
+        if self._records is not None:
+            self._records += records
 
-    def mark(self) -> None:
-        """A transaction for many begins: from here on `undo` undoes."""
-        self._said = []
-        self._marked = self._level, self._opened, self._settled, self._unsaid, self.boot
+    def begin_savepoint(self) -> None:
+        """Remember the state, for `undo`."""
+        self._records = []
+        self._marked = self._level, self._open_gap, self._settled, self._pending_loss, self.boot
 
-    def unmark(self) -> None:
-        """From now on the member's messages are written with those of its cohort."""
-        self._said = None
+    def end_savepoint(self) -> None:
+        """Stop remembering: the member's messages are written with those of its cohort."""
+        self._records = None
 
     def undo(self) -> None:
-        """That transaction failed: what was said since is lost, and the next batch tells so."""
-        self._level, self._opened, self._settled, self._unsaid, boot = self._marked
+        """Undo that transaction: its messages are lost, and the next batch reports it."""
+        self._level, self._open_gap, self._settled, self._pending_loss, boot = self._marked
         if boot != self.boot:
             self._settled = 0
             self._partition.recount()
         self.newest_status = self._introduction = None
-        self.lose(self._said or [])
+        self.lose(self._records or [])
 
-    def look_again(self, now: int) -> None:
-        """The storage undid what was acknowledged: count and send anew what it holds."""
+    def resync(self, now: int) -> None:
+        """Count and send anew what the file holds, after an acknowledgement was undone."""
         messages, used = self._partition.level()
         self._level = Level(messages, used, self._level.gaps)
         self.connect(now)

@@ -1,63 +1,63 @@
-"""Who samples together again: members that are set alike, whatever way they came there."""
+"""Regroups members that have equal settings into cohorts."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
 from eskin_sensor_node.fleet.cohort import Cohort
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.events import NEVER
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from eskin_sensor_node.fleet.cohort import Key, Share
+    from eskin_sensor_node.fleet.cohort import CohortPart, Key
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.single_node import SingleNode
 
 QUIET: Final = 2 * BILLION
-"""ns without a command to any of them: a command to a whole fleet comes to one after the other."""
+"""ns without a command to any of them: a command to a fleet reaches one node after the other."""
 _LONGEST: Final = 30 * BILLION
-"""ns after which those wait no more who were set first."""
+"""ns after which the first member waits no longer."""
 
 
 class Regroup:
     """Brings members of a roster into cohorts by their keys.
 
     Args:
-        roster: Whose they are.
+        roster: The members'.
     """
 
     def __init__(self, roster: Roster) -> None:
         self._roster = roster
         self._first = self._latest = NEVER
 
-    def await_more(self, now: int) -> None:
-        """Somebody was set at a moment of the monotonic clock, ns; others may be, too."""
+    def postpone(self, now: int) -> None:
+        """Wait for further commands after one at a moment of the monotonic clock, ns."""
         self._first, self._latest = min(self._first, now), now
 
     def is_due(self, now: int) -> bool:
-        """Whether those who were set have waited long enough."""
+        """Whether the members have waited long enough."""
         return self._first != NEVER and now >= min(self._first + _LONGEST, self._latest + QUIET)
 
-    def gather(
+    def regroup(
         self, cohorts: list[Cohort], singles: Mapping[int, SingleNode], now: int
     ) -> list[int]:
         """Change cohorts so that each key has one, of which half are there at least.
 
-        Where something changed it looks once more: who came from another cohort may stand a frame
-        apart until both have sampled. So it does while somebody looks at one of them.
+        Where something changed it tries again: a node from another cohort may stand a frame apart
+        until both have sampled. It also tries again while a viewer watches one of them.
 
         Args:
             cohorts: All of the roster; changed.
-            singles: Those who sample alone.
+            singles: Nodes that sample alone.
             now: On the monotonic clock, ns.
 
         Returns:
             Numbers of the singles that are in a cohort now.
         """
         self._first = self._latest = NEVER
-        shares: dict[Key, list[Share]] = {}
+        shares: dict[Key, list[CohortPart]] = {}
         joined = []
         for number, node in singles.items():
             key = node.key
@@ -73,7 +73,7 @@ class Regroup:
         cohorts[:] = [cohort for cohort in cohorts if cohort.key not in shares]
         cohorts += [Cohort(self._roster, each, key.order) for key, each in shares.items()]
         if shares or any(node.looked_at for node in singles.values()):
-            self.await_more(now)
+            self.postpone(now)
         return joined
 
 

@@ -1,4 +1,4 @@
-"""Nodes of one design that started together: what each is, whatever it is set to."""
+"""Nodes of one design that started together: seeds, boots and clocks."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from eskin_sensor_node.fleet.clocks import Clocks
 from eskin_sensor_node.fleet.message_kernels import Nodes
 from eskin_sensor_node.kinds.neighbours import patches
 from eskin_sensor_node.kinds.skin_map import skin_map
+from eskin_sensor_node.machine.data_sheet import taxel_coverages
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -34,11 +35,11 @@ class RosterEntry:
 
 
 class Roster:
-    """What nodes know and have from their start on.
+    """What nodes have from their start on.
 
     Args:
-        settings: Their design; what they do not share is not looked at.
-        entries: Who they are.
+        settings: Their design; what they do not share is not used.
+        entries: The nodes.
 
     Attributes:
         settings: As given.
@@ -47,7 +48,7 @@ class Roster:
         clocks: Their clocks.
         coverages: Of each taxel, the probability that its intervals hold the truth.
         patches: Where pads sit in their skin.
-        map: Where taxels sit, as statuses tell it.
+        map: Where taxels sit, for statuses.
         dead: Which taxels of which nodes are known to be dead, taxels × nodes.
     """
 
@@ -62,7 +63,7 @@ class Roster:
         )
         boots = np.array([each.boot for each in entries], np.int64)
         self.nodes = Nodes(self.clocks.readings, boots, np.zeros(len(entries), np.int64))
-        self.coverages = settings.coverages()
+        self.coverages = taxel_coverages(settings)
         self.patches = patches(settings.taxel)
         self.map = skin_map(settings.taxel)
         self.dead = np.zeros((len(settings.taxel), len(entries)), np.bool_)

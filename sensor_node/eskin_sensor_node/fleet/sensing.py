@@ -1,4 +1,4 @@
-"""What is before the control units of some nodes: worlds and analogue chains in columns."""
+"""Signal chains of some nodes in columns: worlds and analogue front ends."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from eskin_sensor_node.fleet.stacking import stacked
 from eskin_sensor_node.kinds.registry import KINDS
 from eskin_sensor_node.kinds.signals import Signals
-from eskin_sensor_node.node.signal_chain import Drawn, draw
+from eskin_sensor_node.node.signal_chain import SignalChain
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from eskin.interval import Floats
-    from eskin_sensor_node.fleet.stacked_generator import StackedGenerator
+    from eskin_sensor_node.fleet.stacking import StackedGenerator
     from eskin_sensor_node.kinds.converter import Codes
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
     from eskin_sensor_node.kinds.signals import World
@@ -38,10 +38,10 @@ class SensingRows:
         number: int,
         seeds: Sequence[int],
         companions: Sequence[Mapping[str, Companion]],
-        drawn: Sequence[Drawn] | None,
+        drawn: Sequence[SignalChain] | None,
     ) -> None:
         each = zip(seeds, companions, strict=True)
-        found = drawn or [draw(taxel, (seed, number), along) for seed, along in each]
+        found = drawn or [SignalChain(taxel, (seed, number), along) for seed, along in each]
         in_columns = KINDS[taxel.kind].in_columns
         # What is drawn in a moment need not be kept.
         self._drawn = None if in_columns else found
@@ -49,7 +49,7 @@ class SensingRows:
         self._world = stacked(worlds) if in_columns else _Worlds(worlds)
         self._frontend = stacked([each.frontend for each in found])
 
-    def drawn(self, rows: Sequence[int]) -> list[Drawn] | None:
+    def drawn(self, rows: Sequence[int]) -> list[SignalChain] | None:
         """The parts of some nodes, where they are kept."""
         return None if self._drawn is None else [self._drawn[row] for row in rows]
 

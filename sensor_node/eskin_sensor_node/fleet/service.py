@@ -12,17 +12,17 @@ from typing import TYPE_CHECKING, Final
 from eskin.errors import IdentityError, SettingsError
 from eskin.identity import numbered
 from eskin_sensor_node.fleet.cohort import Cohort
+from eskin_sensor_node.fleet.connection import Connection
 from eskin_sensor_node.fleet.connector import Connector
 from eskin_sensor_node.fleet.fleet import Fleet
 from eskin_sensor_node.fleet.member import Member
-from eskin_sensor_node.fleet.radio import Radio
 from eskin_sensor_node.fleet.roster import Roster, RosterEntry
 from eskin_sensor_node.fleet.shard import Shard
-from eskin_sensor_node.fleet.single_node import require_alone
-from eskin_sensor_node.fleet.storage import Storage
+from eskin_sensor_node.fleet.single_node import reason_to_sample_alone
 from eskin_sensor_node.kinds.neighbours import measured_around
 from eskin_sensor_node.link.keys import NodeKeys
-from eskin_sensor_node.machine.budget import require_fit
+from eskin_sensor_node.machine.budget import require_ram
+from eskin_sensor_node.machine.flash.file import FlashFile
 from eskin_sensor_node.machine.processor import require_speed
 from eskin_sensor_node.machine.schedule import build_schedule
 from eskin_sensor_node.node.factory import REBOOT, chip_key
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _SPARE_FILES: Final = 64
-_MOST_IN_STEP: Final = 128
-"""Members that sample at the same moment; others follow, so that a fleet is no drum."""
-_FEWEST_SQUADS: Final = 8
+_MOST_PER_SHARD: Final = 128
+"""Members that sample at the same moment; shards are spread over a frame."""
+_FEWEST_SHARDS: Final = 8
 _PROGRESS_S: Final = 2.0
 
 
@@ -55,19 +55,19 @@ def run(settings: NodeSettings) -> None:
     stop = threading.Event()
 
     def end(number: int, _frame: FrameType | None) -> None:
-        log.info("ending: signal=%s", signal.Signals(number).name)
+        log.info("stopping: signal=%s", signal.Signals(number).name)
         stop.set()
 
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, end)
     _require_open_air(settings)
-    require_fit(settings)
+    require_ram(settings)
     require_speed(settings, measured_around(settings.taxel))
     require_files(settings.fleet.count)
     names = numbered(settings.node.name, settings.fleet.count)
     truth = GroundTruth(settings.truth.path, limit=settings.truth.limit_bytes)
     try:
-        storage = Storage(settings.flash.path, names, key=chip_key(settings))
+        storage = FlashFile(settings.flash.path, names, key=chip_key(settings))
         try:
             _serve(settings, names, storage, truth, stop)
         finally:
@@ -103,11 +103,11 @@ def require_files(count: int) -> None:
 
 
 def build_shards(
-    settings: NodeSettings, names: list[str], storage: Storage, truth: GroundTruth
+    settings: NodeSettings, names: list[str], storage: FlashFile, truth: GroundTruth
 ) -> list[Shard]:
     """Put a fleet's nodes together, spread over the time of one frame."""
     seed = truth.seed(settings.node.seed)
-    size = max(1, min(_MOST_IN_STEP, -(-len(names) // _FEWEST_SQUADS)))
+    size = max(1, min(_MOST_PER_SHARD, -(-len(names) // _FEWEST_SHARDS)))
     frame = build_schedule(settings.taxel[0], settings.sampling.block_samples).frame(0)
     parts = -(-len(names) // size)
     now, begin = time.monotonic_ns(), _begin(truth, time.time_ns())
@@ -131,27 +131,27 @@ def build_shards(
 
 
 def _begin(truth: GroundTruth, start: int) -> int:
-    """No moment is lived twice, also where a fleet ran faster than real time."""
+    """Start after the latest sample, also where a fleet ran faster than real time."""
     end = truth.end()
     return start if end is None else max(start, end + REBOOT)
 
 
-def _build_radios(settings: NodeSettings, names: list[str]) -> dict[str, Radio]:
-    radios: dict[str, Radio] = {}
-    said = time.monotonic()
+def _build_connections(settings: NodeSettings, names: list[str]) -> dict[str, Connection]:
+    connections: dict[str, Connection] = {}
+    logged = time.monotonic()
     for name in names:
         keys = NodeKeys(settings.identity.directory / name, settings.identity.site)
         if keys.own.name != name:
             raise IdentityError(f"{keys.own.directory}: this is {keys.own.name}, not {name}")
-        radios[name] = Radio(keys, settings.broker)
-        if time.monotonic() > said + _PROGRESS_S:
-            said = time.monotonic()
-            log.info("starting: identities=%d of=%d", len(radios), len(names))
-    return radios
+        connections[name] = Connection(keys, settings.broker)
+        if time.monotonic() > logged + _PROGRESS_S:
+            logged = time.monotonic()
+            log.info("starting: identities=%d of=%d", len(connections), len(names))
+    return connections
 
 
 def warm_up(settings: NodeSettings) -> None:
-    """Have all loops compiled before time begins."""
+    """Compile all kernels before the fleet starts."""
     alone = Cohort(Roster(settings, [RosterEntry(seed=0, boot=1, start=time.time_ns())]))
     latest = max(taxel.next.end for taxel in alone.taxels)
     for _ in alone.advance(latest):
@@ -162,41 +162,41 @@ def warm_up(settings: NodeSettings) -> None:
 def _serve(
     settings: NodeSettings,
     names: list[str],
-    storage: Storage,
+    storage: FlashFile,
     truth: GroundTruth,
     stop: threading.Event,
 ) -> None:
     connector = Connector()
-    radios = _build_radios(settings, names)
+    connections = _build_connections(settings, names)
     warm_up(settings)
     shards = build_shards(settings, names, storage, truth)
     members = [
-        Member(shard, row, radios[name], cloud=settings.identity.cloud)
+        Member(shard, row, connections[name], cloud=settings.identity.cloud)
         for shard in shards
         for row, name in enumerate(shard.names)
     ]
     fleet = Fleet(members, storage=storage, truth=truth, connector=connector)
     fleet.start()
     connector.start()
-    alone = require_alone(settings)
+    alone = reason_to_sample_alone(settings)
     if alone is not None:
-        log.info("all sample alone: setting=%s", alone)
+        log.info("all nodes sample alone: setting=%s", alone)
     log.info("running: nodes=%d first=%s last=%s", len(names), names[0], names[-1])
-    told, said = 0, time.monotonic()
+    online, logged = 0, time.monotonic()
     while not stop.is_set():
         try:
             fleet.turn()
         except Exception:  # the process's outermost loop
             fleet.failures += 1
-            log.exception("a fleet's turn failed and the next begins: failures=%d", fleet.failures)
+            log.exception("turn failed, continuing: failures=%d", fleet.failures)
             stop.wait(1.0)
-        if told < len(names) and time.monotonic() > said + _PROGRESS_S:
-            told, said = fleet.online, time.monotonic()
-            log.info("connected: nodes=%d of=%d", told, len(names))
+        if online < len(names) and time.monotonic() > logged + _PROGRESS_S:
+            online, logged = fleet.online, time.monotonic()
+            log.info("connected: nodes=%d of=%d", online, len(names))
     fleet.finish()
     deadline = time.monotonic() + settings.broker.drain_s
     while not fleet.drained and time.monotonic() < deadline:
         fleet.turn(sampling=False)
     connector.stop()
     fleet.close()
-    log.info("ended: nodes=%d waiting=%d", len(names), fleet.waiting)
+    log.info("stopped: nodes=%d waiting=%d", len(names), fleet.waiting)

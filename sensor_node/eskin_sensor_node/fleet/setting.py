@@ -1,4 +1,4 @@
-"""How a taxel is set and where its schedule stands: what those share who sample together."""
+"""The setting of a taxel and its schedule: what nodes of a cohort have in common."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from eskin_sensor_node.firmware.channel import SAMPLES
 from eskin_sensor_node.firmware.schedule import Schedule
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.schedule import build_schedule
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from eskin_sensor_node.firmware.control_unit import ControlUnit
@@ -42,7 +42,7 @@ class Setting(NamedTuple):
 
 
 def designed(taxel: TaxelSection, block: int) -> Setting:
-    """How nobody has set it; ``block``: samples in a block."""
+    """The setting of the design; ``block``: samples in a block."""
     schedule = build_schedule(taxel, block)
     timing = schedule.dt, schedule.block, schedule.burst, schedule.pause, schedule.origin
     return Setting(

@@ -1,4 +1,4 @@
-"""Members that started together: their outboxes, their cohorts, and those who sample alone."""
+"""Members that started together: outboxes, cohorts, and nodes that sample alone."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from eskin_sensor_node.fleet.cohort import Cohort
 from eskin_sensor_node.fleet.outbox import MemberOutbox
 from eskin_sensor_node.fleet.regroup import Regroup
 from eskin_sensor_node.fleet.roster import Roster, RosterEntry
-from eskin_sensor_node.fleet.single_node import SingleNode, require_alone
+from eskin_sensor_node.fleet.single_node import SingleNode, reason_to_sample_alone
 from eskin_sensor_node.machine.compiled_writer import CompiledWriter
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.events import NEVER
+from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_clock
 from eskin_sensor_node.node.ground_truth import TrueBlock
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
     from eskin.wire.messages.command_schema import State
-    from eskin_sensor_node.fleet.storage import Storage
-    from eskin_sensor_node.fleet.taxel import Said
+    from eskin_sensor_node.fleet.taxel import FrameMessages
+    from eskin_sensor_node.machine.flash.file import FlashFile
     from eskin_sensor_node.node.ground_truth import GroundTruth
     from eskin_sensor_node.settings import NodeSettings
 
@@ -47,8 +48,8 @@ class Shard:
         names: Their names.
         numbers: Their numbers in the fleet, from which their seeds come.
         seed: The fleet's.
-        storage: Where they keep what they say.
-        truth: What the emulator keeps.
+        storage: Their flash file.
+        truth: The ground truth.
         start: True UTC in ns at which their emulated time begins.
         origin: The same on the monotonic clock.
         monotonic: That clock, ns.
@@ -67,7 +68,7 @@ class Shard:
         numbers: Sequence[int],
         *,
         seed: int,
-        storage: Storage,
+        storage: FlashFile,
         truth: GroundTruth,
         start: int,
         origin: int,
@@ -81,14 +82,14 @@ class Shard:
         self.singles: dict[int, SingleNode] = {}
         self.restarted: Callable[[int], None] = lambda _row: None
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
-        chips = [storage.partition(name) for name in names]
+        chips = [Partition(storage, name) for name in names]
         entries = [
             RosterEntry(member_seed(seed, number), chip.boot, start)
             for number, chip in zip(numbers, chips, strict=True)
         ]
         self._roster = Roster(settings, entries)
         self.cohorts = [Cohort(self._roster)]
-        self._gathering = Regroup(self._roster)
+        self._regroup = Regroup(self._roster)
         broker = settings.broker
         self.outboxes = [
             MemberOutbox(
@@ -103,23 +104,23 @@ class Shard:
             )
             for row, chip in enumerate(chips)
         ]
-        self._alone = require_alone(settings) is not None
+        self._alone = reason_to_sample_alone(settings) is not None
         self._cuts = settings.sampling.watched_block_ms > 0.0
         if self._alone:
             for row in range(len(names)):
-                self.part(row, self.apart(row))
+                self.part(row, self.make_single(row))
 
     @cached_property
     def designed(self) -> State:
-        """How a member is set that nobody has set."""
+        """The state of a member as designed."""
         return NodeControls(self._single(0)).restore({})
 
-    def apart(self, row: int) -> SingleNode:
-        """A member as a node of its own, which stands where its cohort does."""
+    def make_single(self, row: int) -> SingleNode:
+        """A member as a single node, in the state of its cohort."""
         node = self._single(row)
         node.take_over(self._cohort(row), row)
         for taxel in np.flatnonzero(self._roster.dead[:, row]).tolist():
-            node.know_dead(taxel)
+            node.mark_dead(taxel)
         return node
 
     def part(self, row: int, node: SingleNode) -> None:
@@ -129,31 +130,31 @@ class Shard:
             self.cohorts = [cohort for cohort in self.cohorts if len(cohort)]
         self.singles[row] = node
         node.at_start = lambda: self.restarted(row)
-        self._gathering.await_more(self._monotonic())
+        self._regroup.postpone(self._monotonic())
 
     def attend(self, row: int, seconds: float) -> None:
-        """A member cuts its blocks short, and samples alone: somebody looks on for some seconds."""
+        """Shorten a member's blocks for some seconds: a viewer watches; it samples alone."""
         if not self._cuts:
             return
         if row not in self.singles:
-            self.part(row, self.apart(row))
+            self.part(row, self.make_single(row))
         self.singles[row].attend(seconds)
-        self._gathering.await_more(self._monotonic())
+        self._regroup.postpone(self._monotonic())
 
-    def gather(self, *, at_once: bool = False) -> None:
-        """Let those who are set alike sample together, some seconds after the last was set."""
+    def regroup(self, *, at_once: bool = False) -> None:
+        """Regroup members that are set alike, some seconds after the last command."""
         now = self._monotonic()
-        if self._alone or not (at_once or self._gathering.is_due(now)):
+        if self._alone or not (at_once or self._regroup.is_due(now)):
             return
-        for row in self._gathering.gather(self.cohorts, self.singles, now):
+        for row in self._regroup.regroup(self.cohorts, self.singles, now):
             del self.singles[row]
-            self.outboxes[row].unmark()
+            self.outboxes[row].end_savepoint()
 
     def _cohort(self, row: int) -> Cohort:
         return next(cohort for cohort in self.cohorts if row in cohort)
 
     def _single(self, row: int) -> SingleNode:
-        """A member as a node of its own that has just started."""
+        """A member as a single node that has just started."""
         own, given = self._roster.entries[row], self._settings
         clock = build_clock(
             given,
@@ -182,20 +183,20 @@ class Shard:
         return due if due == NEVER else self._origin + int(due / self._settings.node.speed)
 
     def sample(self, now: int) -> tuple[dict[int, list[Record]], dict[str, list[TrueBlock]]]:
-        """Take the frames that are complete; say so where some were missed.
+        """Sample the frames that are complete; a gap reports those that were missed.
 
         Returns:
-            What each member (its row) says, and the truth behind the blocks.
+            Messages by the member's row, and the truth behind the blocks.
         """
         ticks = self.ticks(now)
         records: dict[int, list[Record]] = {}
         truth: dict[str, list[TrueBlock]] = {}
         for cohort in self.cohorts:
             if ticks - cohort.next_due > self._overrun:
-                self._pass_over(cohort, ticks, records)
-            for number, said in enumerate(cohort.advance(ticks), start=1):
-                self._take(cohort, said, records, truth)
-                self._examine(cohort, said, records)
+                self._skip_overrun(cohort, ticks, records)
+            for number, found in enumerate(cohort.advance(ticks), start=1):
+                self._take(cohort, found, records, truth)
+                self._examine(cohort, found, records)
                 if number == _MOST_FRAMES:
                     break
         return records, truth
@@ -204,8 +205,8 @@ class Shard:
         """What stays undecided at the end."""
         records: dict[int, list[Record]] = {}
         for cohort in self.cohorts:
-            for said in cohort.finish():
-                self._take(cohort, said, records, {})
+            for found in cohort.finish():
+                self._take(cohort, found, records, {})
         return records
 
     def enclosure(self, row: int) -> tuple[int, int]:
@@ -215,12 +216,12 @@ class Shard:
         return self._roster.enclosure(row, self.ticks(self._monotonic()))
 
     def settled(self, names: Iterable[str]) -> dict[str, tuple[int, int]]:
-        """Of members by name: positions below which all was kept, or is named by a gap."""
+        """Position of each member below which all was stored, or is named by a gap."""
         rows = {name: row for row, name in enumerate(self.names)}
         return {name: self.outboxes[rows[name]].settled for name in names}
 
     def status(self, row: int, now: int) -> Record:
-        """How a member of a cohort fares."""
+        """The status of a member of a cohort."""
         ticks, own = self.ticks(now), self._settings.node
         outbox = self.outboxes[row]
         return outbox.message_writer.status(
@@ -239,38 +240,40 @@ class Shard:
     def _take(
         self,
         cohort: Cohort,
-        said: Said,
+        found: FrameMessages,
         records: dict[int, list[Record]],
         truth: dict[str, list[TrueBlock]],
     ) -> None:
-        times = cohort.true_times(said.frame.start)
+        times = cohort.true_times(found.frame.start)
         boots, numbers = self._roster.nodes.boots.tolist(), cohort.numbers.tolist()
-        for row, k, kind, sequence, earliest, latest, samples, begin, end in said.records.tolist():
-            channel, body, number = said.taxel.channels[k], said.content[begin:end], numbers[row]
+        for row, k, kind, sequence, earliest, latest, samples, begin, end in found.records.tolist():
+            channel, body, number = found.taxel.channels[k], found.content[begin:end], numbers[row]
             record = Record(kind, sequence, body, (earliest, latest), samples, 0, channel)
             records.setdefault(number, []).append(record)
             if kind == BLOCK:
                 position = Position(boots[number], sequence)
-                values = said.truth[k][row]
-                true = TrueBlock(position, channel, times[row], said.frame.dt, values)
+                values = found.truth[k][row]
+                true = TrueBlock(position, channel, times[row], found.frame.dt, values)
                 truth.setdefault(self.names[number], []).append(true)
 
-    def _examine(self, cohort: Cohort, said: Said, records: dict[int, list[Record]]) -> None:
-        """Tell of taxels that a window has shown to be dead."""
-        begin, end = cohort.watch.tested, said.frame.end
-        cohort.watch.take(said.taxel.number, said.bounded)
-        for row, k in cohort.watch.examine(end):
+    def _examine(
+        self, cohort: Cohort, found: FrameMessages, records: dict[int, list[Record]]
+    ) -> None:
+        """Report taxels that a window has shown to be dead."""
+        begin, end = cohort.self_test.tested, found.frame.end
+        cohort.self_test.take(found.taxel.number, found.bounded)
+        for row, k in cohort.self_test.examine(end):
             taxel = self._settings.taxel[k]
             gap = self._gap(row, DEAD, begin, end, 0, taxel=taxel.id)
             records.setdefault(row, []).append(gap)
             if taxel.firmware.derived and row not in self.singles:
-                # From now on it tells of no cause.
-                self.part(row, self.apart(row))
+                # From now on it reports no derived quantity.
+                self.part(row, self.make_single(row))
 
-    def _pass_over(self, cohort: Cohort, ticks: int, records: dict[int, list[Record]]) -> None:
+    def _skip_overrun(self, cohort: Cohort, ticks: int, records: dict[int, list[Record]]) -> None:
         passed, lost, (begin, again) = cohort.pass_over(ticks)
-        for said in passed:
-            self._take(cohort, said, records, {})
+        for found in passed:
+            self._take(cohort, found, records, {})
         together = cohort.members
         for row in together:
             records.setdefault(row, []).append(self._gap(row, OVERRUN, begin, again, lost))
@@ -285,7 +288,7 @@ class Shard:
     def _gap(
         self, row: int, reason: int, begin: int, end: int, samples: int, *, taxel: str = ""
     ) -> Record:
-        """That a member lost samples between two moments in ticks."""
+        """The gap of samples that a member lost between two ticks."""
         time = self._roster.enclosure(row, begin)[0], self._roster.enclosure(row, end)[1]
         return self.outboxes[row].message_writer.gap(reason, time, samples, taxel=taxel)
 

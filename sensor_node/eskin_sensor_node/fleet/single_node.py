@@ -1,14 +1,14 @@
-"""A member that samples alone: where it is set otherwise than the rest, or its design wants it."""
+"""A member that samples alone, because of its settings or its design."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 from eskin_sensor_node.firmware import states
-from eskin_sensor_node.fleet.cohort import Key, Share
+from eskin_sensor_node.fleet.cohort import CohortPart, Key
 from eskin_sensor_node.fleet.columns import fresh
 from eskin_sensor_node.fleet.setting import longest_region, setting_of
-from eskin_sensor_node.fleet.taxel import Standing
+from eskin_sensor_node.fleet.taxel import TaxelState
 from eskin_sensor_node.kinds.neighbours import neighbours
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.node.node import Node
@@ -65,7 +65,7 @@ class SingleNode(Node):
         return self.machine.running
 
     def take_over(self, cohort: Cohort, number: int) -> None:
-        """Go on where a node of a cohort stands, set likewise, with all that it remembers."""
+        """Continue from the state of a node of a cohort."""
         row = cohort.row(number)
         for taxel, rows in zip(self.taxels, cohort.taxels, strict=True):
             setting, unit = rows.setting, taxel.control_unit
@@ -77,9 +77,9 @@ class SingleNode(Node):
                 zip(unit.units, setting.thresholds, strict=True)
             ):
                 channel.restart(unit.schedule, threshold, setting.smoothing)
-                rows.columns.pick_up(k, row, channel, rows.next.first)
+                rows.columns.load(k, row, channel, rows.next.first)
         since = min(taxel.next.start for taxel in self.taxels)
-        self._examiner = NodeSelfTest(
+        self._self_test = NodeSelfTest(
             self._settings.taxel,
             self.taxels,
             self._clock.known,
@@ -89,21 +89,23 @@ class SingleNode(Node):
         for taxel_number in cohort.key.order:
             self.sampling.arm(taxel_number, self.taxels[taxel_number].next)
 
-    def know_dead(self, taxel: int) -> None:
-        """Take up that a taxel is certainly dead, and was told to be."""
-        self._examiner.know_dead(self.taxels[taxel])
+    def mark_dead(self, taxel: int) -> None:
+        """Take over that a taxel is certainly dead, and was reported as such."""
+        self._self_test.mark_dead(self.taxels[taxel])
 
     @property
     def key(self) -> Key | None:
-        """With whom it can sample in columns; ``None``: with nobody.
+        """What a cohort that it can join has in common; ``None``: it must sample alone.
 
-        What follows its own measurements cannot: control by the node itself, and what is told of
-        a broken taxel. Nor has it a clock of its own after a reset.
+        What follows its own measurements cannot join: adaptive control, and the reports of a
+        broken taxel. Nor has it a clock of its own after a reset.
         """
         units = [taxel.control_unit for taxel in self.taxels]
         if self.machine.booted or self.machine.starting or self.states.state != states.SLEEP:
             return None
-        if self.looked_at or any(unit.adaptive or unit.broken or unit.left_out for unit in units):
+        if self.looked_at or any(
+            unit.adaptive or unit.broken or unit.omitted_samples for unit in units
+        ):
             return None
         found = [setting_of(taxel.control_unit, taxel.next)[0] for taxel in self.taxels]
         return Key(tuple(found), tuple(self.sampling.order))
@@ -115,10 +117,10 @@ class SingleNode(Node):
             taxel.control_unit.schedule.is_whole(taxel.next) for taxel in self.taxels
         )
 
-    def share(self, number: int) -> Share:
-        """Where it stands, in a column of one."""
+    def share(self, number: int) -> CohortPart:
+        """Its state, in a column of one."""
         each = zip(self.taxels, self._settings.taxel, strict=True)
-        return Share([number], [_standing(taxel, design) for taxel, design in each])
+        return CohortPart([number], [_standing(taxel, design) for taxel, design in each])
 
     @property
     def due(self) -> bool:
@@ -126,7 +128,7 @@ class SingleNode(Node):
         return self.machine.starting or self.next_due <= self._clock.now()
 
     def catch_up(self) -> None:
-        """Do what is due by now."""
+        """Run what is due by now."""
         self.advance(self._clock.now())
 
     def enclosure(self) -> tuple[int, int]:
@@ -134,16 +136,16 @@ class SingleNode(Node):
         return self._clock.known.enclosure(max(0, self._clock.ticks()))
 
 
-def _standing(taxel: EmulatedTaxel, design: TaxelSection) -> Standing:
+def _standing(taxel: EmulatedTaxel, design: TaxelSection) -> TaxelState:
     unit = taxel.control_unit
     setting, before = setting_of(unit, taxel.next)
     columns = fresh(len(unit.units), 1, longest_region(design, unit.schedule.dt))
     for k, channel in enumerate(unit.units):
-        columns.lay_down(k, 0, channel, before)
-    return Standing(setting, columns, [taxel.sensing.drawn])
+        columns.store(k, 0, channel, before)
+    return TaxelState(setting, columns, [taxel.signal_chain])
 
 
-def require_alone(settings: NodeSettings) -> str | None:
+def reason_to_sample_alone(settings: NodeSettings) -> str | None:
     """What in a design cannot be calculated in columns; ``None`` where all can.
 
     Energy, adaptive control and the comparison of neighbours follow what each node measures; a

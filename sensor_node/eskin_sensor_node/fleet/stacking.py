@@ -1,4 +1,4 @@
-"""One object for many: the same code works on columns of true parts."""
+"""Many nodes in one object: columns of true parts, and of random numbers."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ from eskin_sensor_node.kinds.converter import Converter
 from eskin_sensor_node.kinds.frontend import Frontend
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
+
+    from eskin.interval import Floats
 
 Kind = TypeVar("Kind")
 
@@ -40,3 +42,29 @@ def _stacked(values: list[Any]) -> Any:
     if isinstance(first, float) and any(value != first for value in values):
         return np.array(values)[:, None]
     return first
+
+
+class StackedGenerator(np.random.Generator):
+    """Draws what each of its generators would draw alone.
+
+    Args:
+        seeds: One for each generator.
+    """
+
+    def __init__(self, seeds: Iterable[tuple[int, ...]]) -> None:
+        self.generators = [np.random.default_rng(seed) for seed in seeds]
+        super().__init__(self.generators[0].bit_generator)
+
+    def uniform(self, low: float, high: float, size: tuple[int, int]) -> Floats:  # type: ignore[override]  # only what noise needs
+        """Uniform numbers of shape (generators, n)."""
+        drawn = np.empty(size)
+        for row, generator in zip(drawn, self.generators, strict=True):
+            row[:] = generator.uniform(low, high, size[1])
+        return drawn
+
+    def normal(self, loc: float, scale: float, size: tuple[int, int]) -> Floats:  # type: ignore[override]  # likewise
+        """Gaussian numbers of shape (generators, n)."""
+        drawn = np.empty(size)
+        for row, generator in zip(drawn, self.generators, strict=True):
+            row[:] = generator.normal(loc, scale, size[1])
+        return drawn

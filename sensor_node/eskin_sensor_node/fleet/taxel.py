@@ -12,16 +12,24 @@ from eskin.peaks.table import EVENT
 from eskin.wire.messages import Encoding
 from eskin_sensor_node.fleet.baseline_kernels import MODES
 from eskin_sensor_node.fleet.columns import fresh
-from eskin_sensor_node.fleet.message_kernels import GONE, RECORD, Design, Group, Output, skip, tell
+from eskin_sensor_node.fleet.message_kernels import (
+    GONE,
+    RECORD,
+    Design,
+    Group,
+    Output,
+    Timing,
+    skip,
+    write_frame,
+)
+from eskin_sensor_node.fleet.self_test import bounded
 from eskin_sensor_node.fleet.sensing import SensingRows
 from eskin_sensor_node.fleet.setting import designed, longest_region
-from eskin_sensor_node.fleet.stacked_generator import StackedGenerator
-from eskin_sensor_node.fleet.timing import Timing
-from eskin_sensor_node.fleet.watch import bounded
+from eskin_sensor_node.fleet.stacking import StackedGenerator
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.compiled_writer import BLOCK_BYTES, described
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.data_sheet import data_sheet
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -36,13 +44,13 @@ if TYPE_CHECKING:
     from eskin_sensor_node.fleet.roster import Roster
     from eskin_sensor_node.fleet.setting import Setting
     from eskin_sensor_node.kinds.converter import Codes
-    from eskin_sensor_node.node.signal_chain import Drawn
+    from eskin_sensor_node.node.signal_chain import SignalChain
 
 _PEAK_BYTES: Final = 300
 """More than a peak takes."""
 
 
-class Standing(NamedTuple):
+class TaxelState(NamedTuple):
     """Where one taxel of some nodes stands.
 
     Attributes:
@@ -53,18 +61,18 @@ class Standing(NamedTuple):
 
     setting: Setting
     columns: Columns
-    drawn: Sequence[Drawn] | None
+    drawn: Sequence[SignalChain] | None
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
-    """What some nodes say of one frame.
+class FrameMessages:
+    """Messages of some nodes of one frame.
 
     Attributes:
         taxel: Which taxel's it is.
         records: One row a message, see `eskin_sensor_node.fleet.message_kernels.RECORD`.
         content: The messages' bytes, one after the other.
-        truth: One array of nodes × samples for each channel; empty where no block is said.
+        truth: One array of nodes × samples for each channel; empty where no block is sent.
         frame: Of which frame.
         bounded: At which nodes a sample of the first quantity was bounded.
     """
@@ -104,7 +112,7 @@ class TaxelRows:
         numbers: NDArray[np.int64],
         *,
         clocks: ClockColumn,
-        standing: Standing | None = None,
+        standing: TaxelState | None = None,
     ) -> None:
         taxel, sampling = roster.settings.taxel[number], roster.settings.sampling
         entries = [roster.entries[each] for each in numbers.tolist()]
@@ -154,9 +162,9 @@ class TaxelRows:
         """How it is set now, and which frame is next."""
         return self._setting._replace(number=self.next.number)
 
-    def standing(self, rows: Sequence[int]) -> Standing:
+    def standing(self, rows: Sequence[int]) -> TaxelState:
         """Where it stands in some of its nodes."""
-        return Standing(self.setting, self.columns.of(rows), self._sensing.drawn(rows))
+        return TaxelState(self.setting, self.columns.of(rows), self._sensing.drawn(rows))
 
     @property
     def described(self) -> list[tuple[str, str, int, float]]:
@@ -167,18 +175,18 @@ class TaxelRows:
             for name, unit in zip(self.channels, self._units, strict=True)
         ]
 
-    def sample(self) -> Said:
+    def sample(self) -> FrameMessages:
         """Take the next frame of all nodes."""
-        self.take()
+        self.measure()
         self.separate(())
-        return self.tell()
+        return self.report()
 
     def surround(self, neighbours: int) -> None:
         """Sit among so many neighbours in the skin."""
         self._calibrated.surround(neighbours)
 
-    def take(self) -> None:
-        """Measure the next frame of all nodes, as if the taxel were alone; say nothing yet."""
+    def measure(self) -> None:
+        """Measure the next frame of all nodes, as if the taxel were alone, without messages."""
         frame = self.next
         random = StackedGenerator((*seed, frame.start) for seed in self._seeds)
         self._truth, codes = self._sensing.digitise(self._seconds(frame), random)
@@ -194,19 +202,19 @@ class TaxelRows:
         """What it hands on a share of, at the instants of the frame that is measured."""
         return self._calibrated.felt(self._bounds)
 
-    def tell(self) -> Said:
-        """What all nodes say of the frame that is measured."""
+    def report(self) -> FrameMessages:
+        """Messages of all nodes of the frame that was measured."""
         frame = self.next
         shape = len(self._seeds), frame.n
         lows, highs = (np.stack([b.reshape(shape) for b in self._bounds[k::2]]) for k in (0, 1))
         output = self._room(frame.n, blocks=True)
         given = self._design, self._group, self.columns, output
-        written = tell(frame.start, frame.closes, lows, highs, *given)
+        written = write_frame(frame.start, frame.closes, lows, highs, *given)
         self.next = self._schedule.frame(frame.number + 1)
         columns = tuple(np.asarray(self._truth[quantity]) for quantity in self.quantities)
-        return self._said(frame, output, written, columns, bounded(lows[0], highs[0]))
+        return self._messages(frame, output, written, columns, bounded(lows[0], highs[0]))
 
-    def skip(self, ticks: int) -> tuple[Said, int]:
+    def skip(self, ticks: int) -> tuple[FrameMessages, int]:
         """Pass over all frames that begin before a moment.
 
         Returns:
@@ -218,8 +226,8 @@ class TaxelRows:
             self.next = self._schedule.frame(self.next.number + 1)
         output = self._room(1, blocks=False)
         written = skip(lost, self._design, self._group, self.columns, output)
-        said = self._said(frame, output, written, (), np.zeros(0, bool))
-        return said, lost * len(self.channels)
+        messages = self._messages(frame, output, written, (), np.zeros(0, bool))
+        return messages, lost * len(self.channels)
 
     def leave(self, row: int) -> None:
         """A node is no more one of these."""
@@ -240,16 +248,18 @@ class TaxelRows:
         size = each * (most * _PEAK_BYTES + blocks * (BLOCK_BYTES + 16 * n))
         return Output(np.empty(size, np.uint8), np.empty(messages, RECORD), np.empty(most, EVENT))
 
-    def _said(
+    def _messages(
         self,
         frame: Frame,
         output: Output,
         written: Place,
         truth: tuple[Floats, ...],
         bounded: NDArray[np.bool_],
-    ) -> Said:
+    ) -> FrameMessages:
         records = output.records[: written.messages].copy()
-        return Said(self, records, output.content[: written.at].tobytes(), truth, frame, bounded)
+        return FrameMessages(
+            self, records, output.content[: written.at].tobytes(), truth, frame, bounded
+        )
 
     def _seconds(self, frame: Frame) -> Floats:
         """True seconds since the start, or since the burst's trigger: nodes × samples."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from eskin_sensor_node.world.scenario import read_scenario
 from eskin_sensor_node.world.scenario.fit import Staged
-from eskin_sensor_node.world.skin.skin import NOBODY
+from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -43,7 +43,7 @@ def patches(taxels: Sequence[TaxelSection]) -> dict[int, Patch]:
         for number, taxel in enumerate(taxels):
             if isinstance(taxel, Staged) and taxel.pressed and taxel.scenario == scenario:
                 beside = skin.neighbours[skin.numbers[taxel.place]]
-                names = [skin.names[k] for k in beside[beside != NOBODY].tolist()]
+                names = [skin.names[k] for k in beside[beside != NO_NEIGHBOUR].tolist()]
                 found[number] = Patch(
                     len(names), [places[name] for name in names if name in places]
                 )

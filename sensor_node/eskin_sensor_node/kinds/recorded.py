@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, Final
 import numpy as np
 
 from eskin.interval import Interval
-from eskin_sensor_node.kinds.settings import BILLION
 from eskin_sensor_node.kinds.signals import Signals, World
+from eskin_sensor_node.timebase import BILLION
 from eskin_sensor_node.world.replay import read_recording
 
 if TYPE_CHECKING:

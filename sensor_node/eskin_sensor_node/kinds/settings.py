@@ -7,7 +7,7 @@ Keys carry their SI unit. A tolerance is relative: the true part lies anywhere i
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeAlias
 
 from pydantic import AfterValidator, ConfigDict, Field, ValidationInfo
 
@@ -15,9 +15,7 @@ from eskin.runtime.settings import Section
 from eskin.union_bound import union_coverage
 from eskin_sensor_node.firmware.taxel.taxel import Taxel
 from eskin_sensor_node.kinds.noise import Noise
-
-BILLION: Final = 1_000_000_000
-"""Nanoseconds in a second."""
+from eskin_sensor_node.timebase import BILLION
 
 Tolerance: TypeAlias = Annotated[float, Field(ge=0, lt=0.5)]
 Positive: TypeAlias = Annotated[float, Field(gt=0)]

@@ -1,4 +1,4 @@
-"""What a node seals and opens with, which is renewed while it runs."""
+"""The node's keys and certificates, reloaded when they are renewed."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-_LOOK_S: Final = 1.0
+_POLL_S: Final = 1.0
 
 
 class NodeKeys:
@@ -39,7 +39,7 @@ class NodeKeys:
         site: File with its site's certificate.
 
     Attributes:
-        own: The node.
+        own: The node's identity.
         sealer: Seals to the site.
         opener: Opens what the site sealed.
         context: Shows the node to the broker.
@@ -49,7 +49,7 @@ class NodeKeys:
     """
 
     __slots__ = (
-        "_directory", "_fault", "_looked", "_seen", "_site", "_sites", "context", "opener", "own",
+        "_directory", "_fault", "_polled", "_seen", "_site", "_sites", "context", "opener", "own",
         "sealer",
     )  # fmt: skip
 
@@ -57,7 +57,7 @@ class NodeKeys:
         self._directory = directory
         self._site = site
         self._sites: dict[bytes, x509.Certificate] = {}
-        self._looked = float("-inf")
+        self._polled = float("-inf")
         self._fault: str | None = None
         self._seen = self._state()
         self.own = Identity.load(directory)
@@ -66,14 +66,14 @@ class NodeKeys:
         self.opener = Opener([self.own, *past_identities(self.own.directory)], sender=self._find)
 
     def refresh(self, now: float) -> bool:
-        """Take over what was renewed; tells whether something was.
+        """Reload renewed files; returns whether there were any.
 
         Args:
             now: Monotonic seconds.
         """
-        if now < self._looked + _LOOK_S:
+        if now < self._polled + _POLL_S:
             return False
-        self._looked = now
+        self._polled = now
         try:
             state = self._state()
             if state == self._seen:
@@ -84,7 +84,7 @@ class NodeKeys:
             self.sealer = self._make_sealer()
         except IdentityError as error:
             if str(error) != self._fault:
-                log.warning("renewed identity not taken, trying again: %s", error)
+                log.warning("renewed identity not loaded, retrying: error=%s", error)
             self._fault = str(error)
             return False
         self._seen = state

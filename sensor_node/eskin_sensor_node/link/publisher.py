@@ -1,4 +1,4 @@
-"""The radio peripheral: seals what the outbox hands over, and tells it what became of it."""
+"""The publisher: seals messages of the outbox, sends them, and takes acknowledgements."""
 
 from __future__ import annotations
 
@@ -23,13 +23,12 @@ from eskin.wire.topics import Stream, node_topic
 from eskin_sensor_node.link.keys import NodeKeys
 from eskin_sensor_node.link.reconnect_timer import ReconnectTimer
 from eskin_sensor_node.link.uplink import Uplink
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
     from eskin_sensor_node.firmware.outbox import Outbox
-    from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
     from eskin_sensor_node.machine.radio import Radio
     from eskin_sensor_node.settings import BrokerSection, IdentitySection
 
@@ -49,12 +48,14 @@ class Publisher:
     acknowledges, and takes commands.
 
     Args:
-        outbox: Says what to send and when; its moments are ns of the monotonic clock.
-        node: Says what it has to say, and hears what came.
+        outbox: Decides what to send and when; its times are ns of the monotonic clock.
         radio: The air that every message crosses.
-        speed: Emulated seconds in a real one.
         broker: Where to publish.
-        identity: Who the node is, and its site.
+        identity: The node's identity, and its site.
+        record_status: Puts a fresh status into the outbox.
+        take_command: Takes a command that was sealed to this node; ``None``: it takes none.
+        attend: Takes the seconds for which a viewer is expected to watch.
+        is_running: Whether the firmware runs; while it does not, nothing is sent or taken.
 
     Raises:
         IdentityError: A key or certificate cannot be used.
@@ -64,15 +65,18 @@ class Publisher:
         self,
         outbox: Outbox,
         *,
-        node: RadioCallbacks,
         radio: Radio,
-        speed: float,
         broker: BrokerSection,
         identity: IdentitySection,
+        record_status: Callable[[], object],
+        take_command: Callable[[bytes], None] | None = None,
+        attend: Callable[[float], None] = lambda _: None,
+        is_running: Callable[[], bool] = lambda: True,
     ) -> None:
         self._keys = NodeKeys(identity.directory, identity.site)
         self._outbox = outbox
-        self._callbacks = node
+        self._record_status, self._take_command = record_status, take_command
+        self._attend, self._is_running = attend, is_running
         self._broker = broker
         name = self._keys.own.name
         self._acks_topic = node_topic(name, Stream.ACKS)
@@ -80,12 +84,12 @@ class Publisher:
         self._inboxes: dict[str, queue.Queue[bytes]] = {
             self._acks_topic: queue.Queue(_MOST_ACKNOWLEDGEMENTS)
         }
-        if node.take_command is not None:
+        if take_command is not None:
             self._inboxes[self._commands_topic] = queue.Queue(_MOST_COMMANDS)
         self._fresh, self._wake = threading.Event(), threading.Event()
         self._until = float("inf")
         self._ended = False
-        self._silence = ReconnectTimer(broker.silence_s)
+        self._reconnect_timer = ReconnectTimer(broker.silence_s)
         self._client = self._make_client()
         self._uplink = Uplink(
             outbox,
@@ -93,7 +97,7 @@ class Publisher:
             node=name,
             keys=self._keys,
             radio=radio,
-            ahead=round(2 * _TURN_S * speed * BILLION),
+            ahead_s=2 * _TURN_S,
         )
         self._thread = threading.Thread(target=self._run, name="publisher", daemon=True)
 
@@ -114,7 +118,7 @@ class Publisher:
         self._client.loop_stop()
 
     def notify(self) -> None:
-        """Say that the outbox holds something new."""
+        """Wake the thread: the outbox holds something new."""
         self._wake.set()
 
     def _make_client(self) -> mqtt.Client:
@@ -134,7 +138,7 @@ class Publisher:
         self, client: mqtt.Client, _data: Any, _flags: Any, reason: Any, _properties: Any
     ) -> None:
         if reason.is_failure:
-            log.error("broker refuses: reason=%s", reason)
+            log.error("connection refused: reason=%s", reason)
             return
         log.info("connected: broker=%s:%d", self._broker.host, self._broker.port)
         client.subscribe([(topic, 1) for topic in self._inboxes])
@@ -143,7 +147,7 @@ class Publisher:
 
     def _on_connect_fail(self, _client: mqtt.Client, _data: Any) -> None:
         log.warning(
-            "broker cannot be reached, messages wait: broker=%s:%d reason=%s",
+            "broker unreachable: broker=%s:%d reason=%s",
             self._broker.host,
             self._broker.port,
             sys.exception(),  # which paho is about to drop
@@ -153,7 +157,7 @@ class Publisher:
         self, _client: mqtt.Client, _data: Any, _flags: Any, reason: Any, _properties: Any
     ) -> None:
         if not self._ended:
-            log.warning("connection lost, messages wait: reason=%s", reason)
+            log.warning("connection lost: reason=%s", reason)
 
     def _on_message(self, _client: mqtt.Client, _data: Any, message: mqtt.MQTTMessage) -> None:
         inbox = self._inboxes.get(message.topic)
@@ -167,7 +171,7 @@ class Publisher:
             if message.payload:  # without one, the broker forgets what it has kept
                 inbox.put_nowait(bytes(message.payload))
         except queue.Full:
-            log.warning("message dropped, it will come again: topic=%s queue=full", message.topic)
+            log.warning("message dropped: topic=%s reason=queue_full", message.topic)
         self._wake.set()
 
     def _run(self) -> None:
@@ -178,11 +182,11 @@ class Publisher:
             try:
                 self._turn()
             except FlashError as error:
-                log.warning("publishing pauses: error=%s", error)
+                log.warning("publishing paused: error=%s", error)
                 time.sleep(_PAUSE_S)
             except Exception:
                 failures += 1
-                log.exception("publisher failed and goes on: failures=%d", failures)
+                log.exception("publisher failed, continuing: failures=%d", failures)
                 time.sleep(_PAUSE_S)
 
     def _has_ended(self) -> bool:
@@ -193,13 +197,13 @@ class Publisher:
         return self._ended
 
     def _turn(self) -> None:
-        if not self._callbacks.is_running():
+        if not self._is_running():
             return
         self._take_acknowledgements()
         self._take_commands()
         now = time.monotonic_ns()
         if self._keys.refresh(now / BILLION):
-            # A gateway opens nothing of a certificate that it has not seen.
+            # A gateway cannot decrypt before it has seen the certificate.
             self._outbox.introduce(now)
         if not self._client.is_connected():
             return
@@ -207,21 +211,21 @@ class Publisher:
             self._fresh.clear()
             self._uplink.clear()
             self._outbox.connect(now)
-            self._silence.connected(now / BILLION)
-        if self._silence.is_too_long(now / BILLION, waiting=self._outbox.messages > 0):
-            self._hang_up()
+            self._reconnect_timer.connected(now / BILLION)
+        if self._reconnect_timer.is_too_long(now / BILLION, waiting=self._outbox.messages > 0):
+            self._reconnect()
             return
         self._uplink.report(now)
-        self._tell_status(now)
+        self._update_status(now)
         self._uplink.send_due(now)
 
-    def _hang_up(self) -> None:
+    def _reconnect(self) -> None:
         """Let paho find the connection ended, upon which it makes another."""
-        log.warning("no gateway answers, connecting anew; messages wait")
+        log.warning("no acknowledgement, reconnecting")
         own = self._client.socket()
         if isinstance(own, socket.socket):
             with suppress(OSError):
-                # Not TLS's own farewell, which is not for two threads at once.
+                # Not TLS's close_notify: paho's thread uses the TLS object.
                 socket.socket.shutdown(own, socket.SHUT_RDWR)
 
     def _opened(self, topic: str, what: str) -> Iterator[bytes]:
@@ -239,23 +243,22 @@ class Publisher:
                 log.warning("%s rejected: reason=%s", what, error)
 
     def _take_commands(self) -> None:
-        take = self._callbacks.take_command
-        if take is not None:
+        if self._take_command is not None:
             for signed in self._opened(self._commands_topic, "command"):
-                take(signed)
+                self._take_command(signed)
 
     def _take_acknowledgements(self) -> None:
         durable: dict[int, SequenceRanges] = {}
         watched = 0
         for plaintext in self._opened(self._acks_topic, "acknowledgement"):
             try:
-                said = Acknowledgement.decode(plaintext)
-                self._outbox.message_writer.hear(said.time)
-                for boot, first, last in said.spans:
+                received = Acknowledgement.decode(plaintext)
+                self._outbox.message_writer.observe_time(received.time)
+                for boot, first, last in received.spans:
                     durable.setdefault(boot, SequenceRanges()).add(first, last)
-                # A copy is worth nothing: who carries it shall not keep a node awake.
-                if said.watched > watched and self._outbox.awaits(said.spans):
-                    watched = said.watched
+                # A replayed copy must not keep a node awake.
+                if received.watched > watched and self._outbox.has_in_flight(received.spans):
+                    watched = received.watched
             except MessageError as error:
                 log.warning("acknowledgement rejected: reason=%s", error)
         if durable:
@@ -263,15 +266,15 @@ class Publisher:
                 [(boot, first, last) for boot, ranges in durable.items() for first, last in ranges]
             )
             if watched:
-                self._callbacks.attend(watched / _MS)
-            self._silence.answered(time.monotonic())
+                self._attend(watched / _MS)
+            self._reconnect_timer.answered(time.monotonic())
 
-    def _tell_status(self, now: int) -> None:
-        """First of all after connecting: it introduces the node to the gateway."""
-        if not self._outbox.tell_status(now):
+    def _update_status(self, now: int) -> None:
+        """Record a status if one is due; the first introduces the node to the gateway."""
+        if not self._outbox.is_status_due(now):
             return
         try:
-            self._callbacks.record_status()
+            self._record_status()
         except FlashError as error:
-            # What waits must still go out: it makes the room that is missing.
+            # Waiting messages must still be sent: that frees the flash.
             log.warning("status postponed: error=%s", error)

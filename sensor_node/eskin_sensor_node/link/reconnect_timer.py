@@ -1,15 +1,15 @@
-"""For how long no gateway has answered, and when that is reason to connect anew."""
+"""When to reconnect because no gateway answers."""
 
 from __future__ import annotations
 
 from typing import Final
 
 _LONGEST: Final = 16
-"""Times the first patience: with nobody at the other end, new connections grow rare."""
+"""Greatest factor of the patience: without a gateway, reconnects become rare."""
 
 
 class ReconnectTimer:
-    """Tells when a connection that stands but carries no answers should be given up.
+    """Decides when to close a connection that carries no acknowledgements.
 
     A broker may take messages and lead them nowhere, or forget a subscription, and keep the
     connection alive all the while; a new connection is the only remedy a node has.
@@ -33,7 +33,7 @@ class ReconnectTimer:
         self._patience = self._first
 
     def is_too_long(self, now: float, *, waiting: bool) -> bool:
-        """Whether to connect anew; asked once for each connection.
+        """Whether to reconnect; asked once for each connection.
 
         Args:
             now: Monotonic seconds.

@@ -1,4 +1,4 @@
-"""From the outbox over the air to the broker: sealed, sent, and reported as gone."""
+"""The uplink from the outbox over the air to the broker."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _PUBACK: Final = 4
 """Bytes (MQTT 3.1.1, section 3.4)."""
 
 
-class _Aired(NamedTuple):
+class _Transmission(NamedTuple):
     """A sealed message on the air."""
 
     position: chip.Position
@@ -46,12 +46,12 @@ class Uplink:
     """Messages that have left the outbox: on the air, or with the broker's client.
 
     Args:
-        outbox: Says what to send.
+        outbox: Decides what to send.
         client: Takes what has crossed the air.
         node: The node's name.
         keys: Seal to the site.
         radio: The air.
-        ahead: Emulated ns for which the air is kept busy.
+        ahead_s: Real seconds for which the air is kept busy.
     """
 
     def __init__(
@@ -62,20 +62,20 @@ class Uplink:
         node: str,
         keys: NodeKeys,
         radio: Radio,
-        ahead: int,
+        ahead_s: float,
     ) -> None:
         self._outbox = outbox
         self._client = client
         self._node = node
         self._keys = keys
         self._radio = radio
-        self._ahead = ahead
-        self._aired: deque[_Aired] = deque()
+        self._ahead_s = ahead_s
+        self._aired: deque[_Transmission] = deque()
         # What paho still has: its window, and what waits behind.
         self._deliveries: dict[chip.Position, mqtt.MQTTMessageInfo] = {}
 
     def clear(self) -> None:
-        """The connection is a new one: nothing is under way."""
+        """Forget what is in flight, after a new connection."""
         self._aired.clear()
         self._deliveries.clear()
 
@@ -88,17 +88,17 @@ class Uplink:
         """Send what is due, as far as the air has room until the next turn; now: monotonic ns."""
         # Once a turn is enough: a lower position than the true one is safe.
         held = Position(*self._outbox.held())
-        while self._radio.is_free(self._ahead) and (due := self._outbox.due(now, _AT_ONCE)):
+        while self._radio.is_free(self._ahead_s) and (due := self._outbox.due(now, _AT_ONCE)):
             self._send(deque(due), held, now)
         self._pass_on(now)
 
     def report(self, now: int) -> None:
-        """Tell the outbox what has left: it misses from here on what is not acknowledged."""
+        """Mark what the broker has taken as sent: its acknowledgement is awaited from now on."""
         # A broker acknowledges in order.
         for position in list(itertools.takewhile(self._left, self._deliveries)):
             del self._deliveries[position]
             self._radio.receive(_PUBACK)
-            self._outbox.left(position, now)
+            self._outbox.mark_sent(position, now)
 
     def _left(self, position: chip.Position) -> bool:
         """Whether paho is done with it: the broker has it, or there was no room in the queue."""
@@ -114,15 +114,15 @@ class Uplink:
                 due.popleft()
         finally:
             for kept in due:
-                self._outbox.left(kept.position, now)
+                self._outbox.mark_sent(kept.position, now)
 
-    def _air(self, kept: chip.StoredMessage, held: Position) -> _Aired:
+    def _air(self, kept: chip.StoredMessage, held: Position) -> _Transmission:
         topic = node_topic(self._node, STREAMS[Kind(kept.kind)])
         status = kept.kind == Kind.STATUS
         envelope = self._keys.sealer.seal(kept.body, topic=topic, held=held, introduce=status)
         newest = status and kept.position == self._outbox.newest_status
         end, arrives = self._radio.send(publish_size(topic, envelope))
-        return _Aired(kept.position, topic, envelope, newest, end, arrives)
+        return _Transmission(kept.position, topic, envelope, newest, end, arrives)
 
     def _pass_on(self, now: int) -> None:
         """Give the broker what has crossed the air by now."""
@@ -133,7 +133,7 @@ class Uplink:
                     aired.topic, aired.envelope, qos=1, retain=aired.retained
                 )
             else:
-                self._outbox.left(aired.position, now)
+                self._outbox.mark_sent(aired.position, now)
 
 
 def publish_size(topic: str, payload: bytes | bytearray, qos: int = 1) -> int:

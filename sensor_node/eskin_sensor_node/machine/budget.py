@@ -1,7 +1,7 @@
-"""What a node's firmware needs of its microcontroller's RAM, from the layout of what it keeps.
+"""What a node's firmware needs of its microcontroller's RAM and flash.
 
-Objects are counted as MicroPython lays them out on 32 bits (blocks of 16 bytes, a float of 64 bits
-in each); the tests compare with what its heap says.
+Objects in RAM are counted as MicroPython lays them out on 32 bits (blocks of 16 bytes, a float of
+64 bits in each); the tests compare with its heap.
 
 The numbers that an expression leaves behind are not counted: they are garbage, which the heap
 collects whenever it needs the room.
@@ -21,6 +21,10 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.settings import NodeSettings
 
+FIRMWARE: Final = 63_545
+"""Bytes of all modules of the firmware, compiled by mpy-cross 1.27 as they stand."""
+INTERPRETER: Final = 256 * 1024
+"""Bytes kept for MicroPython, which "fits and runs within just 256k of code space"."""
 PROGRAM: Final = 112 * 1024
 """Bytes kept for the firmware's modules, as MicroPython loads them."""
 CONNECTION: Final = 48 * 1024
@@ -120,8 +124,8 @@ def _messages(n: int, channels: int, width: int) -> int:
     return channels * (block + _PEAKS * _RECORD) + bounds + 2 * block + 2 * block
 
 
-def require_fit(settings: NodeSettings) -> None:
-    """Refuse a node that its machine cannot hold.
+def require_ram(settings: NodeSettings) -> None:
+    """Check that the machine's RAM holds the node.
 
     Raises:
         SettingsError: It needs more RAM than there is.
@@ -136,3 +140,18 @@ def require_fit(settings: NodeSettings) -> None:
         f"sampling.block_samples than {settings.sampling.block_samples}, fewer of its "
         f"{len(settings.taxel)} taxels, or a machine with more RAM",
     )
+
+
+def require_flash(settings: NodeSettings) -> None:
+    """Check that the machine's flash holds the program.
+
+    Raises:
+        SettingsError: It has less flash.
+    """
+    limit, need = settings.machine.flash_bytes, FIRMWARE + INTERPRETER
+    if need > limit:
+        raise SettingsError(
+            "machine.flash_bytes",
+            f"{limit} bytes do not hold the program, which needs {need} (firmware {FIRMWARE}, "
+            f"interpreter {INTERPRETER}); use a machine with more flash",
+        )

@@ -1,4 +1,4 @@
-"""The machine's clock: emulated time, and what a real-time clock told the firmware of it."""
+"""The machine's clock: emulated time, and the firmware's reading of a real-time clock."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin_sensor_node.firmware.clock import Clock as FirmwareClock
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.firmware.schedule import Frame
-    from eskin_sensor_node.machine.crystal import Crystal
+    from eskin_sensor_node.timebase import Crystal
 
 
 class Clock:

@@ -41,7 +41,7 @@ _FINE: Final = 1020
 
 
 class Channel(NamedTuple):
-    """What a message says of its channel.
+    """A message's channel.
 
     Attributes:
         names: Name and unit, as they stand in the message.

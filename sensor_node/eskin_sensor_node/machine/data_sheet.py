@@ -6,11 +6,13 @@ import re
 from typing import TYPE_CHECKING, Final
 
 from eskin.union_bound import union_coverage
+from eskin_sensor_node.kinds.neighbours import patches
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from eskin_sensor_node.kinds.settings import Companion, TaxelSection
+    from eskin_sensor_node.settings import NodeSettings
 
 _UNIT: Final = re.compile(r"_(per_m|ohm|m2|m|Pa)$")
 """Of names in which the unit is a part of the Python name, too."""
@@ -52,3 +54,13 @@ def coverage(
             for each in (one, *(companion.taxel for companion in along.values()))
         )
     )
+
+
+def taxel_coverages(settings: NodeSettings) -> list[float]:
+    """Least probability, for each taxel, that a sample's interval encloses the truth."""
+    each = [(taxel, settings.companions(taxel, 0)) for taxel in settings.taxel]
+    found = patches(settings.taxel)
+    return [
+        coverage(*own, [each[k] for k in found[number].around] if number in found else ())
+        for number, own in enumerate(each)
+    ]

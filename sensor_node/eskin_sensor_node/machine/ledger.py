@@ -1,4 +1,4 @@
-"""What the machine has done, span by span: the sums that its energy follows from."""
+"""The work that the machine has done, span by span: the basis of its energy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REPEAT_NS: Final = 5_000 + CONVERSION_NS
 """Awake for a conversion of what is held with another range: the amplifier settles (assumed)."""
 WAKE_NS: Final = 20_000
 """Awake for one wake-up from deep sleep: regulator and clock (assumed)."""
-_KEPT: Final = 64
+_OVERHEAD: Final = 64
 """Bytes of flash that a message takes besides its own: its place and time, salt and tag."""
 INTERRUPT_NS: Final = PRICES["interrupt"].span(160_000_000)
 """Awake for an interrupt's handler, with the default clock."""
@@ -32,7 +32,7 @@ class Ledger:
 
     Attributes:
         sent: Bytes given to the radio since the beginning, with repeats; the radio adds to it,
-            also from a thread of its own, and nobody else changes it.
+            also from a thread of its own.
         received: Likewise, what it received.
     """
 
@@ -59,7 +59,7 @@ class Ledger:
     def charge_message(self, cycles: Cycles, size: int) -> None:
         """Count a message of so many bytes that is written, and kept in flash."""
         self._charge(cycles)
-        self._written += size + _KEPT
+        self._written += size + _OVERHEAD
 
     def charge_interrupt(self, times: int = 1) -> None:
         """Count wake-ups of the processor, and the handler of what woke it."""
@@ -74,7 +74,7 @@ class Ledger:
         self._awake += conversions * REPEAT_NS
 
     def charge_hang(self, span: int) -> None:
-        """Count ns in which the processor went round in circles."""
+        """Count ns in which the processor hung in a loop."""
         cycles = span * self._clock_hz // BILLION
         self._charge(Cycles(cycles, cycles))
 

@@ -71,7 +71,7 @@ class Machine:
         self.events.arm(self._start_up, self.now + lasting)
 
     def power_off(self, cause: ResetCause) -> None:
-        """Stop the firmware at once, until `power_on`; ``cause`` is what its next start tells."""
+        """Stop the firmware at once, until `power_on`; ``cause`` is what its next boot reports."""
         self._start_up.stop()
         self.starting = False
         self.cause = cause
@@ -93,7 +93,7 @@ class Machine:
             self.starting = True
 
     def boot(self) -> None:
-        """Begin the firmware's life; whoever runs the machine calls it between two events."""
+        """Start the firmware; called between two events."""
         self.ledger.charge_off(self.now - self.stopped)
         self.on, self.starting, self._hung = True, False, None
         self.booted = self._kicked = self.now
@@ -119,11 +119,11 @@ class Machine:
         return timer
 
     def kick(self) -> None:
-        """Tell the watchdog that the firmware goes on."""
+        """Kick the watchdog."""
         self._kicked = self.now
 
     def halt(self) -> None:
-        """Take no interrupt any more, as a processor that hangs; the watchdog goes on."""
+        """Ignore interrupts, as a processor that hangs; the watchdog runs on."""
         self._hung = self.now
         self._clear()
 

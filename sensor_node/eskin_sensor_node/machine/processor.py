@@ -23,7 +23,7 @@ _WIDTHS: Final = {"f64": 8, "f32": 4, "q16": 2}
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """Cycles a second by purpose, at most, in mode ``samples`` and while somebody looks on.
+    """Cycles a second by purpose, at most, in mode ``samples`` while a viewer watches.
 
     Attributes:
         inversion: From codes to quantities, with neighbours and the air.
@@ -90,7 +90,7 @@ def _sampled(settings: NodeSettings, taxel: TaxelSection) -> tuple[int, float]:
 
 
 def require_speed(settings: NodeSettings, around: Mapping[int, int]) -> None:
-    """Refuse a node that its processor cannot keep up with.
+    """Check that the processor can keep up with the node.
 
     Raises:
         SettingsError: It needs more cycles a second than there are.

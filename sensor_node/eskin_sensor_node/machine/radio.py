@@ -1,10 +1,10 @@
-"""The air between a node and its access point: bandwidth, lost packets, bytes for the account."""
+"""The emulated radio link to the access point: bandwidth, packet loss, byte counts."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol
 
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Meter(Protocol):
-    """Counts bytes, for whoever accounts for their energy.
+    """Counts bytes, for the energy account.
 
     Attributes:
         sent: Bytes, with repeats.
@@ -30,7 +30,7 @@ class Radio:
     """Sends one message after the other, packet by packet, in emulated time.
 
     A packet that is lost has cost its time and its energy, and is repeated at once. After so many
-    tries the radio gives the message up: sending it again is the outbox's affair. What comes to the
+    tries the radio drops the message, and the outbox sends it again. What comes to the
     node is repeated by the access point, and costs the node the last try only.
 
     Args:
@@ -38,6 +38,7 @@ class Radio:
         now: Emulated ns.
         random: Decides which packets are lost: the n-th of a boot, whatever is in it.
         meter: Takes the counts.
+        speed: Emulated seconds in a real one.
     """
 
     def __init__(
@@ -47,16 +48,18 @@ class Radio:
         now: Callable[[], int],
         random: np.random.Generator,
         meter: Meter,
+        speed: float = 1.0,
     ) -> None:
         self._settings = settings
         self._now = now
         self._random = random
         self._meter = meter
+        self._speed = speed
         self._busy_until = 0
 
-    def is_free(self, within: int = 0) -> bool:
-        """Whether all is sent by a moment so many emulated ns from now."""
-        return self._busy_until <= self._now() + within
+    def is_free(self, within_s: float = 0.0) -> bool:
+        """Whether all is sent by a moment so many real seconds from now."""
+        return self._busy_until <= self._now() + round(within_s * self._speed * BILLION)
 
     def has_reached(self, moment: int) -> bool:
         """Whether an emulated moment has come."""

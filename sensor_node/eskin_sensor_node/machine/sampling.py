@@ -1,8 +1,8 @@
-"""The sampling interrupts: after how many samples the processor is woken, and how late it comes.
+"""Sampling interrupts: when the processor is woken, and with which latency.
 
-A timer starts each conversion, so samples are taken in time whoever sleeps. DMA puts their codes
-into a buffer; when the buffer is full, an interrupt wakes the processor, which must take them out
-before the next codes come. By default the buffer is a frame's, and there are two of them.
+A timer starts each conversion, so samples are taken in time while the processor sleeps. DMA puts
+their codes into a buffer; when it is full, an interrupt wakes the processor, which must take them
+out before the next codes come. By default the buffer is a frame's, and there are two of them.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def most_repeats(settings: NodeSettings, taxel: TaxelSection) -> int:
 
 
 def require_depth(settings: NodeSettings) -> None:
-    """Refuse a buffer that would overflow before the processor has come.
+    """Check that no buffer overflows before the processor handles it.
 
     Raises:
         SettingsError: There is one.
@@ -105,7 +105,7 @@ class Sampling:
         self._handle(number)
 
     def stop(self) -> None:
-        """Take no sample any more."""
+        """Stop sampling."""
         for timer in (*self._complete, *self._inside):
             timer.stop()
 

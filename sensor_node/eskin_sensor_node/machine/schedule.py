@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from eskin_sensor_node.firmware.schedule import Schedule
 from eskin_sensor_node.kinds.settings import period
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection

@@ -1,4 +1,4 @@
-"""Commands at the node: taken from the cloud only, done once, in time, and answered."""
+"""Commands at the node: verified, executed once, in time, and answered."""
 
 from __future__ import annotations
 
@@ -28,40 +28,40 @@ log = logging.getLogger(__name__)
 _MOST_SECONDS: Final = LATEST // SECOND
 
 
-class Controls(Protocol):
-    """What can be set of a node; called by the thread that takes commands."""
+class TypedControls(Protocol):
+    """A node's settings; called by the thread that takes commands."""
 
     def apply(self, name: str, arguments: Arguments) -> State:
-        """Do what a command asks, whole or not at all.
+        """Apply a command, whole or not at all.
 
         Args:
             name: ``calibrate``, ``set`` or ``reset``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:
-            How the node is set now: the settings of each place (channel, taxel, or ``*``).
+            The node's state: the settings of each place (channel, taxel, or ``*``).
 
         Raises:
-            EskinError: It cannot be done; the message says which value is not allowed, and why.
+            EskinError: It cannot be applied; the message has the value and the reason.
         """
 
     def restore(self, state: State) -> State:
-        """Take up, at a start, what was reported before; what does not fit any more is left out.
+        """Restore the last reported state at boot, leaving out what no longer fits.
 
         Args:
             state: The last reported one; empty where there is none.
 
         Returns:
-            How the node is set now.
+            The node's state.
         """
 
 
-class Commander:
-    """Takes from the cloud what it asks of this node; the firmware decides what becomes of it.
+class CommandReceiver:
+    """Verifies commands of the cloud; the firmware executes them.
 
     Args:
-        outbox: Keeps the last command's result, and tells it.
-        own: Who the node is.
+        outbox: Stores the last command's result.
+        own: The node's identity.
         cloud: Common name of the only server that may command.
         controls: What can be set.
         enclosure: Earliest and latest UTC of the present in ns, as the node knows it.
@@ -73,7 +73,7 @@ class Commander:
         *,
         own: Identity,
         cloud: str,
-        controls: Controls,
+        controls: TypedControls,
         enclosure: Callable[[], tuple[int, int]],
     ) -> None:
         self._topic = node_topic(own.name, Stream.COMMANDS)
@@ -84,30 +84,32 @@ class Commander:
         self._verifier = Verifier(trust, kind=IdentityKind.SERVER, name=cloud)
 
     def start(self) -> None:
-        """Take up the state of before, and say how the node is set; once, before any command.
+        """Restore the state and report it; once, before any command.
 
         Raises:
-            FlashError: The last result that it kept makes no sense.
+            FlashError: The stored result cannot be read.
         """
         try:
             self._start()
         except FlashError as error:
-            log.warning("the node's state is told later: error=%s", error)
+            log.warning("state not reported yet: error=%s", error)
         except ValueError as error:
-            raise FlashError(f"the last result that it kept cannot be read: {error}") from error
+            raise FlashError(
+                f"the stored result of the last command cannot be read: {error}"
+            ) from error
 
     def take(self, signed: bytes) -> None:
-        """Take a command that was sealed to this node.
+        """Execute a command that was sealed to this node.
 
         Args:
             signed: The COSE_Sign1 inside.
 
         Raises:
-            FlashError: Its result could not be kept. It was not answered, so it comes again, and
+            FlashError: Its result was not stored. It is not answered, so it comes again, and
                 then only the result is written.
         """
         if not self._started:
-            # It would not know what it has done already.
+            # Without the stored result it might execute a command twice.
             self._start()
         try:
             plaintext = self._verifier.verify(signed, topic=self._topic)
@@ -117,7 +119,12 @@ class Commander:
             return
         if done is not None:
             number, name, outcome = done
-            log.info("command %s: id=%d outcome=%s", name, number, Outcome(outcome).name.lower())
+            log.info(
+                "command executed: name=%s id=%d outcome=%s",
+                name,
+                number,
+                Outcome(outcome).name.lower(),
+            )
 
     def _start(self) -> None:
         self._started = False
@@ -130,15 +137,15 @@ class Commander:
 
 
 class _Checked:
-    """Controls as the firmware has them: what is not allowed is refused, with its reason."""
+    """Controls for the firmware: arguments are checked, errors become refusals."""
 
     __slots__ = ("_controls",)
 
-    def __init__(self, controls: Controls) -> None:
+    def __init__(self, controls: TypedControls) -> None:
         self._controls = controls
 
     def apply(self, name: str, arguments: dict[str, Any]) -> State:
-        """Do what a command asks, or raise `Refusal`."""
+        """Apply a command, or raise `Refusal`."""
         try:
             if name not in CommandName.__members__.values():
                 raise CommandError("command", name, ", ".join(CommandName))
@@ -148,10 +155,10 @@ class _Checked:
             raise commander.Refusal(_printable(str(error))) from error
 
     def restore(self, state: Any) -> State:
-        """Take up what was reported before."""
+        """Restore the last reported state."""
         return self._controls.restore(state)
 
 
 def _printable(text: str) -> str:
-    """A reason as a result can tell it."""
+    """A reason with printable characters only."""
     return "".join(letter if letter.isprintable() else " " for letter in text)

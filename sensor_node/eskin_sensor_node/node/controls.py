@@ -1,4 +1,4 @@
-"""What can be set of a node from afar, in the words of robot skin."""
+"""Remote control of a node, in the terms of robot skin."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import CommandError
 from eskin.wire.messages.command_schema import WHOLE_NODE, Mode, place_of
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from eskin.wire.messages.command_schema import Arguments, State, Value
@@ -29,46 +29,46 @@ class NodeControls:
         self._taxels = {taxel.name: taxel for taxel in node.taxels}
 
     def apply(self, name: str, arguments: Arguments) -> State:
-        """Do what a command asks, whole or not at all.
+        """Apply a command, whole or not at all.
 
         Args:
             name: ``calibrate``, ``set`` or ``reset``.
             arguments: As `eskin.wire.messages.command_schema.check_arguments` allows.
 
         Returns:
-            How the node is set now.
+            The node's state.
 
         Raises:
-            CommandError: A taxel or channel is not there, or it samples at most more slowly.
+            CommandError: No such taxel or channel, or the rate is too high for it.
         """
         taxels = self._chosen(place_of(arguments))
         if "rate" in arguments:
             for taxel in taxels:
                 _require_rate(taxel, arguments["rate"])
-        with self._node.between_frames() as said:
+        with self._node.between_frames() as records:
             for taxel in taxels:
                 if name == "calibrate":
                     taxel.control_unit.calibrate()
                 elif name == "reset":
-                    said.extend(taxel.reset())
+                    records.extend(taxel.reset())
                 else:
-                    said.extend(_set(taxel, arguments))
+                    records.extend(_set(taxel, arguments))
         return self._state()
 
     def restore(self, state: State) -> State:
-        """Take up, at a start, what was reported before; what does not fit any more is left out.
+        """Restore the last reported state at boot, leaving out what no longer fits.
 
         Args:
             state: The last reported one; empty where there is none.
 
         Returns:
-            How the node is set now.
+            The node's state.
         """
-        with self._node.between_frames() as said:
+        with self._node.between_frames() as records:
             for place, settings in state.items():
                 taxel = self._taxels.get(place.partition(".")[0])
                 if taxel is not None:
-                    said.extend(_restore(taxel, place, settings))
+                    records.extend(_restore(taxel, place, settings))
         return self._state()
 
     def _chosen(self, place: str) -> list[EmulatedTaxel]:
@@ -101,23 +101,23 @@ class NodeControls:
 
 
 def _set(taxel: EmulatedTaxel, arguments: Arguments) -> list[Record]:
-    said: list[Record] = []
+    records: list[Record] = []
     unit = taxel.control_unit
     if "threshold" in arguments:
         names = [each.channel.name for each in unit.units]
         k = names.index(str(arguments["channel"]))
-        said += unit.set_threshold(k, float(arguments["threshold"]))
+        records += unit.set_threshold(k, float(arguments["threshold"]))
     if "adaptive" in arguments:
-        said += taxel.adapt(on=arguments["adaptive"] == "on")
+        records += taxel.adapt(on=arguments["adaptive"] == "on")
     if "gain" in arguments:
-        said += taxel.amplify(float(arguments["gain"]))
+        records += taxel.amplify(float(arguments["gain"]))
     if "smoothing" in arguments:
-        said += unit.smooth(float(arguments["smoothing"]))
+        records += unit.smooth(float(arguments["smoothing"]))
     if "rate" in arguments:
-        said += taxel.sample_every(_period(arguments["rate"]))
+        records += taxel.sample_every(_period(arguments["rate"]))
     if "mode" in arguments:
         unit.mode = str(arguments["mode"])
-    return said
+    return records
 
 
 def _restore(taxel: EmulatedTaxel, place: str, settings: dict[str, Value]) -> list[Record]:

@@ -1,4 +1,4 @@
-"""How a node is put together of its settings."""
+"""Builds a node from its settings."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from eskin_sensor_node.firmware import inversion
 from eskin_sensor_node.firmware.message_writer import MessageWriter
 from eskin_sensor_node.firmware.outbox import Outbox
 from eskin_sensor_node.kinds.neighbours import measured_around
-from eskin_sensor_node.machine.budget import require_fit
+from eskin_sensor_node.machine.budget import require_flash, require_ram
 from eskin_sensor_node.machine.clock import Clock
-from eskin_sensor_node.machine.crystal import BILLION, Crystal
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.machine.processor import require_speed
-from eskin_sensor_node.machine.program import require_flash
 from eskin_sensor_node.machine.sampling import require_depth
 from eskin_sensor_node.node.node import Node
+from eskin_sensor_node.timebase import BILLION, Crystal
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,17 +86,17 @@ def build_node(
 
     Args:
         settings: Its settings.
-        outbox: What it says waits here.
-        truth: What the emulator keeps.
+        outbox: Holds its messages.
+        truth: The ground truth.
         start: True UTC in ns at which emulated time begins; ``None``: now. A node that ran faster
             than real time, or whose machine's clock was set back, starts after its latest sample,
-            so that no moment is lived twice.
+            so that no moment is emulated twice.
         functions: The firmware's arithmetic, or its compiled copy.
 
     Raises:
         SettingsError: The machine has too little RAM or flash for it, or is too slow.
     """
-    require_fit(settings)
+    require_ram(settings)
     require_flash(settings)
     require_speed(settings, measured_around(settings.taxel))
     require_depth(settings)
@@ -146,7 +145,7 @@ def _begin(truth: GroundTruth, start: int) -> int:
     if end is None or end + REBOOT <= start:
         return start
     log.warning(
-        "emulated time goes on after the latest sample: ahead_of_clock_s=%.3f",
+        "emulated time continues after the latest sample: ahead_of_clock_s=%.3f",
         (end + REBOOT - start) / BILLION,
     )
     return end + REBOOT

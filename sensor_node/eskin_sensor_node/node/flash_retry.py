@@ -1,4 +1,4 @@
-"""A flash that fails now and then: sampling goes on, and what was lost is told later."""
+"""Tolerates failing flash commits: sampling continues, and a gap reports the loss."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ log = logging.getLogger(__name__)
 
 
 class FlashRetry:
-    """Lets a node go on when a commit fails; the next gap tells what was lost.
+    """Lets a node continue when a commit fails; the next gap reports what was lost.
 
-    It says so when the first one fails, and when one succeeds again.
+    It logs the first failure, and the first success after it.
     """
 
     def __init__(self) -> None:
@@ -25,14 +25,14 @@ class FlashRetry:
 
     @contextmanager
     def commit(self) -> Iterator[None]:
-        """Make a commit that may fail."""
+        """Catch the error of a commit."""
         try:
             yield
         except FlashError as error:
             if self._failures == 0:
-                log.error("flash fails, sampling goes on: error=%s", error)  # noqa: TRY400 - says all
+                log.error("flash commit failed, sampling continues: error=%s", error)  # noqa: TRY400 - one line
             self._failures += 1
             return
         if self._failures:
-            log.warning("flash works again: failed_commits=%d", self._failures)
+            log.warning("flash commit succeeded again: failed_commits=%d", self._failures)
             self._failures = 0

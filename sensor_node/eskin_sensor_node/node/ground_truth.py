@@ -1,4 +1,4 @@
-"""What the emulator knows and its nodes do not: the true samples behind every block.
+"""Ground truth: the true samples behind every block, which only the emulator knows.
 
 A file of its own for a node, or for a whole fleet, written before the flash's commit, so that every
 stored block has its truth.
@@ -89,11 +89,11 @@ class TrueBlock:
 
 
 class GroundTruth:
-    """The emulator's own record. One process writes, others may read meanwhile.
+    """The ground truth's file. One process writes, others may read meanwhile.
 
     Args:
-        path: Database file; made if missing.
-        limit: Bytes of samples to keep; the oldest give way.
+        path: Database file; created if missing.
+        limit: Bytes of samples to keep; the oldest are dropped.
 
     Raises:
         FlashError: It cannot be opened.
@@ -114,7 +114,7 @@ class GroundTruth:
                 )
                 opened.pop_all()
         except LockedError as error:
-            raise FlashError(f"{path}: another node keeps its truth here; stop it first") from error
+            raise FlashError(f"{path}: another process writes this truth; stop it first") from error
         except (OSError, *UNREADABLE) as error:
             raise FlashError(f"{path}: the truth cannot be opened: {why(error)}") from error
 
@@ -185,7 +185,7 @@ class GroundTruth:
         return self._fact("end")
 
     def seed(self, wanted: int | None) -> int:
-        """The seed of all: the wanted one, else the recorded one, else a fresh one; recorded."""
+        """The wanted seed, else the recorded one, else a new one; records it."""
         seed = self._fact("seed") if wanted is None else wanted
         if seed is None:
             seed = int(np.random.SeedSequence().generate_state(1)[0])
@@ -198,8 +198,8 @@ class GroundTruth:
         row: tuple[int, float] | None = self._db.execute(query, (node,)).fetchone()
         return row
 
-    def keep_supply(self, node: str, time: int, energy: float) -> None:
-        """Keep how much a node's supply holds at a moment.
+    def store_supply(self, node: str, time: int, energy: float) -> None:
+        """Store how much a node's supply holds at a moment.
 
         Raises:
             FlashError: It cannot be written.
@@ -229,7 +229,7 @@ class GroundTruth:
         blocks: Mapping[str, Sequence[TrueBlock]],
         settled: Mapping[str, tuple[int, int]] | None = None,
     ) -> None:
-        """Keep the truth behind some blocks of each of some nodes, in one commit.
+        """Store the truth behind blocks of some nodes, in one commit.
 
         Args:
             blocks: By node.
@@ -254,7 +254,7 @@ class GroundTruth:
 
     @contextmanager
     def together(self) -> Iterator[None]:
-        """Make what is stored inside of the block durable at its end, in one commit.
+        """Commit what is stored inside of the block at its end.
 
         Raises:
             FlashError: It cannot be written.
@@ -289,7 +289,7 @@ class GroundTruth:
         return None if row is None else int(row[0])
 
     def _drop(self, excess: int) -> int:
-        """Forget the oldest; gives the bytes that this frees."""
+        """Drop the oldest; gives the bytes that this frees."""
         freed = 0
         while freed < excess:
             rows = self._db.execute(

@@ -14,25 +14,25 @@ from eskin.errors import FirmwareError
 from eskin.wire.messages import Position
 from eskin_sensor_node.firmware import inversion, states
 from eskin_sensor_node.firmware.attention import Attention
+from eskin_sensor_node.firmware.energy import SLEEP
 from eskin_sensor_node.firmware.gap_reasons import ASLEEP, OVERRUN, RESET, TEXTS
 from eskin_sensor_node.firmware.states import StateMachine
 from eskin_sensor_node.kinds.skin_map import skin_map
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.machine import Machine
 from eskin_sensor_node.machine.prices import message
 from eskin_sensor_node.machine.sampling import Sampling
 from eskin_sensor_node.node.flash_retry import FlashRetry
-from eskin_sensor_node.node.power_manager import keep_energy
+from eskin_sensor_node.node.power_manager import PowerManager
 from eskin_sensor_node.node.sampling_group import SamplingGroup, build_taxels
 from eskin_sensor_node.node.self_test import NodeSelfTest
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from types import ModuleType
 
-    from eskin_sensor_node.firmware.batch import Batch
     from eskin_sensor_node.firmware.message_writer import Record
-    from eskin_sensor_node.firmware.outbox import Outbox
+    from eskin_sensor_node.firmware.outbox import Batch, Outbox
     from eskin_sensor_node.machine.clock import Clock
     from eskin_sensor_node.node.ground_truth import GroundTruth, TrueBlock
     from eskin_sensor_node.node.sampling_group import Taken
@@ -50,17 +50,17 @@ class Node:
     Args:
         settings: The node's settings.
         clock: Its clock.
-        outbox: Keeps what it says; its boot number is this run's.
-        truth: What the emulator keeps for the audit.
+        outbox: Takes its messages; its boot number is this run's.
+        truth: The ground truth, for the audit.
         seed: Draws true parts and noise.
         functions: The firmware's arithmetic, or its compiled copy.
 
     Attributes:
         machine: What the firmware runs on.
         taxels: The sensing elements, in the order of the settings.
-        states: What the firmware is about.
+        states: The firmware's state machine.
         sampling: Its sampling interrupts.
-        energy: What it lives on; ``None``: a supply that never ends.
+        energy: Its power manager; ``None``: the supply never ends.
         at_start: Called after each start of the firmware but the first.
     """
 
@@ -77,7 +77,7 @@ class Node:
         self._settings, self._clock, self._seed = settings, clock, seed
         self._outbox, self._truth = outbox, truth
         self._overrun = int(settings.sampling.overrun_s * settings.node.speed * BILLION)
-        self._tolerance = FlashRetry()
+        self._flash_retry = FlashRetry()
         self._batch: Batch
         self._true_blocks: list[TrueBlock] = []
         self._working = threading.RLock()
@@ -87,10 +87,20 @@ class Node:
         )
         self.at_start: Callable[[], None] | None = None
         self.taxels = build_taxels(settings, seed=seed, clock=clock, functions=functions)
-        self._scan = SamplingGroup(settings.taxel, self.taxels)
-        self._map = skin_map(settings.taxel)
-        self.energy = keep_energy(
-            self, settings, clock=clock, outbox=outbox, truth=truth, seed=seed
+        self._sampling_group = SamplingGroup(settings.taxel, self.taxels)
+        self._skin_map = skin_map(settings.taxel)
+        self.energy = (
+            PowerManager(
+                self.machine,
+                settings,
+                clock=clock,
+                outbox=outbox,
+                truth=truth,
+                seed=seed,
+                on_stage=self._set_stage,
+            )
+            if settings.energy.on
+            else None
         )
         self._boot()
 
@@ -100,19 +110,19 @@ class Node:
         return self.machine.events.next_due
 
     def advance(self, time: int) -> None:
-        """Catch up with a machine time in ns; say so where samples were missed for being late."""
+        """Catch up with a machine time in ns; a gap reports samples that were missed."""
         with self._working:
             if time - self.next_due > self._overrun:
-                self._pass_over(time)
+                self._skip_overrun(time)
             self.run_until(time)
 
     def run_until(self, time: int) -> None:
-        """Do all that happens up to a machine time in ns, as fast as it can."""
+        """Run all events up to a machine time in ns, as fast as possible."""
         with self._working:
             while self.machine.starting or self.next_due <= time:
                 if self.machine.starting:
-                    self._start_again()
-                with self._tolerance.commit(), self._outbox.batch() as batch:
+                    self._restart()
+                with self._flash_retry.commit(), self._outbox.batch() as batch:
                     self._batch, self._true_blocks = batch, []
                     self.machine.run(time, _MOST_FRAMES)
                     # Before the flash's commit: every stored block has its truth.
@@ -125,13 +135,13 @@ class Node:
             self.machine.events.pass_to(time)
 
     @contextmanager
-    def still(self) -> Iterator[None]:
-        """Hold the machine: nothing happens meanwhile, no sample and no reset."""
+    def paused(self) -> Iterator[None]:
+        """Hold the machine: no sample and no reset happens meanwhile."""
         with self._working:
             yield
 
     def shed(self, cause: str) -> None:
-        """Give up sampling and stay in deep sleep until `resume`.
+        """Stop sampling and stay in deep sleep until `resume`.
 
         Args:
             cause: Why: ``states.SCARCE`` or ``states.ORDERED``.
@@ -142,22 +152,22 @@ class Node:
                 self.sampling.stop()
 
     def resume(self) -> None:
-        """Sample again, from the next event on; a gap tells of the time between."""
+        """Sample again, from the next event on; a gap reports the time between."""
         with self._working:
             self.machine.arm(self.machine.interrupt(self._resume), self.machine.now)
 
     @contextmanager
     def between_frames(self) -> Iterator[list[Record]]:
-        """Hold sampling while taxels are set; takes what they say of it."""
+        """Hold sampling while taxels are set; takes the messages that this causes."""
         with self._working:
-            said: list[Record] = []
-            with self._tolerance.commit(), self._outbox.batch() as batch:
-                yield said
-                batch.take(said)
-            self._line_up()
+            records: list[Record] = []
+            with self._flash_retry.commit(), self._outbox.batch() as batch:
+                yield records
+                batch.take(records)
+            self._arm_all()
 
     def attend(self, seconds: float) -> None:
-        """Cut blocks short, from the next ones on: somebody looks on for so many real seconds."""
+        """Shorten blocks for so many real seconds: a viewer watches."""
         span = round(seconds * self._settings.node.speed * BILLION)
         self._attention.hold(self._clock.ticks(), span)
 
@@ -171,12 +181,12 @@ class Node:
             return self._record_status()
 
     def finish(self) -> None:
-        """Say what stays undecided at the end."""
-        with self._tolerance.commit(), self._outbox.batch() as batch:
+        """Store what stays undecided at the end."""
+        with self._flash_retry.commit(), self._outbox.batch() as batch:
             for taxel in self.taxels:
                 batch.take(taxel.finish())
         if self.energy is not None:
-            with self._tolerance.commit():
+            with self._flash_retry.commit():
                 self.energy.rest()
 
     def _record_status(self) -> Position:
@@ -191,9 +201,9 @@ class Node:
                 self._outbox.usage(),
                 [channel for taxel in self.taxels for channel in taxel.channels],
                 int(self.machine.cause),
-                energy=None if self.energy is None else self.energy.manager.told,
-                faults=self._examiner.faults,
-                places=self._map,
+                energy=None if self.energy is None else self.energy.manager.status,
+                faults=self._self_test.faults,
+                places=self._skin_map,
                 held=self._outbox.held(),
                 ended=self._outbox.ended(),
             )
@@ -203,7 +213,7 @@ class Node:
         return Position(self._outbox.boot, status.sequence)
 
     def _boot(self) -> None:
-        """Start the firmware: nothing is left of what its RAM held."""
+        """Start the firmware with an empty RAM."""
         self.machine.boot()
         if self.energy is not None:
             self.energy.boot()
@@ -214,25 +224,33 @@ class Node:
             taxel.boot(self._outbox.boot, self._outbox.message_writer, self._attention)
         actions = [partial(self._sample, number) for number in range(len(self.taxels))]
         self.sampling = Sampling(self.machine, actions, self._settings.machine.dma_samples)
-        self._scan.boot()
-        self._examiner = NodeSelfTest(
+        self._sampling_group.boot()
+        self._self_test = NodeSelfTest(
             self._settings.taxel, self.taxels, self._clock.known, self._outbox.message_writer
         )
-        self._line_up()
+        self._arm_all()
         self.states.take(states.STARTED, 0)
 
-    def _start_again(self) -> None:
-        """Start after a reset, and tell what was missed."""
+    def _set_stage(self, stage: int, before: int) -> None:
+        for taxel in self.taxels:
+            taxel.control_unit.shed = stage
+        if stage == SLEEP:
+            self.shed(states.SCARCE)
+        elif before == SLEEP:
+            self.resume()
+
+    def _restart(self) -> None:
+        """Start after a reset, and report what was missed."""
         machine, clock = self.machine, self._clock
         stopped, again = (time - machine.booted for time in (machine.stopped, machine.now))
         begin = min(stopped, *(taxel.next.start for taxel in self.taxels))
         earliest = clock.known.enclosure(begin)[0]
-        lost = sum(taxel.missed(again) for taxel in self.taxels)
-        with self._tolerance.commit():
+        lost = sum(taxel.missing(again) for taxel in self.taxels)
+        with self._flash_retry.commit():
             self._outbox.restart()
         clock.restart(machine.now, np.random.default_rng((self._seed, self._outbox.boot)))
         self._boot()
-        with self._tolerance.commit(), self._outbox.batch() as batch:
+        with self._flash_retry.commit(), self._outbox.batch() as batch:
             time = earliest, clock.known.enclosure(0)[1]
             batch.take([self._outbox.message_writer.gap(RESET + machine.cause, time, lost)])
         log.warning("machine starts: boot=%d samples_lost=%d", self._outbox.boot, lost)
@@ -240,31 +258,31 @@ class Node:
             self.at_start()
 
     def _sample(self, number: int) -> None:
-        """A frame of a taxel is complete: its interrupt."""
+        """Handle the interrupt of a complete frame."""
         machine, ticks = self.machine, self.machine.now - self.machine.booted
         self.states.take(states.DUE, ticks)
         self.sampling.complete(number)
         try:
-            taken = self._scan.take(number)
+            frames = self._sampling_group.take(number)
         except FirmwareError as error:
-            log.error("firmware hangs, the watchdog will reset it: %s", error)  # noqa: TRY400 - says all
+            log.error("firmware hangs: error=%s", error)  # noqa: TRY400 - one line
             self.states.take(states.FAILED, ticks)
             machine.halt()
             return
         machine.kick()
         self.states.take(states.IDLE, ticks)
-        for each in taken:
-            self._finish(each)
+        for taken in frames:
+            self._finish(taken)
 
     def _finish(self, taken: Taken) -> None:
-        """A frame is worked off."""
+        """Charge, store and schedule after a frame."""
         taxel = self.taxels[taken.number]
         ledger, cycles = self.machine.ledger, taxel.cycles(taken.frame.n)
         ledger.charge_frame(taken.frame, cycles=cycles, inputs=taxel.inputs)
         for record in taken.records:
-            ledger.charge_message(taxel.writing(record), len(record.body))
+            ledger.charge_message(taxel.message_cycles(record), len(record.body))
         ledger.charge_repeats(*taxel.reader.repeats)
-        self._batch.take([*taken.records, *self._examiner.watch(taken.number, taken.frame.end)])
+        self._batch.take([*taken.records, *self._self_test.watch(taken.number, taken.frame.end)])
         self._true_blocks += taken.truth
         self.sampling.arm(taken.number, taxel.next)
 
@@ -273,16 +291,16 @@ class Node:
             reason = ASLEEP[self.states.cause]
             ticks = self.machine.now - self.machine.booted
             self.states.take(states.RESUMED, ticks)
-            self._leave_out(self._batch, ticks, reason)
+            self._skip_frames(self._batch, ticks, reason)
 
-    def _pass_over(self, time: int) -> None:
+    def _skip_overrun(self, time: int) -> None:
         if time - self.sampling.due <= self._overrun:
             return
-        with self._tolerance.commit(), self._outbox.batch() as batch:
-            self._leave_out(batch, time - self.machine.booted, OVERRUN)
+        with self._flash_retry.commit(), self._outbox.batch() as batch:
+            self._skip_frames(batch, time - self.machine.booted, OVERRUN)
 
-    def _leave_out(self, batch: Batch, ticks: int, reason: int) -> None:
-        """Take no frame that begins before a moment, and say so."""
+    def _skip_frames(self, batch: Batch, ticks: int, reason: int) -> None:
+        """Skip all frames that begin before a moment, and record a gap."""
         known = self._clock.known
         begin = min(taxel.next.start for taxel in self.taxels)
         lost = 0
@@ -290,15 +308,14 @@ class Node:
             peaks, samples = taxel.skip(ticks)
             batch.take(peaks)
             lost += samples
-        self._line_up()
+        self._arm_all()
         again = max(taxel.next.start for taxel in self.taxels)
         time = known.enclosure(begin)[0], known.enclosure(again)[1]
         batch.take([self._outbox.message_writer.gap(reason, time, lost)])
         behind = (ticks - begin) / BILLION
-        told = TEXTS[reason], lost, behind
-        log.warning("samples lost: reason=%s samples=%d span_s=%.3f", *told)
+        log.warning("samples lost: reason=%s samples=%d span_s=%.3f", TEXTS[reason], lost, behind)
 
-    def _line_up(self) -> None:
+    def _arm_all(self) -> None:
         if self.states.state == states.SHED:
             return
         for number, taxel in enumerate(self.taxels):

@@ -1,4 +1,4 @@
-"""A node without radio and identity, on a chip that is thrown away; its time is the caller's."""
+"""A node without radio and identity, on a temporary chip, in the caller's time."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from eskin.privacy.subject import KEY_BYTES
 from eskin_sensor_node.machine.clock import Clock
 from eskin_sensor_node.machine.compilation import compiled_inversion
 from eskin_sensor_node.machine.compiled_writer import CompiledWriter
-from eskin_sensor_node.machine.crystal import BILLION, Crystal
 from eskin_sensor_node.machine.flash.flash import Flash
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.node.node import Node
+from eskin_sensor_node.timebase import BILLION, Crystal
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -31,16 +31,16 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 _START: Final = 1_790_000_000 * BILLION
-"""Any moment: nothing depends on it."""
+"""Any time: nothing depends on it."""
 
 
 class OfflineNode:
-    """A node that is asked to live for a while.
+    """A node whose time the caller sets.
 
     Attributes:
-        node: What samples.
-        flash: Takes what it says.
-        outbox: The same, as the firmware sees it.
+        node: The node.
+        flash: Stores its messages.
+        outbox: The firmware's outbox on that flash.
     """
 
     def __init__(self, settings: NodeSettings, flash: Flash, truth: GroundTruth) -> None:
@@ -70,17 +70,17 @@ class OfflineNode:
         )
 
     def run_until(self, time: int) -> None:
-        """Live up to a machine time in ns, as fast as it can."""
+        """Run up to a machine time in ns, as fast as possible."""
         self._now = time
         self.node.run_until(time)
 
 
 @contextmanager
 def offline_node(settings: NodeSettings) -> Iterator[OfflineNode]:
-    """A node that never tires, in a folder of its own.
+    """A node with unlimited energy, in a temporary folder.
 
     Args:
-        settings: The node's; its supply never ends.
+        settings: The node's.
     """
     unlimited = settings.model_copy(
         update={"energy": settings.energy.model_copy(update={"on": False})}
@@ -97,12 +97,12 @@ def offline_node(settings: NodeSettings) -> Iterator[OfflineNode]:
 
 
 def warm_up(settings: NodeSettings) -> None:
-    """Measure and tell the first frame of each taxel: all is compiled before time begins.
+    """Process the first frame of each taxel, so that all kernels are compiled.
 
-    Where there is no room for it, the node begins without, and may be late with its first frames.
+    If the disk is full the node starts without, and its first frames may be late.
     """
     try:
-        with offline_node(settings) as rehearsed:
-            rehearsed.run_until(max(taxel.next.end for taxel in rehearsed.node.taxels))
+        with offline_node(settings) as offline:
+            offline.run_until(max(taxel.next.end for taxel in offline.node.taxels))
     except (FlashError, OSError) as error:
-        log.warning("begins without a rehearsal: error=%s", error)
+        log.warning("warm-up skipped: error=%s", error)

@@ -1,4 +1,4 @@
-"""A node that lives on its supply: the firmware's energy manager between hardware and sampling."""
+"""The firmware's energy manager, between the power plant and sampling."""
 
 from __future__ import annotations
 
@@ -7,60 +7,64 @@ from typing import TYPE_CHECKING, Final
 
 from eskin.errors import FlashError
 from eskin.wire.messages import Shedding
-from eskin_sensor_node.firmware.energy import SLEEP, EnergyManager
-from eskin_sensor_node.firmware.states import SCARCE
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.firmware.energy import EnergyManager
 from eskin_sensor_node.machine.power.data_sheet import energy_sheet
 from eskin_sensor_node.machine.power.plant import PowerPlant
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from eskin_sensor_node.firmware.outbox import Outbox
     from eskin_sensor_node.machine.clock import Clock
+    from eskin_sensor_node.machine.machine import Machine
     from eskin_sensor_node.machine.work_counters import WorkCounters
     from eskin_sensor_node.node.ground_truth import GroundTruth
-    from eskin_sensor_node.node.node import Node
     from eskin_sensor_node.settings import NodeSettings
 
 log = logging.getLogger(__name__)
 
 _KEEP_EVERY: Final = 5 * BILLION
-"""Machine time between two records of the true charge: a process may end without a word."""
+"""Machine time between two records of the true charge, for a process that is killed."""
 
 
 class PowerManager:
     """Sheds the node's load in stages, and takes it up again.
 
-    The supercapacitor outlives the process: what it truly holds stands in the truth, what the
-    firmware knew of it at an orderly end in flash.
+    The supercapacitor outlives the process: the ground truth keeps its true energy, flash what the
+    firmware knew of it at an orderly end.
 
     Args:
-        node: Which lives on the supply.
+        machine: The node's, which runs on the supply.
         settings: The node's.
         clock: Its clock.
         outbox: Keeps what the firmware knows of the charge.
         truth: Keeps the true charge.
         seed: Draws the true supply.
+        on_stage: Called with the stage of shedding and the one before, when it changes.
 
     Attributes:
         plant: The hardware.
-        manager: What the firmware knows; each start makes it anew.
+        manager: What the firmware knows; each boot makes it anew.
     """
 
     def __init__(
         self,
-        node: Node,
+        machine: Machine,
         settings: NodeSettings,
         *,
         clock: Clock,
         outbox: Outbox,
         truth: GroundTruth,
         seed: int,
+        on_stage: Callable[[int, int], None],
     ) -> None:
-        self._node, self._clock, self._outbox, self._truth = node, clock, outbox, truth
-        self._kept = 0
+        self._machine, self._clock, self._outbox, self._truth = machine, clock, outbox, truth
+        self._on_stage = on_stage
+        self._stored_at = 0
         self._sheet = energy_sheet(settings.energy)
         self.plant = PowerPlant(
-            node.machine,
+            machine,
             settings.energy,
             taxels=settings.taxel,
             seed=(seed, len(settings.taxel)),
@@ -73,49 +77,49 @@ class PowerManager:
             self.plant.supply.rest(before[1], away / BILLION)
 
     def boot(self) -> None:
-        """Start the firmware's part: nothing is left of what its RAM held, only flash."""
+        """Start the firmware's part from what flash holds."""
         self.manager = EnergyManager(self._sheet)
         record = self._outbox.charge()
         if not record:
             return
-        # It counts once: what a life spends that ends without a word, nobody knows.
+        # Used once: after a power cut, what the last boot has spent is unknown.
         try:
             with self._outbox.batch() as batch:
-                batch.keep_charge(b"")
+                batch.store_charge(b"")
         except FlashError as error:
-            log.warning("energy: what was kept of the charge is not used: error=%s", error)
+            log.warning("stored charge not used: error=%s", error)
         else:
             self.manager.recall(record, self._clock.known.enclosure(0))
 
     def keep(self) -> None:
-        """Keep the true charge, now and then.
+        """Store the true charge from time to time.
 
         Raises:
             FlashError: It cannot be written.
         """
-        if self._node.machine.now - self._kept >= _KEEP_EVERY:
+        if self._machine.now - self._stored_at >= _KEEP_EVERY:
             self._keep()
 
     def rest(self) -> None:
-        """Look at the supply for the last time, and keep what is known of it.
+        """Measure the supply for the last time, and store the charge.
 
         Raises:
             FlashError: It cannot be written.
         """
         self.plant.look()
         self._keep()
-        if self._node.machine.running:
+        if self._machine.running:
             with self._outbox.batch() as batch:
-                batch.keep_charge(self.manager.rest(self._clock.known.enclosure(self._ticks)))
+                batch.store_charge(self.manager.rest(self._clock.known.enclosure(self._ticks)))
 
     @property
     def _ticks(self) -> int:
-        return self._node.machine.now - self._node.machine.booted
+        return self._machine.now - self._machine.booted
 
     def _keep(self) -> None:
-        self._kept = self._node.machine.now
+        self._stored_at = self._machine.now
         now = self._clock.true_time(self._ticks)
-        self._truth.keep_supply(self._name, now, self.plant.supply.energy)
+        self._truth.store_supply(self._name, now, self.plant.supply.energy)
 
     def _watch(self, code: int, work: WorkCounters) -> None:
         before = self.manager.stage
@@ -123,25 +127,5 @@ class PowerManager:
         stage = self.manager.stage
         if stage == before:
             return
-        log.warning("energy: load shed=%s", Shedding(stage).name.lower())
-        for taxel in self._node.taxels:
-            taxel.control_unit.shed = stage
-        if stage == SLEEP:
-            self._node.shed(SCARCE)
-        elif before == SLEEP:
-            self._node.resume()
-
-
-def keep_energy(
-    node: Node,
-    settings: NodeSettings,
-    *,
-    clock: Clock,
-    outbox: Outbox,
-    truth: GroundTruth,
-    seed: int,
-) -> PowerManager | None:
-    """A node's keeper; ``None`` where its supply never ends."""
-    if not settings.energy.on:
-        return None
-    return PowerManager(node, settings, clock=clock, outbox=outbox, truth=truth, seed=seed)
+        log.warning("load shed: stage=%s", Shedding(stage).name.lower())
+        self._on_stage(stage, before)

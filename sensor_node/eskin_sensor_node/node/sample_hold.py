@@ -1,4 +1,4 @@
-"""What a sample-and-hold keeps for the firmware, which may convert it again with another range."""
+"""Sample-and-hold: the firmware may convert a sample again with another range."""
 
 from __future__ import annotations
 
@@ -36,15 +36,15 @@ class SampleHold:
 
     Args:
         values: What is held before the amplifier.
-        sensing: Converts it.
+        signal_chain: Converts it.
 
     Attributes:
         conversions: How often something was converted again.
     """
 
-    def __init__(self, values: Floats, sensing: SignalChain) -> None:
+    def __init__(self, values: Floats, signal_chain: SignalChain) -> None:
         self._values = values
-        self._sensing = sensing
+        self._signal_chain = signal_chain
         self._known: dict[tuple[float, int], Codes] = {}
         self.conversions = 0
 
@@ -54,7 +54,9 @@ class SampleHold:
         def convert(gain: float, trim: int) -> int:
             self.conversions += 1
             if (gain, trim) not in self._known:
-                self._known[gain, trim] = self._sensing.repeat(self._values, gain, trim)
+                self._known[gain, trim] = self._signal_chain.frontend.repeat(
+                    self._values, gain, trim
+                )
             return int(self._known[gain, trim][k])
 
         return convert
@@ -65,21 +67,21 @@ class Reader:
 
     Args:
         unit: Its control unit.
-        sensing: What is before it.
+        signal_chain: What is before it.
         inputs: Names of the inputs, in their order.
 
     Attributes:
         repeats: What was converted again since it began.
     """
 
-    def __init__(self, unit: ControlUnit, sensing: SignalChain, inputs: Sequence[str]) -> None:
+    def __init__(self, unit: ControlUnit, signal_chain: SignalChain, inputs: Sequence[str]) -> None:
         self._unit = unit
-        self._sensing = sensing
+        self._signal_chain = signal_chain
         self._inputs = inputs
         self.begin()
 
     def begin(self) -> None:
-        """Count anew."""
+        """Reset the count."""
         self.repeats = Repeats()
 
     def read(self, digitised: Digitised) -> Readings:
@@ -90,12 +92,12 @@ class Reader:
         amplified = [name for name in self._inputs if name in digitised.held]
         readings = Readings(codes, [array("b", bytes(len(codes[0]))) for _ in amplified])
         for i, name in enumerate(amplified):
-            self._repeat(readings, i, SampleHold(digitised.held[name], self._sensing))
+            self._repeat(readings, i, SampleHold(digitised.held[name], self._signal_chain))
         return readings
 
     def _repeat(self, readings: Readings, i: int, held: SampleHold) -> None:
         codes = np.asarray(readings.codes[i])
-        for k in np.flatnonzero((codes <= 0) | (codes >= self._sensing.last)).tolist():
+        for k in np.flatnonzero((codes <= 0) | (codes >= self._signal_chain.last)).tolist():
             self._unit.repeat(readings, i, k, held.sample(k))
         samples = sum(mark != 0 for mark in readings.ranges[i])
         self.repeats = Repeats(

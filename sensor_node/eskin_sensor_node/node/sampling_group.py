@@ -1,10 +1,11 @@
-"""Taxels that are sampled at the same instants: pads of a skin, which hand pressure on."""
+"""Taxels that are sampled at the same instants: pads of a skin, which have crosstalk."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, NamedTuple
 
 from eskin_sensor_node.kinds.neighbours import patches
+from eskin_sensor_node.machine.data_sheet import taxel_coverages
 from eskin_sensor_node.machine.sampling import most_repeats
 from eskin_sensor_node.node.taxel import EmulatedTaxel
 
@@ -24,7 +25,7 @@ def build_taxels(
     settings: NodeSettings, *, seed: int, clock: Clock, functions: ModuleType
 ) -> list[EmulatedTaxel]:
     """The taxels of a node, in the order of its settings; arguments as of `node.node`."""
-    coverages = settings.coverages()
+    coverages = taxel_coverages(settings)
     return [
         EmulatedTaxel(
             taxel,
@@ -46,7 +47,7 @@ class Taken(NamedTuple):
     Attributes:
         number: The taxel's.
         frame: Which one.
-        records: What is said of it.
+        records: Its messages.
         truth: Behind its blocks.
     """
 
@@ -69,7 +70,7 @@ class SamplingGroup:
         self._patches = patches(designs)
 
     def boot(self) -> None:
-        """Tell pads that have just started who sits around them."""
+        """Give each pad its neighbours, after a boot."""
         units = [taxel.control_unit for taxel in self._taxels]
         for number, patch in self._patches.items():
             units[number].surround([units[k] for k in patch.around], patch.neighbours)
@@ -86,7 +87,7 @@ class SamplingGroup:
         frame = self._taxels[number].next
         together = [k for k in self._patches if self._taxels[k].next.meets(frame)]
         for k in together:
-            self._taxels[k].take()
+            self._taxels[k].measure()
         for k in together:
             self._taxels[k].separate()
-        return [Taken(k, self._taxels[k].next, *self._taxels[k].tell()) for k in together]
+        return [Taken(k, self._taxels[k].next, *self._taxels[k].report()) for k in together]

@@ -1,4 +1,4 @@
-"""The node's look at its own taxels: which of them are broken, certainly or possibly."""
+"""The node's self-test: which taxels are broken, certainly or possibly."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 from eskin_sensor_node.firmware.gap_reasons import DEAD, STUCK
 from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, SelfTest
 from eskin_sensor_node.kinds.neighbours import neighbours
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.node.taxel import EmulatedTaxel
 
-SELF_TEST: Final = 20 * BILLION
+SELF_TEST_WINDOW: Final = 20 * BILLION
 """Ticks of a window in which stuck and dead taxels are looked for."""
 
 _DEAD_FAULT: Final = 0
@@ -25,10 +25,10 @@ _DEAD_FAULT: Final = 0
 
 
 class NodeSelfTest:
-    """Lets the firmware's self-test see each frame, and tells of what is broken.
+    """Feeds the firmware's self-test with each frame, and reports what is broken.
 
-    What is certainly broken tells of no cause any more, until a window shows that it cannot be; a
-    gap a window counts the samples that are left out.
+    A taxel that is certainly broken reports no derived quantity until a window shows that it is
+    not broken; one gap a window counts the samples that are left out.
 
     Args:
         designs: The settings of the node's taxels.
@@ -59,28 +59,28 @@ class NodeSelfTest:
         self._broken: dict[str, int] = {}
         self.faults: list[tuple[str, int, int]] | None = None
 
-    def know_dead(self, taxel: EmulatedTaxel) -> None:
-        """Take up that a taxel is certainly dead, and was told to be."""
+    def mark_dead(self, taxel: EmulatedTaxel) -> None:
+        """Take over that a taxel is certainly dead, and was reported as such."""
         self._broken[taxel.name], taxel.control_unit.broken = _DEAD_FAULT, True
 
     def watch(self, number: int, ticks: int) -> list[Record]:
-        """See a taxel's latest frame, which ended at some ticks; tells what a window has shown."""
-        self._taxels[number].show(number, self._self_test)
-        return self._examine(ticks) if ticks - self._tested >= SELF_TEST else []
+        """Feed a taxel's latest frame, which ended at some ticks; gives what a window has shown."""
+        self._taxels[number].feed(number, self._self_test)
+        return self._examine(ticks) if ticks - self._tested >= SELF_TEST_WINDOW else []
 
     def _examine(self, ticks: int) -> list[Record]:
         time = self._clock.enclosure(self._tested)[0], self._clock.enclosure(ticks)[1]
         self._tested = ticks
-        said: list[Record] = []
+        records: list[Record] = []
         self.faults = []
         for taxel, found in zip(self._taxels, self._self_test.examine(), strict=True):
-            said += self._judge(taxel, found, time)
+            records += self._judge(taxel, found, time)
             # What was certain once, and not refuted since, is certain.
             known = self._broken.get(taxel.name)
             dead, stuck = (CERTAIN if fault == known else found[fault] for fault in (0, 1))
             if (dead, stuck) != (IMPOSSIBLE, IMPOSSIBLE):
                 self.faults.append((taxel.name, dead, stuck))
-        return said
+        return records
 
     def _judge(
         self, taxel: EmulatedTaxel, found: tuple[int, int], time: tuple[int, int]
@@ -89,12 +89,14 @@ class NodeSelfTest:
         fault = found.index(CERTAIN) if known is None and CERTAIN in found else known
         if fault is None:
             return []
-        said = []
-        if known is None or unit.left_out:
+        records = []
+        if known is None or unit.omitted_samples:
             reason = DEAD if fault == _DEAD_FAULT else STUCK
-            said.append(self._message_writer.gap(reason, time, unit.left_out, taxel=taxel.name))
-        self._broken[taxel.name], unit.broken, unit.left_out = fault, True, 0
+            records.append(
+                self._message_writer.gap(reason, time, unit.omitted_samples, taxel=taxel.name)
+            )
+        self._broken[taxel.name], unit.broken, unit.omitted_samples = fault, True, 0
         if found[fault] == IMPOSSIBLE:
             del self._broken[taxel.name]
             unit.broken = False
-        return said
+        return records

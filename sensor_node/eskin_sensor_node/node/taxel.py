@@ -1,4 +1,4 @@
-"""One emulated taxel: its world and analogue chain before, its control unit behind the ADC."""
+"""One emulated taxel: signal chain, ADC and control unit."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from eskin.wire.messages import Encoding, Position
 from eskin_sensor_node.firmware.control_unit import ControlUnit
 from eskin_sensor_node.firmware.gap_reasons import UNRECORDED
 from eskin_sensor_node.firmware.message_writer import BLOCK
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.data_sheet import data_sheet
 from eskin_sensor_node.machine.prices import Cycles, inversion, message, passes
 from eskin_sensor_node.machine.schedule import build_schedule
 from eskin_sensor_node.node.ground_truth import TrueBlock
 from eskin_sensor_node.node.sample_hold import Reader
 from eskin_sensor_node.node.signal_chain import SignalChain
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -67,18 +67,18 @@ class EmulatedTaxel:
         self._sampling = sampling
         self._repeats = repeats
         self._functions = functions
-        self.sensing = SignalChain(taxel, seed, companions)  # what is before its control unit
+        self.signal_chain = SignalChain(taxel, seed, companions)
         self._companions = companions
         self._coverage = coverage
         self._clock = clock
 
     def boot(self, number: int, message_writer: MessageWriter, attention: Attention) -> None:
-        """Start its control unit, with nothing in its RAM.
+        """Start its control unit with an empty RAM.
 
         Args:
             number: The boot's. It draws the noise: each frame's depends on its start alone.
             message_writer: Writes the node's messages.
-            attention: Says how long its frames are while somebody looks on.
+            attention: Limits its frames while a viewer watches.
         """
         taxel = self._taxel
         self._boot = number
@@ -97,7 +97,7 @@ class EmulatedTaxel:
             clock=self._clock.known,
             message_writer=message_writer,
         )
-        self.reader = Reader(self.control_unit, self.sensing, self._calibrated.inputs)
+        self.reader = Reader(self.control_unit, self.signal_chain, self._calibrated.inputs)
         self._inverted = list(self._calibrated.inverted)
         self._quantities = {f"{taxel.id}.{name}": name for name, _ in self._calibrated.quantities}
         self.next: Frame = self.control_unit.schedule.frame(0)
@@ -131,8 +131,8 @@ class EmulatedTaxel:
             )
         return total
 
-    def writing(self, record: Record) -> Cycles:
-        """What a message of its takes until it is sent."""
+    def message_cycles(self, record: Record) -> Cycles:
+        """Cycles to write and send one of its messages."""
         encoding = self._sampling.encoding if record.kind == BLOCK else None
         return message(len(record.body), encoding, record.samples)
 
@@ -142,7 +142,7 @@ class EmulatedTaxel:
         return self.control_unit.channels
 
     def sample(self) -> tuple[list[Record], list[TrueBlock]]:
-        """Take the next frame: what the node says of it, and the truth behind its blocks.
+        """Sample the next frame; gives its messages, and the truth behind its blocks.
 
         Raises:
             FirmwareError: The firmware failed.
@@ -154,72 +154,72 @@ class EmulatedTaxel:
         for begin, end, present in signals.runs(frame.n):
             part = frame.part(begin, end)
             if present:
-                said, truth = self._measure(part, signals.part(begin, end), random)
-                records += said
+                found, truth = self._measure(part, signals.part(begin, end), random)
+                records += found
                 true_blocks += truth
             else:
-                records += self._miss(part)
-        self._go_on()
+                records += self._record_gap(part)
+        self._advance()
         return records, true_blocks
 
-    def take(self) -> None:
-        """Measure the next frame, which has no gaps, and say nothing yet.
+    def measure(self) -> None:
+        """Measure the next frame, which has no gaps, without messages.
 
         Raises:
             FirmwareError: The firmware failed.
         """
         signals, random = self._sense(self.next)
-        digitised = self.sensing.digitise(signals.sensed, random)
+        digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
         self._truth = signals.truth | digitised.truth
-        with self._watched():
+        with self._firmware_errors():
             self.control_unit.measure(self.next, self.reader.read(digitised))
 
     def separate(self) -> None:
-        """Take back what neighbours have handed on, which are measured, too.
+        """Subtract the crosstalk of measured neighbours.
 
         Raises:
             FirmwareError: The firmware failed.
         """
-        with self._watched():
+        with self._firmware_errors():
             self.control_unit.separate()
 
-    def tell(self) -> tuple[list[Record], list[TrueBlock]]:
-        """What the node says of the frame that was taken, and the truth behind its blocks.
+    def report(self) -> tuple[list[Record], list[TrueBlock]]:
+        """Messages of the frame that was measured, and the truth behind its blocks.
 
         Raises:
             FirmwareError: The firmware failed.
         """
         frame = self.next
-        with self._watched():
-            records = self.control_unit.tell()
-        self._go_on()
-        return records, self._told(frame, records, self._truth)
+        with self._firmware_errors():
+            records = self.control_unit.report()
+        self._advance()
+        return records, self._true_blocks(frame, records, self._truth)
 
     def _sense(self, frame: Frame) -> tuple[Signals, np.random.Generator]:
         self.reader.begin()
         random = np.random.default_rng((*self._seed, self._boot, frame.start))
         seconds = self._clock.seconds(frame, triggered=self.control_unit.schedule.burst > 0)
-        return self.sensing.signals(seconds, random), random
+        return self.signal_chain.world.signals(seconds, random), random
 
     def _measure(
         self, frame: Frame, signals: Signals, random: np.random.Generator
     ) -> tuple[list[Record], list[TrueBlock]]:
-        digitised = self.sensing.digitise(signals.sensed, random)
+        digitised = self.signal_chain.frontend.digitise(signals.sensed, random)
         truth = signals.truth | digitised.truth
-        ends = [self.sensing.digitise(end, random) for end in signals.ends]
-        with self._watched():
+        ends = [self.signal_chain.frontend.digitise(end, random) for end in signals.ends]
+        with self._firmware_errors():
             readings = [self.reader.read(each) for each in ends or [digitised]]
             records = self.control_unit.process(frame, *readings)
-        return records, self._told(frame, records, truth)
+        return records, self._true_blocks(frame, records, truth)
 
     @contextmanager
-    def _watched(self) -> Iterator[None]:
+    def _firmware_errors(self) -> Iterator[None]:
         try:
             yield
         except Exception as error:
             raise FirmwareError(f"{self.name}: {type(error).__name__}: {error}") from error
 
-    def _told(
+    def _true_blocks(
         self, frame: Frame, records: list[Record], truth: Mapping[str, Floats]
     ) -> list[TrueBlock]:
         """The truth behind blocks; the hardware is set for the next frame."""
@@ -237,15 +237,15 @@ class EmulatedTaxel:
             if record.kind == BLOCK
         ]
 
-    def _miss(self, frame: Frame) -> list[Record]:
-        """Say that there was nothing to sample."""
+    def _record_gap(self, frame: Frame) -> list[Record]:
+        """Record a gap: there was nothing to sample."""
         known = self._clock.known
         time = known.enclosure(frame.start)[0], known.enclosure(frame.end)[1]
         records = self.control_unit.skip(frame.n)
         return [*records, self._message_writer.gap(UNRECORDED, time, frame.n * len(self.channels))]
 
-    def show(self, number: int, test: SelfTest) -> None:
-        """Let the node's self-test see the last frame of the first quantity."""
+    def feed(self, number: int, test: SelfTest) -> None:
+        """Feed the self-test with the last frame of the first quantity."""
         unit = self.control_unit.units[0]
         test.take(number, unit.lows, unit.highs, unit.filled)
 
@@ -256,7 +256,7 @@ class EmulatedTaxel:
         return records
 
     def adapt(self, *, on: bool) -> list[Record]:
-        """Let the node set gain, trimmer and plates, or go back to the designed ones."""
+        """Turn adaptive gain, trimmer and plates on, or reset them to the design."""
         records = self.control_unit.adapt(int(on))
         self._adjust()
         return records
@@ -268,7 +268,7 @@ class EmulatedTaxel:
         return records
 
     def reset(self) -> list[Record]:
-        """Go back to the design; gives undecided peaks."""
+        """Reset to the design; gives undecided peaks."""
         records = self.control_unit.reset(self.next.start)
         self._adjust()
         self.next = self.control_unit.schedule.frame(0)
@@ -283,21 +283,21 @@ class EmulatedTaxel:
         lost = 0
         while self.next.start < ticks:
             lost += self.next.n
-            self._go_on()
+            self._advance()
         return self.control_unit.skip(lost), lost * len(self.channels)
 
-    def missed(self, ticks: int) -> int:
-        """Samples that were due before a moment and not told, over all channels."""
+    def missing(self, ticks: int) -> int:
+        """Samples that were due before a moment and not reported, over all channels."""
         due = self.control_unit.schedule.before(ticks)
-        left_out = self.control_unit.left_out
-        return max(0, due - self.next.first) * len(self.channels) + left_out
+        omitted_samples = self.control_unit.omitted_samples
+        return max(0, due - self.next.first) * len(self.channels) + omitted_samples
 
     def finish(self) -> list[Record]:
         """The peaks that stay undecided at the end."""
         return self.control_unit.skip(0)
 
-    def _go_on(self) -> None:
-        """The next frame; a short one while somebody looks on and the supply allows it."""
+    def _advance(self) -> None:
+        """Set the next frame: short while a viewer watches and the supply allows it."""
         unit = self.control_unit
         begin = self.next.end
         most = 0 if unit.shed else self._attention.most(begin, unit.schedule.dt)
@@ -305,4 +305,4 @@ class EmulatedTaxel:
 
     def _adjust(self) -> None:
         """Set the hardware as the control unit has chosen, for the next frame."""
-        self.sensing.adjust(self.control_unit.adaptation)
+        self.signal_chain.adjust(self.control_unit.adaptation)

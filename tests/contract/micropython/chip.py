@@ -81,7 +81,7 @@ class MemoryChip:
     def gaps(self) -> int:
         return self._gaps
 
-    def keep_counts(self, gaps: int, last: int) -> None:
+    def store_counts(self, gaps: int, last: int) -> None:
         assert self._before is not None
         self._gaps = gaps
         self._ended[self.boot] = last
@@ -93,13 +93,13 @@ class MemoryChip:
     def answer(self) -> "bytes | None":
         return self._answer
 
-    def keep_answer(self, body: bytes) -> None:
+    def store_answer(self, body: bytes) -> None:
         assert self._before is not None
         self._answer = body
 
     def charge(self) -> bytes:
         return self._charge
 
-    def keep_charge(self, body: bytes) -> None:
+    def store_charge(self, body: bytes) -> None:
         assert self._before is not None
         self._charge = body

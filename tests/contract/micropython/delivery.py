@@ -88,7 +88,7 @@ class Delivery:
 
     def status_is_due(self) -> bool:
         """Whether a status is to be recorded."""
-        return self.outbox.tell_status(self.now)
+        return self.outbox.is_status_due(self.now)
 
     def send(self, most: int) -> "list[list[Any]]":
         """What goes out now."""
@@ -98,12 +98,12 @@ class Delivery:
     def leave(self, boot: int, first: int, last: int) -> None:
         """The radio is rid of messages."""
         for sequence in range(first, last + 1):
-            self.outbox.left((boot, sequence), self.now)
+            self.outbox.mark_sent((boot, sequence), self.now)
 
     def acknowledge(self, *spans: "Sequence[int]") -> "list[bool]":
         """A gateway has messages; gives whether they were awaited, and could be forgotten."""
         named = [(span[0], span[1], span[2]) for span in spans]
-        awaited = self.outbox.awaits(named)
+        awaited = self.outbox.has_in_flight(named)
         try:
             self.outbox.acknowledge(named)
         except OSError:

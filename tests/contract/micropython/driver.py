@@ -193,9 +193,9 @@ def tell(
         channels = [channel for unit in units for channel in unit.channels]
         uptime, storage = int(step["uptime"]), step["storage"]
         told = (step["status"], step["description"], uptime, storage, channels, step["cause"])
-        energy = manager.told if manager and step["lives"] else None
+        energy = manager.status if manager and step["lives"] else None
         if step["heard"] is not None:
-            message_writer.hear(int(step["heard"]))
+            message_writer.observe_time(int(step["heard"]))
         more = {"energy": energy, "faults": step["faults"], "places": places(step)}
         more["held"], more["ended"] = step["held"], step["ended"]
         return message_writer.status(times(step), *told, **more)
@@ -212,7 +212,7 @@ def drive(step: "Table", units: "Sequence[ControlUnit]") -> "list[Record]":
         return unit.skip(step["skip"])
     if "tell" in step:
         unit.broken = step["broken"]
-        return unit.tell()
+        return unit.report()
     if "codes" in step:
         taken = [readings(unit, each) for each in step["codes"]]
         unit.measure(unit.schedule.frame(step["frame"]).part(*step["part"]), *taken)

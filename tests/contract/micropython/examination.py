@@ -2,7 +2,7 @@
 
 import struct
 
-from eskin_sensor_node.firmware.selftest import SelfTest, Window
+from eskin_sensor_node.firmware.selftest import BoundsWindow, SelfTest
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ def examine(job: "Mapping[str, Any]") -> "list[Any]":
 
 
 def _seen(lows: "Sequence[float]", highs: "Sequence[float]") -> "list[Any]":
-    window = Window()
+    window = BoundsWindow()
     window.take(lows, highs, len(lows))
     bounds = struct.pack("<3d", window.moved[0], window.moved[1], window.width).hex()
     return [bounds, window.dead, window.still, window.lively]

@@ -26,7 +26,7 @@ port.runPython(`
 with open('/job.json') as file:
     job = json.load(file)
 clock = driver.Clock(int(job['reading']), job['error'], job['drift'])
-scribe = driver.MessageWriter(job['boot'], driver.Counter())
+writer = driver.MessageWriter(job['boot'], driver.Counter())
 units = []
 given = iter(job['taxels'])
 taxels = len(job['taxels'])
@@ -36,14 +36,14 @@ frames = len(steps)
 const taxels = [];
 let last = used();
 for (let k = 0; k < port.globals.get('taxels'); k++) {
-  port.runPython('units.append(driver.control_unit(next(given), clock, scribe))');
+  port.runPython('units.append(driver.control_unit(next(given), clock, writer))');
   const now = used();
   taxels.push(now - last);
   last = now;
 }
 let records = 0;
 for (let k = 0; k < port.globals.get('frames'); k++) {
-  port.runPython(`said = driver.work(steps[${k}], units, scribe, None)`);
+  port.runPython(`said = driver.work(steps[${k}], units, writer, None)`);
   const kept = used();
   port.runPython('said = None');
   records = Math.max(records, kept - used());

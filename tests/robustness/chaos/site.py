@@ -183,7 +183,7 @@ class Site:
         return self._still_waiting() < before
 
     def _last_boot(self, node: str) -> int:
-        query = "SELECT value FROM counter WHERE name = 'boot'"
+        query = "SELECT boot FROM member"
         return int(ask(self.layout.flash(node), query)[0][0])
 
     def _wait_until_told(self, node: str, boot: int, seconds: float) -> None:

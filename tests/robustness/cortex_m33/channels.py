@@ -94,7 +94,7 @@ def _rest(lows: array[float], highs: array[float]) -> Case:
     baseline.lo, baseline.hi, baseline.known = 9.55e-12, 9.65e-12, True
     state = [baseline.lo, baseline.hi, 1.0]
     threshold = 0.3e-12
-    stays = baseline.stays(lows, highs, SAMPLES, threshold)
+    stays = baseline.track(lows, highs, SAMPLES, threshold)
     after = [baseline.lo, baseline.hi, float(stays)]
     return Case.of("rest", state, threshold, lows, highs, after=[after, lows, highs])
 

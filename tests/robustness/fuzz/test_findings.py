@@ -178,13 +178,13 @@ def test_flash_or_spool_that_asks_for_too_much_memory_is_damaged(
         Spool(tmp_path / "spool.db", capacity=1 << 20, max_dead_letters=5)
 
 
-def test_flash_without_its_counters_is_damaged(tmp_path: Path) -> None:
+def test_flash_that_counts_no_boots_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "flash.db"
     open_flash(path).close()
     with sqlite3.connect(path) as database:
-        never = "CREATE TRIGGER never BEFORE INSERT ON counter BEGIN SELECT raise(IGNORE); END"
+        never = "CREATE TRIGGER never BEFORE INSERT ON member BEGIN SELECT raise(IGNORE); END"
         database.execute(never)
-        database.execute("DELETE FROM counter")
+        database.execute("DELETE FROM member")
     database.close()
     with pytest.raises(FlashError, match="damaged"):
         open_flash(path)

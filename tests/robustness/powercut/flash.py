@@ -12,8 +12,7 @@ from eskin_sensor_node.firmware.message_writer import GAP
 from eskin.privacy.subject import KEY_BYTES
 from eskin.wire.messages import Gap, decode_message
 from tests.unit.sensor_node.designs import waiting
-from tests.unit.sensor_node.flashes import on_disk, open_flash
-from tests.unit.sensor_node.old_flash import SECRETS, write_old_flash
+from tests.unit.sensor_node.flashes import open_flash
 from tests.unit.sensor_node.stores import Store
 
 if TYPE_CHECKING:
@@ -80,35 +79,6 @@ def check(folder: Path, marks: list[list[Any]]) -> None:
     assert not (twice := there & named), f"there, and told as lost: {sorted(twice)[:5]}"
     with closing(sqlite3.connect(folder / _NAME)) as database:
         assert database.execute("PRAGMA integrity_check").fetchall() == [("ok",)]
-
-
-def begin_sealing(folder: Path, draw: random.Random, marks: Marks) -> None:
-    """Open a flash from before, which seals it."""
-    bodies = {(5, n): b"%d in the clear" % n * draw.randint(1, 60) for n in range(120)}
-    write_old_flash(folder / _NAME, bodies)
-    for (boot, n), body in bodies.items():
-        marks.tell("did", boot, n, _digest(body))
-    marks.tell("written")
-    open_flash(folder / _NAME, key=_KEY).close()
-    marks.tell("sealed")
-
-
-def check_sealing(folder: Path, marks: list[list[Any]]) -> None:
-    """All is there, and nothing lies in the clear once it is opened; sealed it stays."""
-    told = {what for what, _ in marks}
-    if "sealed" in told:
-        assert not [secret for secret in SECRETS if secret in on_disk(folder)]
-    with closing(open_flash(folder / _NAME, key=_KEY)) as flash:
-        found = {kept.position: _digest(kept.body) for kept in waiting(flash)}
-        assert not [secret for secret in SECRETS if secret in on_disk(folder)]
-    if "written" in told:
-        did = {
-            (boot, n): digest
-            for what, which in marks
-            if what == "did"
-            for boot, n, digest in [which]
-        }
-        assert found == did
 
 
 def _digest(body: bytes) -> str:

@@ -28,7 +28,6 @@ class Subject(NamedTuple):
 
 STORES: Final[Mapping[str, Subject]] = {
     "flash": Subject(flash.work, flash.check),
-    "old flash": Subject(flash.begin_sealing, flash.check_sealing),
     "spool": Subject(spool.work, spool.check),
     "store": Subject(store.work, store.check),
 }

@@ -82,7 +82,7 @@ class World:
             now = number * self.every + int(self.random.integers(0, SECOND))
             for received_message, time in arriving:
                 if received_message <= now:
-                    message_writer.hear(time)
+                    message_writer.observe_time(time)
             arriving = [each for each in arriving if each[0] > now]
             stated = self.state(clock.enclosure(self.ticks(now)))
             at_gateway = now + self.delay()

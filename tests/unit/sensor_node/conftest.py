@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from eskin_sensor_node.link.publisher import Publisher
-from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
 from eskin_sensor_node.settings import IdentitySection
 
 from eskin.identity.certificates import pem
@@ -69,9 +68,8 @@ def publishing(bench: Bench, identities: Identities, site_file: Path) -> Callabl
     def start() -> Iterator[Publisher]:
         publisher = Publisher(
             bench.outbox,
-            node=RadioCallbacks(bench.node.record_status),
+            record_status=bench.node.record_status,
             radio=bench.radio(),
-            speed=1.0,
             broker=bench.settings.broker,
             identity=IdentitySection(directory=identities.node.directory, site=site_file),
         )

@@ -17,9 +17,9 @@ from tests.unit.sensor_node.flashes import KEY, open_flash
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from eskin_sensor_node.firmware.batch import Batch
     from eskin_sensor_node.firmware.chip import Position
     from eskin_sensor_node.firmware.message_writer import Record
+    from eskin_sensor_node.firmware.outbox import Batch
 
 ROOM = 1 << 20
 CHANNEL = Channel("t01.capacitance", "F", 10, 1.0)
@@ -73,11 +73,11 @@ class Store:
 
     def fail_writes(self) -> None:
         """As a full disk does: no page can be added."""
-        pages = self.flash._db.execute("PRAGMA page_count").fetchone()[0]
-        self.flash._db.execute(f"PRAGMA max_page_count = {pages}")
+        pages = self.flash.file.db.execute("PRAGMA page_count").fetchone()[0]
+        self.flash.file.db.execute(f"PRAGMA max_page_count = {pages}")
 
     def make_room(self) -> None:
-        self.flash._db.execute("PRAGMA max_page_count = 1000000")
+        self.flash.file.db.execute("PRAGMA max_page_count = 1000000")
 
 
 def plain(message: Any) -> Position:

@@ -72,7 +72,7 @@ def test_gain_narrows_what_is_measured_and_still_holds_the_truth(tmp_path: Path)
     bench.close()
 
 
-def test_too_much_gain_saturates_and_says_so(bench: Bench) -> None:
+def test_too_much_gain_saturates_and_is_reported(bench: Bench) -> None:
     first(bench).amplify(50.0)
     bench.run_to(2.0)
     found = blocks(bench)
@@ -192,22 +192,22 @@ def test_sustained_contact_is_never_learned() -> None:
     baseline = Baseline()
     assert baseline.calibrate(*frame(10.0), FRAME)
     for _ in range(5_000):
-        assert not baseline.stays(*frame(11.2), FRAME, 1.0)
-    assert baseline.stays(*frame(10.0), FRAME, 1.0)
+        assert not baseline.track(*frame(11.2), FRAME, 1.0)
+    assert baseline.track(*frame(10.0), FRAME, 1.0)
 
 
 def test_slow_drift_is_followed_as_far_as_it_goes() -> None:
     baseline = Baseline()
     baseline.calibrate(*frame(10.0), FRAME)
     for step in range(4_000):
-        assert baseline.stays(*frame(10.0 + step * 1e-3), FRAME, 1.0), step
-    assert not baseline.stays(*frame(10.0), FRAME, 1.0)
+        assert baseline.track(*frame(10.0 + step * 1e-3), FRAME, 1.0), step
+    assert not baseline.track(*frame(10.0), FRAME, 1.0)
 
 
 def test_unbounded_samples_calibrate_nothing() -> None:
     baseline = Baseline()
     assert not baseline.calibrate([0.0, -np.inf], [1.0, 1.0], 2)
-    assert not baseline.stays([0.0], [1.0], 1, 10.0)
+    assert not baseline.track([0.0], [1.0], 1, 10.0)
 
 
 BOUNDS = st.tuples(st.floats(-1e6, 1e6), st.floats(0.0, 10.0))

@@ -144,7 +144,7 @@ def test_sustained_contact_is_never_erased(tmp_path: Path) -> None:
     bench.node.taxels[0].control_unit.calibrate()
     bench.run_to(15.0)  # the stimulus' trough
     # From its crest on the stimulus all but stands still: a contact that stays.
-    world: Any = bench.node.taxels[0].sensing._world
+    world: Any = bench.node.taxels[0].signal_chain.world
     world._stimulus = 1e-9
     world._least = world._most
     unit = bench.node.taxels[0].control_unit.units[0]
@@ -153,7 +153,7 @@ def test_sustained_contact_is_never_erased(tmp_path: Path) -> None:
     held = blocks(bench)[-1]
     assert np.all(held.tube.values.contains(world._most))
     assert float(held.tube.values.inf.min()) > 9e-5
-    assert unit.away  # by more than the threshold of 0.4 cm²
+    assert unit.maybe_touched  # by more than the threshold of 0.4 cm²
     assert (unit.baseline.lo, unit.baseline.hi) == rest  # area does not depend on the plates
     assert_truth_is_inside(bench)
     bench.close()
@@ -239,7 +239,7 @@ def test_trimmer_follows_the_rest_and_no_contact() -> None:
     assert chosen.trim > 0
 
 
-def test_command_switches_it_and_state_tells_the_gain(tmp_path: Path) -> None:
+def test_command_switches_it_and_state_has_the_gain(tmp_path: Path) -> None:
     bench = made(tmp_path, stimulus_Hz=1e-4, **WIDE)
     controls = NodeControls(bench.node)
     assert controls.restore({})["t01"]["adaptive"] == "off"

@@ -265,10 +265,10 @@ def test_pad_that_does_not_fit_its_node_or_its_air_is_refused(
     assert said in str(caught.value)
 
 
-def test_sensor_that_lives_another_scenario_is_refused(tmp_path: Path) -> None:
+def test_sensor_of_another_scenario_is_refused(tmp_path: Path) -> None:
     other = tmp_path / "other.toml"
     other.write_text('description = "x"\nduration_s = 1.0\n[skin]\nshape = "hand"\npitch_mm = 20\n')
     tables = [table("pad", hygrometer=None), table("thermometer", scenario=str(other))]
-    with pytest.raises(ValueError, match="t00 and its thermometer 'a01' live other scenarios"):
+    with pytest.raises(ValueError, match="t00 and its thermometer 'a01' play different scenarios"):
         node_settings(tmp_path, "hand", taxel=tables)
     assert isinstance(node_settings(tmp_path, "hand"), NodeSettings)

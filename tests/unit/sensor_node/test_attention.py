@@ -1,4 +1,4 @@
-"""Blocks are short while somebody looks on, and for as long as fresh word of it comes."""
+"""Blocks are short while a viewer watches."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 from eskin_sensor_node.firmware.attention import Attention
 from eskin_sensor_node.link.publisher import Publisher
-from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
 from eskin_sensor_node.settings import IdentitySection
 
 from eskin.wire.messages import Position
@@ -51,9 +50,9 @@ def test_only_word_that_acknowledges_something_shortens_blocks(
     ):
         publisher = Publisher(
             bench.outbox,
-            node=RadioCallbacks(bench.node.record_status, attend=bench.node.attend),
+            record_status=bench.node.record_status,
+            attend=bench.node.attend,
             radio=bench.radio(),
-            speed=1.0,
             broker=bench.settings.broker,
             identity=IdentitySection(directory=identities.node.directory, site=site_file),
         )
@@ -64,12 +63,12 @@ def test_only_word_that_acknowledges_something_shortens_blocks(
         peer.acknowledge("fingertip", first, watched=3000)
         wait_until(lambda: bench.outbox.held() == (1, 1), "the first is forgotten")
         # It hears of onlookers behind that.
-        wait_until(lambda: bench.node._attention.until > 0, "somebody looks on")
+        wait_until(lambda: bench.node._attention.until > 0, "a viewer watches")
         bench.run_to(2.0)
         assert unit.next.n == 50
         bench.run_to(6.0)
         assert unit.next.n == 250
-        # A copy, which forgets nothing; and behind it word that nobody looks on.
+        # A copy, which forgets nothing; and behind it one without a viewer.
         peer.acknowledge("fingertip", first, watched=3000)
         peer.acknowledge("fingertip", second)
         wait_until(lambda: bench.outbox.held() == (1, 2), "the second is forgotten")

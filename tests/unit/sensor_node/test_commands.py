@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from eskin_sensor_node.firmware.gap_reasons import OVERRUN
 from eskin_sensor_node.machine.flash.flash import Flash
-from eskin_sensor_node.node.commands import Commander
+from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.factory import build_outbox
 from eskin_sensor_node.settings import BrokerSection
 from hypothesis import HealthCheck, given, settings
@@ -50,7 +50,7 @@ class Rig:
         self.flash = open_flash(self.path, epoch=None)
         self.outbox = build_outbox(self.flash, capacity=10**6, broker=BrokerSection())
         self.controls = SimpleControls()
-        self.commander = Commander(
+        self.commander = CommandReceiver(
             self.outbox,
             own=self.identities.node,
             cloud="server.cloud",
@@ -136,7 +136,7 @@ def test_last_command_is_known_after_its_result_was_acknowledged(rig: Rig) -> No
     assert again.reason == "rate is 5000.0; allowed: at most 1000 at this taxel"
 
 
-def test_refused_value_changes_nothing_and_says_why(rig: Rig) -> None:
+def test_refused_value_changes_nothing_and_has_a_reason(rig: Rig) -> None:
     rig.commander.take(rig.signed(7, {"rate": 5e3}))
     told = rig.results()[-1]
     assert (told.outcome, told.state["t01"]) == (Outcome.REFUSED, {"rate": 100.0})
@@ -144,7 +144,7 @@ def test_refused_value_changes_nothing_and_says_why(rig: Rig) -> None:
     assert len(rig.controls.calls) == 1
 
 
-def test_argument_that_is_not_allowed_is_refused_and_the_result_says_which(rig: Rig) -> None:
+def test_argument_that_is_not_allowed_is_refused_by_name(rig: Rig) -> None:
     asked = Command(7, "fingertip", rig.now, rig.now + HOUR, CommandName.SET, {"colour": "red"})
     rig.commander.take(sign(asked.encode(), own=rig.server, topic=TOPIC))
     told = rig.results()[-1]
@@ -171,7 +171,7 @@ def test_command_that_may_have_expired_is_not_done(
         assert told.reason == f"it may have come {late} s too late"
 
 
-def test_nobody_else_commands(
+def test_other_signers_are_refused(
     rig: Rig, identities: Identities, caplog: pytest.LogCaptureFixture
 ) -> None:
     arguments: Arguments = {"rate": 5.0}
@@ -254,7 +254,7 @@ def test_full_disk_at_the_start_does_not_keep_the_node_from_living(
     with monkeypatch.context() as patch:
         patch.setattr(Flash, "commit", fail)
         rig.begin()
-    assert "told later" in caplog.text
+    assert "state not reported yet" in caplog.text
     rig.commander.take(rig.signed(7, {"rate": 5.0}))
     assert rig.results()[-1].command == 7
 

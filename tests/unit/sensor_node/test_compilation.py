@@ -53,7 +53,7 @@ def test_compiled_gives_the_same_bits(kind: str) -> None:
         ("sock", 2.6),
     ],
 )
-def test_compiled_node_says_every_byte_that_the_interpreted_one_says(
+def test_compiled_node_equals_the_interpreted_one_to_the_byte(
     profile: str, seconds: float, tmp_path: Path
 ) -> None:
     plain = Bench(tmp_path / "plain", profile)

@@ -118,7 +118,7 @@ def test_setting_between_frames_loses_no_message(bench: Bench, controls: NodeCon
         {"rate": 500.0},
     ],
 )
-def test_peaks_after_a_command_are_told_at_their_own_time(
+def test_peaks_after_a_command_have_their_own_time(
     bench: Bench, controls: NodeControls, arguments: Arguments
 ) -> None:
     bench.run_to(2.0)

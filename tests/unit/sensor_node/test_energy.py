@@ -8,7 +8,7 @@ import pytest
 from eskin_sensor_node.firmware.channel import ADAPTIVE, PEAKS, SAMPLES
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
-from eskin_sensor_node.tools.budget.traffic import sent_for
+from eskin_sensor_node.tools.budget.run import sent_for
 
 from eskin.wire.messages import (
     Block,
@@ -55,7 +55,7 @@ def bench_of(folder: Path, profile: str = "hand", **energy: Any) -> Bench:
     return Bench(folder, profile, energy=WEAK | energy)
 
 
-def test_brown_out_loses_nothing_that_flash_held_and_tells_the_gap(tmp_path: Path) -> None:
+def test_brown_out_loses_nothing_in_flash_and_records_a_gap(tmp_path: Path) -> None:
     # It cannot shed in time: radio and sleep are left, and each costs too much.
     bench = bench_of(tmp_path, sleeping=1e-3, start_voltage=2.7, **STRONG)
     before: dict[tuple[int, int], bytes] = {}
@@ -105,7 +105,7 @@ def test_shedding_sends_no_blocks_and_spares_what_is_set(tmp_path: Path) -> None
     for mode in (SAMPLES, ADAPTIVE, PEAKS):
         for shed in range(4):
             unit.mode, unit.shed = mode, shed
-            modes.append(unit.mode_now)
+            modes.append(unit.effective_mode)
     assert modes[:4] == [SAMPLES, ADAPTIVE, PEAKS, PEAKS]
     assert modes[4:] == [ADAPTIVE, ADAPTIVE, *[PEAKS] * 6]
     for taxel in bench.node.taxels:
@@ -213,7 +213,7 @@ def test_charge_is_kept_by_a_process_that_ends_without_a_word(tmp_path: Path) ->
     assert true == pytest.approx(before, rel=0.05)
 
 
-def test_without_a_supply_a_status_says_nothing_of_energy(tmp_path: Path) -> None:
+def test_without_a_supply_a_status_has_no_energy(tmp_path: Path) -> None:
     bench = Bench(tmp_path)
     bench.node.record_status()
     (status,) = statuses(bench)

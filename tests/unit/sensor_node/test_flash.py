@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from eskin_sensor_node.firmware.batch import Batch
     from eskin_sensor_node.firmware.message_writer import Record
+    from eskin_sensor_node.firmware.outbox import Batch
 
 
 @pytest.fixture
@@ -31,12 +31,12 @@ def small(path: Path) -> Iterator[Store]:
     opened.flash.close()
 
 
-def test_boot_grows_with_each_opening_before_anything_is_said(path: Path) -> None:
+def test_boot_grows_with_each_opening(path: Path) -> None:
     for boot in (1, 2, 3):
         flash = open_flash(path)
         assert flash.boot == boot
         with sqlite3.connect(path) as other:
-            kept = other.execute("SELECT value FROM counter WHERE name = 'boot'").fetchone()
+            kept = other.execute("SELECT boot FROM member").fetchone()
         other.close()
         assert kept == (boot,)
         flash.close()
@@ -50,7 +50,7 @@ def test_older_copy_starts_above_all_numbers_used_since(path: Path) -> None:
     assert _start(copy, now=220) == 220
 
 
-def test_ends_of_the_latest_former_boots_are_told(path: Path) -> None:
+def test_ends_of_the_latest_former_boots_are_reported(path: Path) -> None:
     ends = []
     for _ in range(12):
         store = Store(path)
@@ -159,7 +159,7 @@ def test_full_flash_gives_up_oldest_blocks_first_and_names_them(small: Store) ->
     assert max(gap.time[1] for gap in gaps) == lost[-1][1] + 5 + 10 * 249
 
 
-def test_gap_that_nobody_has_read_grows_and_one_that_was_read_stays(small: Store) -> None:
+def test_unread_gap_grows_and_read_gap_stays(small: Store) -> None:
     small.fill(40)
     small.fill(10)
     before = small.gaps()
@@ -181,7 +181,7 @@ def test_gaps_stay_within_what_one_message_may_name(small: Store) -> None:
     assert sum(gap.messages for gap in gaps) == sum(p not in kept for p in said)
 
 
-def test_full_of_events_gives_up_events_and_still_says_so(path: Path) -> None:
+def test_full_of_events_evicts_events_and_reports_it(path: Path) -> None:
     store = Store(path, 70_000)
     said = 0
     while not store.gaps():
@@ -194,7 +194,7 @@ def test_full_of_events_gives_up_events_and_still_says_so(path: Path) -> None:
     store.flash.close()
 
 
-def test_flash_that_shows_what_it_does_not_hold_stops_nobody(
+def test_flash_that_shows_what_it_does_not_hold_does_not_stop_the_node(
     small: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(small.flash, "delete", lambda *_: (0, 0))
@@ -259,9 +259,7 @@ def test_opening_what_is_no_flash_is_a_clear_error(path: Path) -> None:
         open_flash(path)
 
 
-def test_long_failure_is_told_in_one_readable_gap(
-    store: Store, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_failure_is_one_readable_gap(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     def full() -> None:
         raise FlashError("disk is full")
 
@@ -280,13 +278,13 @@ def test_long_failure_is_told_in_one_readable_gap(
 
 def test_second_node_on_one_flash_is_refused(path: Path) -> None:
     first = open_flash(path)
-    with pytest.raises(FlashError, match="another node runs on this flash"):
+    with pytest.raises(FlashError, match="another process runs on this flash"):
         open_flash(path)
     first.close()
     open_flash(path).close()
 
 
-def test_damaged_last_number_of_a_boot_is_told_to_nobody(tmp_path: Path) -> None:
+def test_damaged_last_number_of_a_boot_is_not_reported(tmp_path: Path) -> None:
     path = tmp_path / "flash.sqlite"
     for epoch in (10, 20):
         store = Store(path, epoch=epoch)

@@ -29,7 +29,7 @@ def rig(tmp_path: Path, identities: Identities) -> Iterator[Rig]:
     made.flash.close()
 
 
-def test_node_that_cannot_read_what_it_did_lives_and_takes_no_command(
+def test_node_with_unreadable_result_runs_and_takes_no_command(
     rig: Rig, caplog: pytest.LogCaptureFixture
 ) -> None:
     asked = rig.signed(7, {"rate": 5.0})

@@ -121,7 +121,7 @@ def ticks_of(blocks: list[Block]) -> list[int]:
     return [block.ticks + block.tube.dt * k for block in blocks for k in range(len(block.tube))]
 
 
-def test_blocks_are_short_while_somebody_looks_on(tmp_path: Path) -> None:
+def test_blocks_are_short_while_a_viewer_watches(tmp_path: Path) -> None:
     looked_at, alone = Bench(tmp_path / "looked_at", "palm"), Bench(tmp_path / "alone", "palm")
     for bench in looked_at, alone:
         bench.run_to(2.0)
@@ -133,7 +133,7 @@ def test_blocks_are_short_while_somebody_looks_on(tmp_path: Path) -> None:
             [block for block in blocks_of(bench) if block.channel == channel]
             for bench in (looked_at, alone)
         )
-        # Each sample once, at its instant, whoever looks on.
+        # Each sample once, at its instant, with or without viewers.
         assert ticks_of(told) == ticks_of(whole)
         short = [block for block in told if 2.3 * SECOND < block.ticks < 3 * SECOND]
         assert [len(block.tube) for block in short] == [50] * len(short) != []
@@ -243,11 +243,11 @@ def test_full_disk_is_logged_once_and_ends_in_a_gap(
 ) -> None:
     bench.run_to(1.0)
     before = len(blocks_of(bench))
-    pages = bench.flash._db.execute("PRAGMA page_count").fetchone()[0]
-    bench.flash._db.execute(f"PRAGMA max_page_count = {pages}")
+    pages = bench.flash.file.db.execute("PRAGMA page_count").fetchone()[0]
+    bench.flash.file.db.execute(f"PRAGMA max_page_count = {pages}")
     bench.run_to(4.0)
     stored = len(blocks_of(bench))
-    bench.flash._db.execute("PRAGMA max_page_count = 1000000")
+    bench.flash.file.db.execute("PRAGMA max_page_count = 1000000")
     bench.run_to(5.0)
     messages = [decode_message(body) for body in bench.bodies()]
     gaps = [message for message in messages if isinstance(message, Gap)]
@@ -256,8 +256,8 @@ def test_full_disk_is_logged_once_and_ends_in_a_gap(
     assert lost_blocks > 0
     assert stored - before < 3 * 4 * 6
     assert gaps[0].samples == lost_blocks * 250
-    assert [r.levelname for r in caplog.records if "flash fails" in r.message] == ["ERROR"]
-    assert any("flash works again" in record.message for record in caplog.records)
+    assert [r.levelname for r in caplog.records if "flash commit failed" in r.message] == ["ERROR"]
+    assert any("flash commit succeeded again" in record.message for record in caplog.records)
 
 
 def test_block_without_truth_is_not_stored(bench: Bench) -> None:
@@ -273,7 +273,7 @@ def test_block_without_truth_is_not_stored(bench: Bench) -> None:
     assert any(isinstance(decode_message(body), Gap) for body in bench.bodies())
 
 
-def test_status_tells_what_the_node_is_and_how_it_fares(bench: Bench) -> None:
+def test_status_describes_the_node(bench: Bench) -> None:
     bench.run_to(1.5)
     usage = bench.outbox.usage()
     position = bench.node.record_status()

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     import pytest
 
 
-def test_it_says_what_it_lived_and_leaves_nothing(
+def test_it_reports_its_samples_and_leaves_no_file(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "scratch").mkdir()
@@ -30,10 +30,10 @@ def test_it_says_what_it_lived_and_leaves_nothing(
     assert not given.flash.path.exists()
 
 
-def test_node_begins_without_a_rehearsal_where_there_is_no_room(
+def test_node_starts_without_warm_up_where_the_disk_is_full(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
     with caplog.at_level(logging.WARNING):
         warm_up(settings(tmp_path, "palm"))
-    assert "begins without a rehearsal" in caplog.text
+    assert "warm-up skipped" in caplog.text

@@ -43,7 +43,7 @@ def test_messages_are_forgotten_after_the_gateway_s_acknowledgement(
         assert {p: m.encode() for p, m in peer.messages.items() if p in before} == before
         kinds = {type(message) for message in peer.messages.values()}
         assert kinds == {Block, Peak, Status}
-        # It introduces itself before anything else, so nothing came from a stranger.
+        # It introduces itself before anything else, so no message came from an unknown node.
         assert isinstance(peer.messages[peer.order[0]], Status)
         assert peer.strangers == 0
         # Apart from the status, the oldest came first.
@@ -59,7 +59,7 @@ def test_broker_s_word_alone_forgets_nothing(
     count = bench.outbox.messages
     with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
         wait_until(lambda: len(peer.messages) > count, "all arrived")
-        # Sent again, as nobody acknowledged.
+        # Sent again, without an acknowledgement.
         wait_until(lambda: min(peer.copies.values()) >= 2, "all came twice")
         assert bench.outbox.messages == len(peer.messages)
         assert peer.held == Position(1, 0)
@@ -79,7 +79,7 @@ def test_connection_without_answers_is_made_anew(
     caplog.set_level(logging.INFO, "eskin_sensor_node.link.publisher")
     with Peer(identities, broker.gateway_port, acknowledging=False) as peer, publishing():
         wait_until(lambda: caplog.text.count("connected: broker") >= 2, "it has connected again")
-        assert "connecting anew" in caplog.text
+        assert "reconnecting" in caplog.text
         peer.acknowledging = True
         wait_until(lambda: empty(bench), "flash is empty")
 

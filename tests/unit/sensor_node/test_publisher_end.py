@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 
 from eskin_sensor_node.link.keys import NodeKeys
 from eskin_sensor_node.link.publisher import Publisher
-from eskin_sensor_node.link.radio_callbacks import RadioCallbacks
 from eskin_sensor_node.settings import IdentitySection
 
 from tests.support.processes import wait_until
@@ -40,9 +39,8 @@ def test_status_that_a_renewal_asks_for_at_the_very_end_is_waited_for(
         outbox = bench.outbox
         publisher = Publisher(
             outbox,
-            node=RadioCallbacks(bench.node.record_status),
+            record_status=bench.node.record_status,
             radio=bench.radio(),
-            speed=1.0,
             broker=bench.settings.broker,
             identity=IdentitySection(directory=identities.node.directory, site=site_file),
         )

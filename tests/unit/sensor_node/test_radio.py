@@ -49,8 +49,8 @@ def test_throughput_never_exceeds_the_bandwidth(
         begun = max(ended, air.now)
         assert (end - begun) * bandwidth >= (air.traffic.sent - before) * SECOND
         assert air.traffic.sent * SECOND <= bandwidth * end
-        assert air.radio.is_free(end - air.now)
-        assert not air.radio.is_free(end - air.now - 1)
+        assert air.radio.is_free((end - air.now) / SECOND)
+        assert not air.radio.is_free((end - air.now - 1) / SECOND)
         ended = end
         air.now += pause
 
@@ -98,7 +98,7 @@ def test_all_arrives_exactly_once_over_a_lossy_narrow_air() -> None:
     on_air: list[tuple[int, bool, Position]] = []
     sends = 0
     while node.outbox.messages:
-        while air.radio.is_free(SECOND // 5) and (due := node.send(1)):
+        while air.radio.is_free(0.2) and (due := node.send(1)):
             position = due[0][0][0], due[0][0][1]
             on_air.append((*air.radio.send(len(due[0][2]) // 2), position))
             sends += 1
@@ -112,5 +112,5 @@ def test_all_arrives_exactly_once_over_a_lossy_narrow_air() -> None:
         air.now += SECOND // 10
         node.now = air.now
     assert received_messages == {(1, n): 1 for n in range(80)}
-    # Some were lost for good on the air, and were sent again by the outbox.
+    # Some were lost on the air, and were sent again by the outbox.
     assert sends > 85

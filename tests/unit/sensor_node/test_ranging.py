@@ -78,7 +78,7 @@ def sole(folder: Path, functions: ModuleType) -> Bench:
 def palm(folder: Path, functions: ModuleType) -> Bench:
     given = table("touch", stimulus_Hz=1e-9, sampling_Hz=250.0, **FINE)
     bench = Bench(folder, "palm", functions=functions, taxel=(given,), sampling=SAMPLING)
-    world: Any = bench.node.taxels[0].sensing._world
+    world: Any = bench.node.taxels[0].signal_chain.world
     before, world._most = world._most, world._least
     bench.run_to(0.92)
     world._least = world._most = before
@@ -126,7 +126,7 @@ def test_without_repeats_it_does(
     assert repeated == 0
 
 
-def test_one_and_the_same_is_said_by_the_compiled_firmware(tmp_path: Path) -> None:
+def test_compiled_firmware_writes_the_same(tmp_path: Path) -> None:
     said = []
     for number, functions in enumerate((inversion, compiled_inversion())):
         (tmp_path / str(number)).mkdir()
@@ -231,7 +231,7 @@ def test_what_lies_beyond_an_end_is_bounded_by_the_range_that_goes_on_there(
     assert math.isfinite(hi)
 
 
-def test_end_that_nothing_goes_beyond_is_told_as_it_is() -> None:
+def test_end_of_the_last_range_stays() -> None:
     sheet = data_sheet(taxel("capacitive", gain_least=1.0))
     made = CapacitiveTaxel(sheet)
     readings = Readings([[4095]], [[0]])

@@ -5,14 +5,14 @@ from __future__ import annotations
 from eskin_sensor_node.firmware.chip import StoredMessage
 from eskin_sensor_node.firmware.message_writer import BLOCK
 from eskin_sensor_node.machine.flash.cipher import Cipher
-from eskin_sensor_node.machine.flash.sealing import UNREADABLE, Row, Sealing, epitaph
+from eskin_sensor_node.machine.flash.sealing import UNREADABLE, Row, Sealing, lost_record_gap
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from eskin.wire.messages import Gap, decode_message
 from tests.unit.sensor_node.flashes import KEY, NODE
 
-SECRET = b"what nobody else may read"
+SECRET = b"what must stay secret"
 LONG = st.integers(-(2**63), 2**63 - 1)
 COUNT = st.integers(0, 2**53 - 1)
 KEPT = st.builds(
@@ -36,7 +36,7 @@ def told(kept: StoredMessage) -> tuple[object, ...]:
 
 @settings(max_examples=40)
 @given(KEPT)
-def test_record_comes_back_as_it_was_said(kept: StoredMessage) -> None:
+def test_record_comes_back_as_it_was_written(kept: StoredMessage) -> None:
     found = sealing().open(sealing().seal(kept))
     assert found is not None
     assert told(found) == told(kept)
@@ -85,6 +85,6 @@ def test_what_stands_for_a_lost_record_is_a_gap_that_everybody_reads(
     earliest: int, latest: int, samples: int, stands_for: int
 ) -> None:
     row = Row(3, 7, BLOCK, b"", earliest, latest, samples, stands_for)
-    gap = decode_message(epitaph(row).body)
+    gap = decode_message(lost_record_gap(row).body)
     assert isinstance(gap, Gap)
     assert (gap.position, gap.reason, gap.lost) == ((3, 7), UNREADABLE, ((3, 7, 7),))

@@ -129,7 +129,7 @@ def test_node_runs_through_the_broker_and_ends_on_sigterm(
         assert sequences == set(range(len(sequences)))
         output = service.output()
         assert len(re.findall(r"running: node=fingertip boot=\d+ speed=5", output)) == 1
-        assert "ended: node=fingertip waiting=0" in output
+        assert "stopped: node=fingertip waiting=0" in output
 
 
 def test_stopped_process_leaves_a_gap_that_counts_what_is_missing(

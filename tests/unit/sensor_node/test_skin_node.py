@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def test_hand_lives_its_scenario_and_every_block_holds_its_truth(tmp_path: Path) -> None:
+def test_hand_plays_its_scenario_and_every_block_holds_its_truth(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hand")
     bench.run_to(25.0)
     messages = [decode_message(body) for body in bench.bodies()]
@@ -30,7 +30,7 @@ def test_hand_lives_its_scenario_and_every_block_holds_its_truth(tmp_path: Path)
     bench.close()
 
 
-def test_taxels_of_a_node_live_the_same_contact(tmp_path: Path) -> None:
+def test_taxels_of_a_node_share_a_contact(tmp_path: Path) -> None:
     bench = Bench(tmp_path, "hand")
     bench.run_to(6.5)
     presses = [
@@ -57,7 +57,7 @@ def test_taxels_of_a_node_live_the_same_contact(tmp_path: Path) -> None:
     ("profile", "place", "number"),
     [("hand", Place("t01", 0.03, 0.01), 16), ("fingertip", Place("t03", 0.004, 0.007), 3)],
 )
-def test_status_tells_where_taxels_sit(
+def test_status_has_the_places_of_taxels(
     tmp_path: Path, profile: str, place: Place, number: int
 ) -> None:
     bench = Bench(tmp_path, profile)

@@ -76,7 +76,7 @@ def test_end_is_after_the_latest_sample_of_the_latest_boot(tmp_path: Path) -> No
 
 def test_second_node_on_one_truth_is_refused(tmp_path: Path) -> None:
     first = GroundTruth(tmp_path / "truth.sqlite", limit=1 << 20)
-    with pytest.raises(FlashError, match="another node keeps its truth here"):
+    with pytest.raises(FlashError, match="another process writes this truth"):
         GroundTruth(tmp_path / "truth.sqlite", limit=1 << 20)
     first.close()
 

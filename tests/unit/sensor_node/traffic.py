@@ -1,4 +1,4 @@
-"""What a radio sends and receives, where nobody pays for it."""
+"""Byte counts of a radio, without energy."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
-"""A node's records as they lie on its chip: sealed, each for its own place.
+"""A node's records on its chip, each sealed for its own place.
 
-In the clear stand position, shelf, kind, how many samples and messages a record stands for, its
+In the clear stand position, priority, kind, how many samples and messages a record stands for, its
 size, and the whole minutes that enclose its time. Of these, position and kind are authenticated;
-the others are asked only where a record does not open, to tell what was lost with it.
+the others are read only where a record does not open, to report what was lost.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 ANSWER: Final = "answer"
 UNREADABLE: Final = "flash record unreadable"
-"""Why, as a gap says it."""
+"""The reason in a gap."""
 _EXACT: Final = Struct("<qqqq")
 """Earliest and latest moment, samples, and what it stands for: before the body, sealed."""
 
@@ -75,7 +75,7 @@ def read_row(values: Sequence[Any], path: Path) -> Row:
 
 
 class Sealing:
-    """Seals and opens what one node keeps.
+    """Seals and opens the records of one node.
 
     Args:
         cipher: The chip's.
@@ -92,14 +92,14 @@ class Sealing:
         return self._node.decode()
 
     def seal(self, kept: StoredMessage) -> Row:
-        """A record as it may lie on the chip."""
+        """Seal a stored message."""
         plaintext = _EXACT.pack(*kept.time, kept.samples, kept.messages) + kept.body
         body = self._cipher.seal(self._place(kept.position, kept.kind), plaintext)
-        told = *whole_minutes(kept.time), kept.samples, kept.messages
-        return Row(*kept.position, kept.kind, body, *told)
+        clear = *whole_minutes(kept.time), kept.samples, kept.messages
+        return Row(*kept.position, kept.kind, body, *clear)
 
     def row(self, boot: int, record: Record) -> Row:
-        """What a node says, as it may lie on the chip."""
+        """Seal a new message."""
         time = record.earliest, record.latest
         place = boot, record.sequence
         return self.seal(
@@ -107,7 +107,7 @@ class Sealing:
         )
 
     def open(self, row: Row) -> StoredMessage | None:
-        """What was sealed; ``None`` where nobody can tell any more."""
+        """Open a record; ``None`` where it is damaged."""
         position = row.boot, row.sequence
         plaintext = self._cipher.open(self._place(position, row.kind), row.body)
         if plaintext is None:
@@ -117,18 +117,18 @@ class Sealing:
         return StoredMessage(position, row.kind, body, (earliest, latest), samples, stands_for)
 
     def seal_last(self, what: str, body: bytes) -> bytes:
-        """What a node keeps one of, such as its last ``answer``, as it may lie on the chip."""
+        """Seal what a node stores one of, such as its last ``answer``."""
         return self._cipher.seal(b"%b %b" % (self._node, what.encode()), body)
 
     def open_last(self, what: str, sealed: bytes) -> bytes | None:
-        """That; ``None`` where nobody can tell any more."""
+        """Open that; ``None`` where it is damaged."""
         return self._cipher.open(b"%b %b" % (self._node, what.encode()), sealed)
 
     def open_answer(self, sealed: bytes, path: Path) -> bytes:
         """The last result; without it, commands might be done twice.
 
         Raises:
-            FlashError: Nobody can tell any more.
+            FlashError: It is damaged.
         """
         body = self.open_last(ANSWER, sealed)
         if body is None:
@@ -142,25 +142,11 @@ class Sealing:
         return b"%b message %d %d %d" % (self._node, *position, kind)
 
 
-def kept_in_clear(
-    boot: int,
-    sequence: int,
-    kind: int,
-    body: bytes,
-    earliest: int,
-    latest: int,
-    samples: int,
-    stands_for: int,
-) -> StoredMessage:
-    """A row that was never sealed."""
-    return StoredMessage((boot, sequence), kind, body, (earliest, latest), samples, stands_for)
+def lost_record_gap(row: Row) -> StoredMessage:
+    """The gap that replaces a record which does not open.
 
-
-def epitaph(row: Row) -> StoredMessage:
-    """The gap that stands in the place of a record which does not open, and tells of it.
-
-    It takes nobody's number, so that nothing else of the node's order changes; it stands for as
-    many messages as the record did. What the clear columns tell is told as far as a gap can.
+    It takes the record's number, so that the node's order does not change, and stands for as many
+    messages. It reports the clear columns as far as a gap can.
     """
     position = row.boot, row.sequence
     earliest, latest = (max(-MOST_MOMENT, min(each, MOST_MOMENT)) for each in row[4:6])

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from eskin.interval import Floats
     from eskin_sensor_node.kinds.settings import TaxelSection
-    from eskin_sensor_node.machine.power.settings import EnergySection
+    from eskin_sensor_node.settings import EnergySection
 
 Value = TypeVar("Value", float, Interval)
 

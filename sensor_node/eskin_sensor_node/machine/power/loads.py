@@ -1,4 +1,4 @@
-"""What work costs: as the data sheet says, and truly."""
+"""Energy of the machine's work: by the data sheet, and true."""
 
 from __future__ import annotations
 
@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 
 from eskin.interval import Interval
 from eskin_sensor_node.kinds.parameters import draw_part
-from eskin_sensor_node.machine.power.idle import idle_power
-from eskin_sensor_node.machine.power.pulse import pulse_energy
+from eskin_sensor_node.machine.power.data_sheet import idle_power, pulse_energy
 
 if TYPE_CHECKING:
     import numpy as np
 
-    from eskin_sensor_node.machine.power.settings import EnergySection
     from eskin_sensor_node.machine.work_counters import WorkCounters
+    from eskin_sensor_node.settings import EnergySection
 
 _BILLION: Final = 1_000_000_000
 

@@ -1,4 +1,4 @@
-"""A machine that lives on its supply: harvest in, work out, brown-out and recovery."""
+"""The power plant: harvest, consumption, brown-out and recovery."""
 
 from __future__ import annotations
 
@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from eskin.wire.messages import ResetCause
-from eskin_sensor_node.machine.crystal import BILLION
 from eskin_sensor_node.machine.power.harvest import Harvester, Layers
 from eskin_sensor_node.machine.power.supply import Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from eskin_sensor_node.kinds.settings import TaxelSection
     from eskin_sensor_node.machine.machine import Machine
-    from eskin_sensor_node.machine.power.settings import EnergySection
+    from eskin_sensor_node.settings import EnergySection
 
 STEP: Final = BILLION // 4
 """ns from one look at the supply to the next."""
@@ -53,7 +53,7 @@ class PowerPlant:
         machine.events.every(STEP, self.look)
 
     def look(self) -> None:
-        """Let the supply live up to the present, and the firmware see it."""
+        """Bring the supply up to the present, and let the firmware measure it."""
         machine, supply = self._machine, self.supply
         span = machine.now - self._passed
         self._passed = machine.now

@@ -13,8 +13,8 @@ from eskin_sensor_node.kinds.parameters import draw_part
 from eskin_sensor_node.machine.power.loads import Loads
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.machine.power.settings import EnergySection
     from eskin_sensor_node.machine.work_counters import WorkCounters
+    from eskin_sensor_node.settings import EnergySection
 
 _BILLION: Final = 1_000_000_000
 _LEAST_VOLTAGE: Final = 1e-3

@@ -1,7 +1,6 @@
 """What a node's design spends and harvests, from its firmware running as fast as it can."""
 
-from eskin_sensor_node.tools.budget.budget import Budget, saving
-from eskin_sensor_node.tools.budget.conditions import conditions
+from eskin_sensor_node.tools.budget.budget import Budget, conditions, saving
 from eskin_sensor_node.tools.budget.design import Design, design_names
 
 __all__ = ["Budget", "Design", "conditions", "design_names", "saving"]

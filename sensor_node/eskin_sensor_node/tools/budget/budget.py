@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Final, Self
 from eskin.interval import Interval
 from eskin.wire.messages import Mode, Sustained
 from eskin_sensor_node.firmware.energy import thrice
+from eskin_sensor_node.machine.power.data_sheet import stored_energy
 from eskin_sensor_node.machine.power.harvest import Harvester, Touches, harvest_bounds
 from eskin_sensor_node.machine.power.loads import bounds
-from eskin_sensor_node.machine.power.pulse import stored_energy
 from eskin_sensor_node.machine.work_counters import WorkCounters
 from eskin_sensor_node.tools.budget.run import work_of
 
 if TYPE_CHECKING:
-    from eskin_sensor_node.machine.power.settings import EnergySection
+    from eskin_sensor_node.settings import EnergySection, NodeSettings
     from eskin_sensor_node.tools.budget.design import Design
     from eskin_sensor_node.tools.budget.run import Progress
 
@@ -120,3 +120,17 @@ def _sum(parts: dict[str, Interval]) -> Interval:
     for each in parts.values():
         total = total + each
     return total
+
+
+def conditions(settings: NodeSettings) -> list[str]:
+    """Conditions of the verdict, which no data sheet states, with their settings."""
+    energy, often = settings.energy, f"{settings.energy.connection_interval_s:g} s"
+    return [
+        "every part lies inside the tolerances of [energy]",
+        f"at most {energy.packet_loss:.0%} of all packets are lost and sent again (packet_loss)",
+        f"a Bluetooth connection has an event every {often} (connection_interval_s)",
+        f"there are at most {energy.handshakes_a_day:g} TLS handshakes a day (handshakes_a_day)",
+        "flash is written once a message, erased as often as written, and powered down between",
+        "the firmware is compiled, and takes the cycles that docs/node.md counts and assumes",
+        "touches come as in the scenario that was run",
+    ]

@@ -1,22 +1,27 @@
-"""The firmware, run over its scenario as fast as it can, and what it did."""
+"""Runs the firmware over its scenario as fast as possible, and counts its work."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final, TypeAlias
 
-from eskin_sensor_node.machine.crystal import BILLION
+from eskin_sensor_node.machine.prices import ENVELOPE
 from eskin_sensor_node.node.offline import offline_node
-from eskin_sensor_node.tools.budget.traffic import received_for, sent_for
+from eskin_sensor_node.timebase import BILLION
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from eskin_sensor_node.firmware.chip import StoredMessage
     from eskin_sensor_node.machine.work_counters import WorkCounters
     from eskin_sensor_node.node.offline import OfflineNode
     from eskin_sensor_node.settings import NodeSettings
 
 _STEP: Final = 5
-"""Emulated seconds between two looks at flash."""
+"""Emulated seconds between two deliveries."""
+_TRANSPORT: Final = 80
+"""MQTT's PUBLISH with its topic, and a TLS record."""
+_ANSWER: Final = 40
+"""PUBACK in a TLS record, and a share of the gateway's acknowledgement of many messages."""
 Progress: TypeAlias = "Callable[[int], None]"
 
 
@@ -46,26 +51,31 @@ def _run(
     for taxel in node.taxels:
         taxel.control_unit.mode = mode
         taxel.control_unit.calibrate()
-    second = told = 0
+    second = next_status = 0
     while second < seconds:
         passed = min(_STEP, seconds - second)
         second += passed
         offline.run_until(second * BILLION)
-        if second >= told:
+        if second >= next_status:
             node.record_status()
-            told += round(settings.broker.status_s)
+            next_status += round(settings.broker.status_s)
         _send(offline)
         progress(passed)
     return node.machine.ledger.take(node.machine.now)
 
 
 def _send(offline: OfflineNode) -> None:
-    """All that waits goes out once, and is acknowledged."""
+    """Send all that waits once, and acknowledge it."""
     ledger = offline.node.machine.ledger
     waiting = offline.flash.after((-1, -1), 1_000_000)
     for kept in waiting:
         ledger.sent += sent_for(kept)
-        ledger.received += received_for(kept)
+        ledger.received += _ANSWER
     offline.outbox.acknowledge(
         [(boot, number, number) for boot, number in (k.position for k in waiting)]
     )
+
+
+def sent_for(kept: StoredMessage) -> int:
+    """Bytes sent for a message that needs no repeat."""
+    return len(kept.body) + ENVELOPE + _TRANSPORT

@@ -32,7 +32,7 @@ taxel.
   {duration:g} s each at {rate:g} Hz; no seed is in both
 - **Made by:** `eskin export`, eskin {eskin}, numpy {numpy}, pyarrow {pyarrow}, Python {python}. The
   same versions, scenario and seeds give the same bytes.
-- **Nobody's data:** everything is computed; no person and no device was recorded.
+- **No personal data:** everything is computed; no person and no device was recorded.
 
 ## How it was made
 
@@ -44,8 +44,8 @@ Temperature, humidity and the body's voltage go through chains of their own, one
 which all taxels read along. A single interval holds the truth with a probability of
 at least {coverage!r}.
 
-For the whole run of a taxel that breaks in it, pressure, contact area and distance say no more than
-the data sheet. A saturated converter leaves a side unbounded (`inf`, `-inf`).
+For the whole run of a taxel that breaks in it, pressure, contact area and distance state no more
+than the data sheet. A saturated converter leaves a side unbounded (`inf`, `-inf`).
 
 ## Files
 

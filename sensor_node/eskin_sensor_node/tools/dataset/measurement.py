@@ -1,4 +1,4 @@
-"""What the taxels of a skin measure, and what can be told of it for certain."""
+"""Measurements of a skin's taxels, and the contacts that they enclose."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ class Chains:
 
 
 class SkinInversion:
-    """Tells of a whole skin of equal pads what presses it.
+    """Infers the contacts of a whole skin of equal pads.
 
     Args:
         taxel: Their data sheet.
@@ -85,7 +85,7 @@ class SkinInversion:
         self._most = taxel.pressure_max_Pa
         self._broken = list(broken)
 
-    def tell(
+    def infer(
         self, capacitance: Interval, temperature: Interval, humidity: Interval
     ) -> dict[str, Interval]:
         """Pressure in Pa, contact area in m², both distances in m, taxels × times."""
@@ -100,7 +100,7 @@ class SkinInversion:
         return {"plate_distance": self._believed(distance)} | self._inversion.quantities(own)
 
     def _believed(self, distance: Interval) -> Interval:
-        """Of a broken taxel nothing is known but what its data sheet says."""
+        """Limit a broken taxel to its data sheet."""
         lo, hi = distance.inf.copy(), distance.sup.copy()
         lo[self._broken] = self._inversion.stated_distance.inf
         hi[self._broken] = self._inversion.stated_distance.sup

@@ -35,7 +35,7 @@ Sheet = TypeVar(
 _FILL: Final = 0.9
 """Share of a taxel's cell that its plates take."""
 _REST_HERTZ: Final = 1e6
-"""At which a pad's oscillator runs at rest, if no data sheet says otherwise."""
+"""At which a pad's oscillator runs at rest, unless a data sheet has another value."""
 _HEADROOM: Final = 1.25
 _LEAST_PRESSURE: Final = 1e3
 _MOST_GAIN: Final = 500.0
@@ -51,7 +51,7 @@ class Plan:
 
     Attributes:
         scenario: The scenario's file, or its packaged name.
-        script: What it says.
+        script: Its script.
         train: Seeds of the runs to learn from.
         test: Seeds of the runs to test with.
         rate: Samples in a second.
@@ -115,11 +115,11 @@ class Plan:
     @property
     def coverage(self) -> float:
         """Probability that a single interval holds the truth, at least."""
-        # What a pad tells of its contacts follows from the air, too.
+        # A pad's contacts follow from the air, too.
         air = (self.thermometer, self.hygrometer)
-        told = [union_coverage(*(each.coverage for each in (pad, *air))) for pad in self.pads]
+        pads = [union_coverage(*(each.coverage for each in (pad, *air))) for pad in self.pads]
         rest: list[TaxelSection] = [*self.coils, self.electrode]
-        return min(told + [taxel.coverage for taxel in rest])
+        return min(pads + [taxel.coverage for taxel in rest])
 
 
 def _pads(scenario: str, script: Script, rate: float) -> tuple[PadSection, ...]:

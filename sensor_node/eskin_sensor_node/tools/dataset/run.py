@@ -73,8 +73,10 @@ class Run:
         true, stimulus = self._pads.truth(seconds)
         air_true, air = self._surroundings(stimulus)
         measured = self._pad_chains.measure({"capacitance": true["capacitance"]})[1]
-        told = self._inversion.tell(measured["capacitance"], air["temperature"], air["humidity"])
-        truth, intervals = true | air_true, measured | told | air
+        contacts = self._inversion.infer(
+            measured["capacitance"], air["temperature"], air["humidity"]
+        )
+        truth, intervals = true | air_true, measured | contacts | air
         if self._coils is not None:
             coil_true, _ = self._coils.truth(seconds)
             chain, seen = self._coil_chains.measure(
@@ -105,7 +107,7 @@ class Run:
         return pa.RecordBatch.from_pydict(columns, schema=schema(self._plan.quantities))
 
     def _surroundings(self, stimulus: Stimulus) -> tuple[Columns, dict[str, Interval]]:
-        """What the sensors of the surroundings tell: one of each, which all taxels read along."""
+        """Readings of the ambient sensors: one of each, which all taxels read along."""
         truth = {each.name: getattr(stimulus, each.name)[None, :] for each in SURROUNDINGS}
         read: dict[str, Interval] = {}
         for chains in self._around:

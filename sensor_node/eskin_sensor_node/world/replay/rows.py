@@ -71,7 +71,7 @@ class _Layout:
 
     @classmethod
     def of(cls, path: Path, columns: Sequence[str]) -> Self:
-        """Find the columns; refuse what is missing or told twice."""
+        """Find the columns; reject missing and duplicate ones."""
         twice = sorted({name for name in columns if list(columns).count(name) > 1})
         if twice:
             raise RecordingError(path, "header", f"columns that stand twice: {_listed(twice)}")
@@ -105,7 +105,7 @@ class _Layout:
 
 
 def read_rows(path: Path) -> Iterator[Row]:
-    """The rows of a CSV or Parquet file, which its name's end tells apart.
+    """The rows of a CSV or Parquet file, by its suffix.
 
     Raises:
         RecordingError: A row cannot be read; those before it were given out.

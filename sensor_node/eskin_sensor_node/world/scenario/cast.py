@@ -136,6 +136,6 @@ def _way(script: Script, event: AnyEvent, skin: Skin, moves: Floats) -> Floats:
     """The written points, all moved alike, along the skin at the first of them."""
     numbers = [skin.numbers[name] for name in event.taxels]
     normal = skin.normals[numbers[0]]
-    wish = script.variation.position_m * np.array([moves[0], moves[1], 0.0])
-    along = wish - (wish @ normal) * normal
+    offset = script.variation.position_m * np.array([moves[0], moves[1], 0.0])
+    along = offset - (offset @ normal) * normal
     return np.asarray(skin.positions[numbers] + along)

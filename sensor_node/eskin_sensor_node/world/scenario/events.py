@@ -200,7 +200,7 @@ ContactEvent: TypeAlias = TapEvent | PressEvent | HoldEvent | SlideEvent
 """An event that touches the skin."""
 
 Event: TypeAlias = Annotated[AnyEvent, Field(discriminator="kind")]
-"""The same, told apart by ``kind`` when read."""
+"""The same, discriminated by ``kind``."""
 
 LABELS: Final = ("noise", "tap", "press", "hold", "slide", "approach")
 """What a sample may be labelled with; the first one where nothing happens."""

@@ -9,13 +9,13 @@ from pydantic import Field, ValidationInfo, field_validator
 from eskin.errors import ScenarioError
 from eskin.runtime.settings import Section
 from eskin_sensor_node.world.scenario.file import read_scenario
-from eskin_sensor_node.world.skin.skin import NOBODY
+from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
 _ROUNDING: Final = 1e-9
 
 
 class Played(Section):
-    """What all taxels have that live a scenario."""
+    """Settings of all taxels that play a scenario."""
 
     scenario: str = Field(description="a scenario file, or a packaged one, such as hand.toml")
 
@@ -73,7 +73,7 @@ def require_room(scenario: str, plate_area: float) -> None:
 
 
 def require_crosstalk(scenario: str, bound: float) -> None:
-    """Refuse a skin that hands on more than a taxel's data sheet says.
+    """Check that a skin's crosstalk stays within a taxel's data sheet.
 
     Raises:
         ValueError: It may.
@@ -95,7 +95,7 @@ def require_sound(scenario: str, place: str, doubtful: int) -> None:
         return
     skin = script.skin.build()
     around = skin.neighbours[skin.numbers[place]]
-    found = sorted(stuck & {skin.names[number] for number in around[around != NOBODY]})
+    found = sorted(stuck & {skin.names[number] for number in around[around != NO_NEIGHBOUR]})
     if len(found) > doubtful:
         raise ValueError(
             f"{' and '.join(found)} beside {place} get stuck in the scenario, "

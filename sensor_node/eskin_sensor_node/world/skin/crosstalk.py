@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, Self
 import numpy as np
 
 from eskin.interval import Interval
-from eskin_sensor_node.world.skin.skin import NOBODY
+from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.world.skin.skin import Indices, Skin
 
 _STREAM: Final = 0x6B
-"""Tells the draws of coefficients from others of the same seed."""
+"""Separates the draws of coefficients from others of the same seed."""
 _ROUNDS: Final = 6
 
 
@@ -46,7 +46,7 @@ class Crosstalk:
     def reach(self, places: Indices) -> Indices:
         """The taxels themselves and all from whom they feel something, ascending."""
         around = self.neighbours[places].ravel()
-        return np.union1d(places, around[around != NOBODY])
+        return np.union1d(places, around[around != NO_NEIGHBOUR])
 
     def felt(self, pressure: Floats, rows: Indices, places: Indices) -> Floats:
         """What some taxels feel.
@@ -57,7 +57,7 @@ class Crosstalk:
             places: The taxels that feel.
         """
         around = self.neighbours[places]
-        there = around != NOBODY
+        there = around != NO_NEIGHBOUR
         found = np.searchsorted(rows, np.where(there, around, rows[0]))
         total = np.zeros((len(places), pressure.shape[1]))
         for column in range(around.shape[1]):
@@ -86,7 +86,7 @@ def unmix(
         The same shape, within ``[0, most]``; all of it where no such pressures explain what is
         felt.
     """
-    there = neighbours != NOBODY
+    there = neighbours != NO_NEIGHBOUR
     shape = (-1, *[1] * (felt.ndim - 1))
     count = np.maximum(there.sum(axis=1), 1).astype(np.float64).reshape(shape)
     coefficient = Interval(0.0, bound) / Interval(count)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class FaultSection(Section):
-    """A taxel that breaks, for good.
+    """A taxel that breaks permanently.
 
     A ``stuck`` one keeps the capacitance or inductance that it has at that moment; a ``dead`` one
     has an open line, so that its converter saturates.

@@ -133,7 +133,7 @@ class HandShape(_Shape):
 
 
 Shape: TypeAlias = Annotated[FlatShape | CylinderShape | HandShape, Field(discriminator="shape")]
-"""One of them, told apart by ``shape``."""
+"""One of them, discriminated by ``shape``."""
 
 
 @lru_cache(maxsize=_KEPT)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 Indices: TypeAlias = "NDArray[np.int64]"
 
-NOBODY: Final = -1
+NO_NEIGHBOUR: Final = -1
 """Stands in a table of neighbours where a taxel has fewer than others."""
 _REACH: Final = 1.1
 """Neighbours are at most this many pitches away: the four sides of a grid, not its diagonals."""
@@ -80,13 +80,13 @@ class Skin:
 
     @cached_property
     def neighbours(self) -> Indices:
-        """The numbers of each taxel's neighbours, ascending, filled up with `NOBODY`: (n, most)."""
+        """Numbers of each taxel's neighbours, ascending, padded with `NO_NEIGHBOUR`: (n, most)."""
         cells = np.floor(self.positions / (_REACH * self.pitch)).astype(np.int64)
         members: dict[tuple[int, int, int], list[int]] = {}
         for number, (x, y, z) in enumerate(cells.tolist()):
             members.setdefault((x, y, z), []).append(number)
         found = [self._near(number, members, cells[number].tolist()) for number in range(len(self))]
-        table = np.full((len(self), max(1, *map(len, found))), NOBODY, dtype=np.int64)
+        table = np.full((len(self), max(1, *map(len, found))), NO_NEIGHBOUR, dtype=np.int64)
         for number, near in enumerate(found):
             table[number, : len(near)] = near
         table.flags.writeable = False

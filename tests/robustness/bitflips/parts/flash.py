@@ -35,9 +35,9 @@ def make(folder: Path) -> None:
     for epoch in _BOOTS:
         store = Store(folder / _FLASH, key=key, epoch=epoch)
         store.fill(12, peak_every=3)
-        store.flash.keep_answer(b"the last result")
-        store.flash.keep_charge(b"the charge")
-        store.flash._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+        store.flash.store_answer(b"the last result")
+        store.flash.store_charge(b"the charge")
+        store.flash.file.db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
         store.flash.close()
 
 
@@ -68,7 +68,7 @@ def _say(flash: Flash) -> None:
     outbox = build_outbox(flash, capacity=1 << 20, broker=BrokerSection(window=1000))
     outbox.connect(0)
     for kept in outbox.due(0, 100):
-        outbox.left(kept.position, 1)
+        outbox.mark_sent(kept.position, 1)
     with outbox.batch() as batch:
         batch.take([outbox.message_writer.gap(0, (0, 9), 5)])
     outbox.acknowledge([(flash.boot, 0, 3)])

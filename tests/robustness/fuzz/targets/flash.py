@@ -27,7 +27,7 @@ def make(folder: Path) -> Target:
     whole = folder / "whole.db"
     store = Store(whole)
     store.fill(3, peak_every=1)
-    store.flash._db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    store.flash.file.db.execute("PRAGMA wal_checkpoint(TRUNCATE)")
     store.flash.close()
     path = folder / "flash.db"
 
@@ -52,7 +52,7 @@ def _use(flash: Flash) -> None:
     for kept in outbox.due(0, 100):
         assert isinstance(kept.body, bytes)
         assert all(isinstance(number, int) for number in (*kept.position, *kept.time))
-        outbox.left(kept.position, 1)
+        outbox.mark_sent(kept.position, 1)
     outbox.answer()
     with outbox.batch() as batch:
         batch.take([outbox.message_writer.gap(0, (0, 9), 5)])

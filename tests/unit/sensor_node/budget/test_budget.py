@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from eskin_sensor_node.machine.power.harvest import Harvester, Layers, Touches, harvest_bounds
 from eskin_sensor_node.machine.power.loads import Loads, bounds
-from eskin_sensor_node.machine.power.settings import EnergySection
 from eskin_sensor_node.machine.power.supply import Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
+from eskin_sensor_node.settings import EnergySection
 from eskin_sensor_node.tools.budget import Budget, Design, design_names, saving
 from eskin_sensor_node.tools.budget.budget import MODES
 from hypothesis import example, given
@@ -186,7 +186,7 @@ def test_power_is_printed_outward(low: float, more: float) -> None:
     assert shown[0] <= Fraction(low) <= Fraction(low + more) <= shown[1]
 
 
-def test_table_encloses_what_json_tells() -> None:
+def test_table_encloses_the_json() -> None:
     given = ["energy", "--profile", "fingertip", "--seconds", "1"]
     table = CliRunner().invoke(app, given).output
     saving = json.loads(CliRunner().invoke(app, [*given, "--json"]).output)["modes"]["peaks"]

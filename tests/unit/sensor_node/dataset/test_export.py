@@ -131,7 +131,7 @@ def test_air_and_body_go_through_their_chains_and_are_enclosed(
         assert np.all((found[lo] <= found[true]) & (found[true] <= found[hi])), true
 
 
-def test_air_is_what_a_node_s_sensors_tell_of_the_same_codes(tmp_path: Path) -> None:
+def test_air_equals_a_node_s_sensors(tmp_path: Path) -> None:
     path = write(tmp_path, SHORT + TAP + AROUND)
     plan = Plan.of(path, seeds=range(2), test=1, rate=50.0)
     for sensor in (plan.thermometer, plan.hygrometer, plan.electrode):
@@ -283,7 +283,7 @@ def test_broken_off_export_leaves_no_halves(tmp_path: Path) -> None:
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_command_says_what_is_wrong_in_one_line_with_status_2(tmp_path: Path) -> None:
+def test_command_fails_in_one_line_with_status_2(tmp_path: Path) -> None:
     path = write(tmp_path, SHORT + TAP.replace("t05", "t77"))
     done = subprocess.run(
         [sys.executable, "-m", "eskin", "export", "--scenario", path, "--out", tmp_path / "out"],

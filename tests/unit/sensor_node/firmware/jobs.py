@@ -69,7 +69,7 @@ class Recorder:
 
     def _watch_working(self, monkeypatch: pytest.MonkeyPatch) -> None:
         measure, skip, separate = ControlUnit.measure, ControlUnit.skip, ControlUnit.separate
-        tell, surround = ControlUnit.tell, ControlUnit.surround
+        tell, surround = ControlUnit.report, ControlUnit.surround
 
         def measured(
             unit: ControlUnit, frame: Frame, readings: Readings, other: Readings | None = None
@@ -100,7 +100,7 @@ class Recorder:
         self._watch_repeating(monkeypatch)
         monkeypatch.setattr(ControlUnit, "measure", measured)
         monkeypatch.setattr(ControlUnit, "separate", separated)
-        monkeypatch.setattr(ControlUnit, "tell", told)
+        monkeypatch.setattr(ControlUnit, "report", told)
         monkeypatch.setattr(ControlUnit, "surround", surrounded)
         monkeypatch.setattr(ControlUnit, "skip", skipped)
         for name in ("calibrate", "amplify", "adapt", "smooth", "set_threshold", "sample_every"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from eskin_sensor_node.firmware.taxel.pad import PadTaxel
 from eskin_sensor_node.kinds.neighbours import patches
-from eskin_sensor_node.machine.data_sheet import coverage, data_sheet
+from eskin_sensor_node.machine.data_sheet import coverage, data_sheet, taxel_coverages
 from eskin_sensor_node.node.ground_truth import GroundTruth
 from eskin_sensor_node.world.scenario.file import scenario_text
 from eskin_sensor_node.world.skin import Crosstalk, FlatShape, unmix
@@ -90,7 +90,7 @@ def test_truth_is_inside_with_neighbours_stuck_saturated_or_missing(
     assert np.all(told[sound].contains(pressure[sound]))
 
 
-def test_it_is_as_tight_as_all_pads_together_tell() -> None:
+def test_it_is_as_tight_as_all_pads_together() -> None:
     _, known = felt(3, 0.2)
     best = unmix(known, GRID.neighbours, bound=0.2, most=MOST)
     told = separated(known, 0.2, 0)
@@ -140,7 +140,7 @@ def test_sound_pads_around_a_stuck_one_hold_the_truth(tmp_path: Path) -> None:
     bench.close()
 
 
-def test_pad_among_pads_is_told_more_tightly_than_alone(tmp_path: Path) -> None:
+def test_pad_among_pads_is_tighter_than_alone(tmp_path: Path) -> None:
     widths = []
     for names in (["t10"], ["t10", "t06", "t09", "t11"]):
         bench = Bench(tmp_path / names[-1], "hand", taxel=skin("hand.toml", names), sampling=BLOCK)
@@ -169,8 +169,8 @@ def test_neighbours_are_those_of_the_skin_and_their_noise_counts(tmp_path: Path)
     found = patches(made.taxel)
     assert found == {0: (4, [1]), 1: (4, [0]), 2: (2, [])}
     alone = coverage(made.taxel[0], {})
-    assert made.coverages()[0] == pytest.approx(1.0 - 2.0 * (1.0 - alone), abs=1e-15)
-    assert made.coverages()[2] == pytest.approx(alone, abs=1e-15)
+    assert taxel_coverages(made)[0] == pytest.approx(1.0 - 2.0 * (1.0 - alone), abs=1e-15)
+    assert taxel_coverages(made)[2] == pytest.approx(alone, abs=1e-15)
 
 
 def test_neighbour_counts_at_the_same_instants_and_as_long_as_it_is_sound(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ import pytest
 from eskin_sensor_node.firmware.charge import write_charge
 from eskin_sensor_node.firmware.gap_reasons import FAILED, FULL, TEXTS
 from eskin_sensor_node.firmware.message_writer import GAP
-from eskin_sensor_node.node.commands import Commander
+from eskin_sensor_node.node.commands import CommandReceiver
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.world.scenario.file import scenario_text
 
@@ -72,13 +72,13 @@ def test_adaptive_control_sets_the_same(tmp_path: Path, monkeypatch: pytest.Monk
     bench = Bench(tmp_path, "palm", taxel=taxels, sampling={"block_samples": 50})
     bench.run_to(2.0)
     # At once, and beyond what it is set to by now.
-    world: Any = bench.node.taxels[2].sensing._world
+    world: Any = bench.node.taxels[2].signal_chain.world
     world._least = world._most = world._least / 4.0
     bench.run_to(3.0)
     plate = bench.node.taxels[1].control_unit.adaptation.plate
     # As if a self-test had found it: it tells no cause any more, and the status says so.
     bench.node.taxels[1].control_unit.broken = True
-    bench.node._examiner.faults = [("t00", 0, 2), ("t01", 1, 0)]
+    bench.node._self_test.faults = [("t00", 0, 2), ("t01", 1, 0)]
     bench.node.record_status()
     bench.run_to(4.0)
     said = [body.hex() for body in bench.bodies()]
@@ -154,7 +154,7 @@ def test_outbox_decides_and_writes_the_same(tmp_path: Path) -> None:
     assert max(len(gap.lost) for gap in gaps) > 1
 
 
-def test_same_bytes_of_every_taxel_that_lives_a_scenario(
+def test_same_bytes_of_every_taxel_in_a_scenario(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     recorder = Recorder(monkeypatch)
@@ -184,7 +184,7 @@ def test_same_answers_to_commands(
     recorder, now = Recorder(monkeypatch), time.time_ns()
     bench = Bench(tmp_path, "palm")
     own, server = identities.node, identities.make(IdentityKind.SERVER, "server.cloud")
-    commander = Commander(
+    commander = CommandReceiver(
         bench.outbox,
         own=own,
         cloud="server.cloud",
@@ -217,7 +217,7 @@ def test_same_answers_to_commands(
 def test_self_test_finds_the_same_in_the_emulated_node(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("eskin_sensor_node.node.self_test.SELF_TEST", 4 * SECOND)
+    monkeypatch.setattr("eskin_sensor_node.node.self_test.SELF_TEST_WINDOW", 4 * SECOND)
     recorder = Recorder(monkeypatch)
     path = tmp_path / "faulty.toml"
     path.write_text(scenario_text("hand.toml") + '[[fault]]\ntaxel="t05"\nkind="dead"\nat_s=2.0\n')
@@ -259,7 +259,7 @@ def test_same_energy_as_in_the_emulated_node(
     energy = {"on": True, "start_voltage": 3.0, "horizon_s": 1.0, "coil_inductance": 0.01}
     bench = Bench(tmp_path, "palm", energy=energy)
     with bench.outbox.batch() as batch:
-        batch.keep_charge(write_charge(0.5, bench.clock.true_time(0) - 9000 * SECOND))
+        batch.store_charge(write_charge(0.5, bench.clock.true_time(0) - 9000 * SECOND))
     assert bench.node.energy is not None
     bench.node.energy.boot()
     bench.node.record_status()

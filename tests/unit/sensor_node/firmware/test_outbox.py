@@ -49,7 +49,7 @@ class Life(RuleBasedStateMachine):
         return {kept.position: kept for kept in self.node.chip.after((-1, -1), ALL)}
 
     def named(self, reason: str) -> Counter[Position]:
-        """How many gaps name a position, of those that wait or that a gateway has for good."""
+        """How many gaps name a position, of those that wait or that a gateway has."""
         found: Counter[Position] = Counter()
         for kept in [*self.waiting().values(), *self.forgotten.values()]:
             if kept.kind == GAP and (gap := Gap.decode(kept.body)).reason == reason:
@@ -157,7 +157,7 @@ class Life(RuleBasedStateMachine):
 
     @rule()
     def lose_power(self) -> None:
-        # What failed at the end of a boot is told by nobody: no number behind it was ever used.
+        # What failed at the end of a boot is not reported: no number behind it was ever used.
         self.failed &= self.named(TEXTS[FAILED]).keys()
         self.node.restart()
         self.with_radio.clear()

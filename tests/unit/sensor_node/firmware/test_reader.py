@@ -84,7 +84,7 @@ def test_each_code_of_a_gap_has_its_reason() -> None:
     assert broken.reason == "t05 certainly dead"
 
 
-def test_refusal_is_told_as_far_as_a_result_holds_it() -> None:
+def test_refusal_is_cut_to_the_size_of_a_result() -> None:
     class Box:
         """Controls that refuse, and an outbox that keeps the result."""
 

@@ -6,8 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from eskin_sensor_node.firmware.selftest import CERTAIN, IMPOSSIBLE, POSSIBLE, SelfTest, Window
-from eskin_sensor_node.node.self_test import SELF_TEST
+from eskin_sensor_node.firmware.selftest import (
+    CERTAIN,
+    IMPOSSIBLE,
+    POSSIBLE,
+    BoundsWindow,
+    SelfTest,
+)
+from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
 from eskin_sensor_node.profile import Profile
 from eskin_sensor_node.world.scenario.file import scenario_text
 from eskin_sensor_node.world.skin import FlatShape
@@ -101,7 +107,7 @@ def test_window_begins_anew() -> None:
 def test_movement_encloses_the_range_of_every_signal_in_the_tube(
     samples: list[list[float]],
 ) -> None:
-    window = Window()
+    window = BoundsWindow()
     lows, inside, highs = ([sample[k] for sample in samples] for k in range(3))
     window.take(lows, highs, len(samples))
     least, most = window.moved
@@ -147,7 +153,7 @@ def ends(messages: list[Message], channel: str, begin: int) -> list[float]:
     return [(m.tube.time[1] - begin) / SECOND + 1.0 for m in blocks]
 
 
-def test_injected_faults_are_found_within_two_windows_and_causes_told_no_more(
+def test_injected_faults_are_found_within_two_windows(
     tmp_path: Path,
 ) -> None:
     messages, begin = lived(tmp_path, FAULTS, 65.0)
@@ -155,7 +161,7 @@ def test_injected_faults_are_found_within_two_windows_and_causes_told_no_more(
     first = {gap.reason: (gap.time[1] - begin) / SECOND for gap in reversed(gaps)}
     # A coil at the place of t06 is stuck with it; two coils are too few to tell.
     assert set(first) == {"t06 certainly stuck", "t15 certainly stuck", "t03 certainly dead"}
-    assert all(end <= 7.0 + 2 * SELF_TEST / SECOND for end in first.values())
+    assert all(end <= 7.0 + 2 * SELF_TEST_WINDOW / SECOND for end in first.values())
     for reason, end in first.items():
         taxel = reason.partition(" ")[0]
         told = [gap for gap in gaps if gap.reason == reason]
@@ -164,8 +170,8 @@ def test_injected_faults_are_found_within_two_windows_and_causes_told_no_more(
             assert max(ends(messages, f"{taxel}.{quantity}", begin)) <= end + 0.1
         assert max(ends(messages, f"{taxel}.capacitance", begin)) > 64.0
         # All that was not told is in a gap, but for what is younger than the last one.
-        left_out = 3 * 25 * round((told[-1].time[1] - begin) / SECOND - end)
-        assert sum(gap.samples for gap in told) == left_out > 0
+        omitted_samples = 3 * 25 * round((told[-1].time[1] - begin) / SECOND - end)
+        assert sum(gap.samples for gap in told) == omitted_samples > 0
 
 
 def test_healthy_hand_is_not_accused_in_six_rounds(tmp_path: Path) -> None:
@@ -182,13 +188,13 @@ def test_taxel_that_cannot_be_broken_any_more_is_believed_again(tmp_path: Path) 
     bench = Bench(tmp_path, "hand", taxel=[pad], sampling={"block_samples": 25})
     unit = bench.node.taxels[0].control_unit
     bench.run_to(45.0)
-    assert bench.node._examiner.faults == [("t00", CERTAIN, POSSIBLE)]
+    assert bench.node._self_test.faults == [("t00", CERTAIN, POSSIBLE)]
     assert list(broken(bench)) == ["t00"]  # it saturated all the time: as an open line does
     unit._taxel._adc = (1e-7, 1e-7, 0.0, 0.0, 0.0)  # as if the contact had gone
     unit._taxel._last = 1 << 20
     bench.run_to(82.0)
     assert list(broken(bench)) == []
-    assert bench.node._examiner.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
+    assert bench.node._self_test.faults == [("t00", IMPOSSIBLE, POSSIBLE)]
     bench.node.record_status()
     (told,) = [m for m in map(decode_message, bench.bodies()) if isinstance(m, Status)]
     assert told.faults == (TaxelFaults("t00", Fault.IMPOSSIBLE, Fault.POSSIBLE),)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from eskin_sensor_node.fleet.controls import MemberControls
+from eskin_sensor_node.fleet.member import MemberControls
 from eskin_sensor_node.fleet.shard import Shard, member_seed
-from eskin_sensor_node.fleet.storage import Storage
+from eskin_sensor_node.machine.flash.file import FlashFile
+from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
@@ -44,7 +45,7 @@ class Bench:
             **DESIGN | sections,
         )
         self.ticks = 0
-        self.storage = Storage(folder / "fleet.sqlite", NAMES, key=KEY, epoch=BOOT)
+        self.storage = FlashFile(folder / "fleet.sqlite", NAMES, key=KEY, epoch=BOOT)
         self.truth = GroundTruth(folder / "known.sqlite", limit=2**30)
         self.shard = self.build()
 
@@ -59,12 +60,12 @@ class Bench:
         end = round(seconds * SECOND)
         while self.ticks < end:
             self.ticks = min(self.ticks + SECOND // 5, end)
-            self.shard.gather()
+            self.shard.regroup()
             while self.shard.due() <= self.ticks:
                 self.write(*self.shard.sample(self.ticks))
             for row, node in self.shard.singles.items():
                 if node.due:
-                    self.shard.outboxes[row].mark()
+                    self.shard.outboxes[row].begin_savepoint()
                     with self.storage.commit(), self.truth.together():
                         node.catch_up()
 
@@ -73,7 +74,7 @@ class Bench:
         with self.storage.commit():
             for row, said in records.items():
                 outbox = self.shard.outboxes[row]
-                told = outbox.unsaid() + said
+                told = outbox.pending_gap() + said
                 outbox.write(told)
                 outbox.settle(told)
 
@@ -90,7 +91,7 @@ class Bench:
         return next(cohort for cohort in self.shard.cohorts if row in cohort)
 
     def said(self, row: int) -> list[tuple[int, bytes]]:
-        kept = self.storage.partition(NAMES[row]).after((-1, -1), 10**6)
+        kept = Partition(self.storage, NAMES[row]).after((-1, -1), 10**6)
         return [(each.kind, each.body) for each in kept]
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ import socket
 from typing import TYPE_CHECKING
 
 import paho.mqtt.client as mqtt
-from eskin_sensor_node.fleet.client import BundlingClient
+from eskin_sensor_node.fleet.connection import BundlingClient
 from hypothesis import given
 from hypothesis import settings as effort
 from hypothesis import strategies as st
@@ -19,7 +19,7 @@ TOPICS = st.text("abcdefgh/é", min_size=1, max_size=150)
 MESSAGES = st.lists(st.tuples(TOPICS, st.integers(0, 17_000).map(bytes), st.booleans()), max_size=4)
 
 
-def heard(messages: Sequence[tuple[str, bytes, bool]], *, together: bool) -> bytes:
+def on_message(messages: Sequence[tuple[str, bytes, bool]], *, together: bool) -> bytes:
     """What arrives at the other end of a connection."""
     near, far = socket.socketpair()
     with near, far:
@@ -43,4 +43,4 @@ def heard(messages: Sequence[tuple[str, bytes, bool]], *, together: bool) -> byt
 @effort(deadline=None, max_examples=50)
 @given(MESSAGES)
 def test_together_is_what_one_by_one_is(messages: list[tuple[str, bytes, bool]]) -> None:
-    assert heard(messages, together=True) == heard(messages, together=False)
+    assert on_message(messages, together=True) == on_message(messages, together=False)

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from tests.unit.sensor_node.designs import KINDS, SECOND, START, settings, table, waiting
 from tests.unit.sensor_node.flashes import open_flash
 
-Said = dict[tuple[int, int], tuple[Any, ...]]
+FrameMessages = dict[tuple[int, int], tuple[Any, ...]]
 
 
 def companions_of(kind: str) -> list[dict[str, Any]]:

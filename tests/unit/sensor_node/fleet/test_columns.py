@@ -65,10 +65,10 @@ def moved(lows: Bound, highs: Bound, prominence: float, cuts: tuple[int, int]) -
     detector = PeakDetector(prominence, LONGEST)
     found = told(detector.feed(lows[:begin], highs[:begin], begin))
     columns = fresh(1, 1, LONGEST)
-    columns.lay_down(0, 0, unit_of(detector), 0)
+    columns.store(0, 0, unit_of(detector), 0)
     found += by_columns(columns, lows[begin:end], highs[begin:end], prominence)
     detector = PeakDetector(prominence, LONGEST)
-    columns.pick_up(0, 0, unit_of(detector), end)
+    columns.load(0, 0, unit_of(detector), end)
     found += told(detector.feed(lows[end:], highs[end:], len(lows) - end))
     return found + told(detector.gap(0))
 

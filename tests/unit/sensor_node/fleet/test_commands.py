@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from eskin_sensor_node.firmware.message_writer import BLOCK, PEAK
-from eskin_sensor_node.fleet.controls import MemberControls
-from eskin_sensor_node.fleet.single_node import require_alone
+from eskin_sensor_node.fleet.member import MemberControls
+from eskin_sensor_node.fleet.single_node import reason_to_sample_alone
 from eskin_sensor_node.node.controls import NodeControls
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
@@ -33,7 +33,7 @@ COMMANDS: list[list[tuple[float, str, dict[str, Any]]]] = [
 
 
 @pytest.mark.parametrize("orders", COMMANDS, ids=lambda orders: "-".join(o[1] for o in orders))
-def test_member_that_is_set_says_what_a_single_node_says(
+def test_member_after_a_command_equals_a_single_node(
     make: Callable[..., Bench], tmp_path: Path, orders: list[tuple[float, str, dict[str, Any]]]
 ) -> None:
     bench = make()
@@ -56,7 +56,7 @@ def test_member_that_is_set_says_what_a_single_node_says(
     assert bench.cohort(0).members == [0, 2]
 
 
-def test_what_a_member_says_encloses_the_truth_before_and_after(
+def test_member_encloses_the_truth_before_and_after_a_command(
     make: Callable[..., Bench],
 ) -> None:
     bench = make()
@@ -86,7 +86,7 @@ def test_refused_command_leaves_a_member_in_its_cohort(make: Callable[..., Bench
     assert not bench.shard.singles
 
 
-def test_state_is_taken_up_again_and_the_design_needs_nobody_alone(
+def test_state_is_restored_and_the_design_needs_no_single_node(
     make: Callable[..., Bench],
 ) -> None:
     bench = make()
@@ -113,7 +113,7 @@ def test_status_of_a_member_with_a_supply_encloses_its_true_energy(
             assert told.energy.stored[0] <= node.energy.plant.supply.energy <= told.energy.stored[1]
 
 
-def test_status_of_a_member_in_a_cohort_tells_what_a_single_node_tells(
+def test_status_of_a_cohort_s_member_equals_a_single_node_s(
     make: Callable[..., Bench], tmp_path: Path
 ) -> None:
     seated = [
@@ -137,14 +137,14 @@ def test_status_of_a_member_in_a_cohort_tells_what_a_single_node_tells(
     single.close()
 
 
-def test_what_a_failed_commit_undid_is_told_as_lost(make: Callable[..., Bench]) -> None:
+def test_what_a_failed_commit_undid_is_reported_as_lost(make: Callable[..., Bench]) -> None:
     bench = make()
     MemberControls(bench.shard, 0).apply("calibrate", {})
     outbox, node = bench.shard.outboxes[0], bench.shard.singles[0]
     bench.run_to(1.2)
     kept = len(bench.said(0))
     bench.ticks += 3 * SECOND
-    outbox.mark()
+    outbox.begin_savepoint()
     with bench.storage.commit():
         node.catch_up()
         bench.storage.db.execute("ROLLBACK")
@@ -162,7 +162,9 @@ def test_what_a_failed_commit_undid_is_told_as_lost(make: Callable[..., Bench]) 
     assert outbox.usage()[0] == len(messages)
 
 
-def test_open_line_is_told_as_by_a_single_node(make: Callable[..., Bench], tmp_path: Path) -> None:
+def test_open_line_is_reported_as_by_a_single_node(
+    make: Callable[..., Bench], tmp_path: Path
+) -> None:
     broken = table("capacitive", sampling_Hz=50.0, adc_max_A=1e-9)
     bench = make(taxel=[table("touch", sampling_Hz=50.0), broken | {"id": "t02"}])
     single = Single(bench, 1, tmp_path / "single")
@@ -187,7 +189,7 @@ def test_designs_that_columns_cannot_bear_run_alone(
     make: Callable[..., Bench], sections: dict[str, Any], named: str | None
 ) -> None:
     bench = make(**sections)
-    assert require_alone(bench.settings) == named
+    assert reason_to_sample_alone(bench.settings) == named
     assert len(bench.shard.singles) == (0 if named is None else len(NAMES))
     bench.run_to(1.2)
     assert {BLOCK} <= {kind for kind, _ in bench.said(0)}

@@ -105,7 +105,7 @@ def test_members_that_came_to_the_same_settings_in_other_ways_share_a_cohort(
     assert cohort not in whole
 
 
-def test_command_to_all_leaves_nobody_alone_after_a_restart_either(
+def test_command_to_all_leaves_no_single_node_after_a_restart(
     make: Callable[..., Bench],
 ) -> None:
     bench = make()
@@ -116,7 +116,7 @@ def test_command_to_all_leaves_nobody_alone_after_a_restart_either(
     for row in ROWS:
         assert bench.controls(row).restore(state) == state
     assert list(again.singles) == list(ROWS)
-    again.gather(at_once=True)
+    again.regroup(at_once=True)
     assert not again.singles
     (cohort,) = again.cohorts
     assert cohort.members == list(ROWS)

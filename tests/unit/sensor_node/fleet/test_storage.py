@@ -12,13 +12,13 @@ import pytest
 from eskin_sensor_node.firmware.message_writer import BLOCK, Record
 from eskin_sensor_node.fleet.message_kernels import Nodes
 from eskin_sensor_node.fleet.outbox import MemberOutbox
-from eskin_sensor_node.fleet.storage import Storage
+from eskin_sensor_node.machine.flash.file import FlashFile
+from eskin_sensor_node.machine.flash.flash import Partition
 from eskin_sensor_node.machine.flash.sealing import UNREADABLE
 
 from eskin.errors import FlashError
 from eskin.wire.messages import Gap, decode_message
 from tests.unit.sensor_node.flashes import KEY, change, on_disk
-from tests.unit.sensor_node.old_flash import ANSWER, SECRETS, TIME, write_old_storage
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -28,17 +28,17 @@ NAMES = ["a-0001", "a-0002"]
 
 
 @pytest.fixture
-def storage(tmp_path: Path) -> Iterator[Storage]:
-    opened = Storage(tmp_path / "flash.sqlite", NAMES, key=KEY, epoch=7)
+def storage(tmp_path: Path) -> Iterator[FlashFile]:
+    opened = FlashFile(tmp_path / "flash.sqlite", NAMES, key=KEY, epoch=7)
     yield opened
     opened.close()
 
 
-def outboxes(storage: Storage) -> list[MemberOutbox]:
+def outboxes(storage: FlashFile) -> list[MemberOutbox]:
     nodes = Nodes(*(np.zeros(2, np.int64) for _ in range(3)))
     return [
         MemberOutbox(
-            storage.partition(name),
+            Partition(storage, name),
             nodes,
             row,
             capacity=2**16,
@@ -54,13 +54,13 @@ def block(outbox: MemberOutbox, body: bytes) -> Record:
     return Record(BLOCK, outbox.next_sequence(), body, (1, 2), 250)
 
 
-def fail(storage: Storage, work: Callable[[], None]) -> None:
+def fail(storage: FlashFile, work: Callable[[], None]) -> None:
     with storage.commit():
         work()
         raise FlashError("disk full")
 
 
-def test_members_do_not_see_each_other(storage: Storage) -> None:
+def test_members_do_not_see_each_other(storage: FlashFile) -> None:
     one, other = outboxes(storage)
     with storage.commit():
         for outbox, body in ((one, b"one"), (other, b"other")):
@@ -75,7 +75,7 @@ def test_members_do_not_see_each_other(storage: Storage) -> None:
     assert [kept.body for kept in other.due(0, 9)] == [b"other"]
 
 
-def test_failed_commit_is_told_by_each_member(storage: Storage) -> None:
+def test_failed_commit_is_reported_by_each_member(storage: FlashFile) -> None:
     members = outboxes(storage)
     said = {outbox: [block(outbox, b"lost")] for outbox in members}
 
@@ -87,7 +87,7 @@ def test_failed_commit_is_told_by_each_member(storage: Storage) -> None:
         fail(storage, write)
     for outbox, records in said.items():
         outbox.lose(records)
-        gaps = outbox.unsaid()
+        gaps = outbox.pending_gap()
         with storage.commit():
             outbox.write(gaps)
         outbox.settle(gaps)
@@ -98,7 +98,7 @@ def test_failed_commit_is_told_by_each_member(storage: Storage) -> None:
         assert (gap.messages, gap.samples, gap.lost) == (1, 250, ((7, 0, 0),))
 
 
-def test_undone_acknowledgements_leave_everything_to_be_sent_again(storage: Storage) -> None:
+def test_undone_acknowledgements_leave_everything_to_be_sent_again(storage: FlashFile) -> None:
     one, other = outboxes(storage)
     for outbox in (one, other):
         records = [block(outbox, b"body")]
@@ -115,49 +115,47 @@ def test_undone_acknowledgements_leave_everything_to_be_sent_again(storage: Stor
     with pytest.raises(FlashError, match="full"):
         fail(storage, acknowledge)
     for outbox in (one, other):
-        outbox.look_again(1)
+        outbox.resync(1)
         assert outbox.messages == 1
         assert [kept.body for kept in outbox.due(1, 9)] == [b"body"]
 
 
 def test_each_start_counts_the_boot_of_each_member(tmp_path: Path) -> None:
     path = tmp_path / "flash.sqlite"
-    Storage(path, NAMES[:1], key=KEY, epoch=7).close()
-    again = Storage(path, NAMES, key=KEY, epoch=5)
-    assert [again.partition(name).boot for name in NAMES] == [8, 5]
-    with pytest.raises(FlashError, match="another fleet runs"):
-        Storage(path, NAMES, key=KEY)
+    FlashFile(path, NAMES[:1], key=KEY, epoch=7).close()
+    again = FlashFile(path, NAMES, key=KEY, epoch=5)
+    assert [Partition(again, name).boot for name in NAMES] == [8, 5]
+    with pytest.raises(FlashError, match="another process runs"):
+        FlashFile(path, NAMES, key=KEY)
     again.close()
 
 
 def test_older_copy_starts_above_all_numbers_used_since(tmp_path: Path) -> None:
     path, copy = tmp_path / "flash.sqlite", tmp_path / "copy.sqlite"
-    Storage(path, NAMES, key=KEY, epoch=100).close()
+    FlashFile(path, NAMES, key=KEY, epoch=100).close()
     shutil.copy(path, copy)
     for now in (160, 190):
-        Storage(path, NAMES, key=KEY, epoch=now).close()
-    older = Storage(copy, NAMES, key=KEY, epoch=220)
-    assert [older.partition(name).boot for name in NAMES] == [220, 220]
+        FlashFile(path, NAMES, key=KEY, epoch=now).close()
+    older = FlashFile(copy, NAMES, key=KEY, epoch=220)
+    assert [Partition(older, name).boot for name in NAMES] == [220, 220]
     older.close()
 
 
-def test_no_file_shows_what_members_keep(storage: Storage, tmp_path: Path) -> None:
+def test_no_file_shows_what_members_keep(storage: FlashFile, tmp_path: Path) -> None:
     one, other = outboxes(storage)
     secrets = b"what one keeps", b"what another keeps"
     with storage.commit():
         for outbox, body in zip((one, other), secrets, strict=True):
             outbox.write([block(outbox, body)])
-    for partition in (storage.partition(name) for name in NAMES):
-        partition.keep_answer(secrets[0] + b" of itself")
+    for partition in (Partition(storage, name) for name in NAMES):
+        partition.store_answer(secrets[0] + b" of itself")
     assert not [secret for secret in secrets if secret in on_disk(tmp_path)]
-    assert storage.partition(NAMES[0]).answer() == secrets[0] + b" of itself"
+    assert Partition(storage, NAMES[0]).answer() == secrets[0] + b" of itself"
     storage.close()
     assert not [secret for secret in secrets if secret in on_disk(tmp_path)]
 
 
-def test_records_exchanged_between_members_are_told_as_lost(
-    storage: Storage, tmp_path: Path
-) -> None:
+def test_records_exchanged_between_members_become_gaps(storage: FlashFile, tmp_path: Path) -> None:
     for outbox, body in zip(outboxes(storage), (b"one", b"other"), strict=True):
         with storage.commit():
             outbox.write([block(outbox, body), block(outbox, body)])
@@ -167,32 +165,19 @@ def test_records_exchanged_between_members_are_told_as_lost(
     for member, body in zip(found, reversed(found.values()), strict=True):
         change(path, "UPDATE message SET body = ? WHERE sequence = 1 AND member = ?", body, member)
     for name, body in zip(NAMES, (b"one", b"other"), strict=True):
-        partition = storage.partition(name)
+        partition = Partition(storage, name)
         whole, lost = partition.after((-1, -1), 9)
         gap = decode_message(lost.body)
         assert whole.body == body
         assert isinstance(gap, Gap)
         assert (gap.reason, gap.lost) == (UNREADABLE, ((7, 1, 1),))
         assert partition.gaps() == 1
-        partition.keep_counts(3, 9)
-        assert storage.partition(name).gaps() == 3
+        partition.store_counts(3, 9)
+        assert Partition(storage, name).gaps() == 3
         assert partition.level() == (2, 2 * len(body))
 
 
-def test_fleet_from_before_is_sealed_and_leaves_nothing_behind(tmp_path: Path) -> None:
-    path = tmp_path / "flash.sqlite"
-    bodies = {name: b"of %b in the clear" % name.encode() * 50 for name in NAMES}
-    write_old_storage(path, NAMES, bodies)
-    for boot in (6, 7):
-        storage = Storage(path, NAMES, key=KEY, epoch=1)
-        for name in NAMES:
-            partition = storage.partition(name)
-            (kept,) = partition.after((-1, -1), 9)
-            assert (kept.body, kept.time, kept.position) == (bodies[name], TIME, (5, 7))
-            assert (partition.boot, partition.gaps()) == (boot, 2)
-            assert partition.answer() == ANSWER
-            assert partition.level() == (1, len(bodies[name]))
-        assert not [secret for secret in SECRETS if secret in on_disk(tmp_path)]
-        storage.close()
+def test_another_key_is_refused(storage: FlashFile, tmp_path: Path) -> None:
+    storage.close()
     with pytest.raises(FlashError, match="another key"):
-        Storage(path, NAMES, key=bytes(32))
+        FlashFile(tmp_path / "flash.sqlite", NAMES, key=bytes(32))

@@ -10,7 +10,7 @@ from typing import Any
 
 import eskin_sensor_node
 import pytest
-from eskin_sensor_node.machine.budget import PROGRAM, ram_budget, require_fit, taxel_objects
+from eskin_sensor_node.machine.budget import PROGRAM, ram_budget, require_ram, taxel_objects
 from eskin_sensor_node.node.factory import build_node, build_outbox
 from eskin_sensor_node.node.ground_truth import GroundTruth
 
@@ -63,7 +63,7 @@ def test_computed_ram_holds_what_micropython_uses_and_not_much_more(
 
 @pytest.mark.parametrize("profile", PROFILES)
 def test_packaged_profiles_fit_into_the_default_machine(profile: str, tmp_path: Path) -> None:
-    require_fit(settings(tmp_path, profile))
+    require_ram(settings(tmp_path, profile))
 
 
 def test_page_of_the_node_shows_the_budget_of_each_profile(tmp_path: Path) -> None:
@@ -96,6 +96,6 @@ def test_node_that_does_not_fit_is_refused_with_numbers_and_remedy(
         build_node(small, outbox=outbox, truth=truth)
     assert f"needs {need} (program" in str(error.value)
     assert "fewer sampling.block_samples than 250" in str(error.value)
-    require_fit(settings(tmp_path, "hand", machine={"ram_bytes": need}))
+    require_ram(settings(tmp_path, "hand", machine={"ram_bytes": need}))
     flash.close()
     truth.close()

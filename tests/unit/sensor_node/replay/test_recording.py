@@ -82,7 +82,7 @@ def test_bytes_that_are_no_text_end_the_reading(tmp_path: Path) -> None:
     assert len(found.channel("a").times) == 1
 
 
-def test_gap_is_told_and_kept_as_a_gap(tmp_path: Path) -> None:
+def test_gap_is_read_and_stored_as_a_gap(tmp_path: Path) -> None:
     path = written(tmp_path, HEAD + "".join(GOOD[:4] + GOOD[7:]))
     found = read_recording(path)
     series = found.channel("a")
@@ -145,7 +145,7 @@ def test_file_that_is_not_there_is_named(tmp_path: Path) -> None:
         read_recording(tmp_path / "none.csv")
 
 
-def test_parquet_says_the_same_as_csv(tmp_path: Path) -> None:
+def test_parquet_equals_csv(tmp_path: Path) -> None:
     binary = read_recording(
         parquet(tmp_path, time=[0.0, 0.1, 0.2], channel=["a"] * 3, value=[1.0, 2.0, 3.0])
     )
@@ -164,9 +164,7 @@ def test_parquet_says_the_same_as_csv(tmp_path: Path) -> None:
         ({"time": [0.0, 0.1, 0.1]}, "row 3: time 0.1 s of a stands twice"),
     ],
 )
-def test_parquet_s_faults_are_told_by_their_row(
-    changes: dict[str, Any], said: str, tmp_path: Path
-) -> None:
+def test_parquet_errors_name_their_row(changes: dict[str, Any], said: str, tmp_path: Path) -> None:
     columns = {"time": [0.0, 0.1, 0.2], "channel": ["a"] * 3, "value": [1.0, 2.0, 3.0]} | changes
     found = read_recording(parquet(tmp_path, **columns))
     assert [str(each) for each in found.complaints] == [f"{tmp_path / 'rec.parquet'}: {said}"]

@@ -140,7 +140,7 @@ def test_surroundings_lie_on_lines_between_their_points(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["t00", "t05", "t15"])
-def test_one_taxel_alone_lives_what_it_lives_among_all(name: str) -> None:
+def test_one_taxel_alone_equals_itself_among_all(name: str) -> None:
     hand = read_scenario("hand.toml")
     every, alone = Stage(hand).stimulus(TIMES), Stage(hand, [name]).stimulus(TIMES)
     row = int(name[1:])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from eskin_sensor_node.world.skin import Crosstalk, FlatShape, unmix
-from eskin_sensor_node.world.skin.skin import NOBODY
+from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -23,7 +23,7 @@ ALL = np.arange(len(GRID))
 def felt_by_hand(crosstalk: Crosstalk, pressure: Floats) -> list[float]:
     found = []
     for number in range(len(GRID)):
-        others = [other for other in GRID.neighbours[number].tolist() if other != NOBODY]
+        others = [other for other in GRID.neighbours[number].tolist() if other != NO_NEIGHBOUR]
         mean = sum(float(pressure[other]) for other in others) / len(others)
         found.append(float(pressure[number]) + crosstalk.coefficients[number] * mean)
     return found
@@ -60,7 +60,7 @@ def test_unmixing_never_loses_the_true_pressures(seed: int, bound: float, error:
     assert np.all(own.contains(pressure))
 
 
-def test_unmixing_tells_a_touch_from_what_is_handed_on() -> None:
+def test_unmixing_separates_a_touch_from_crosstalk() -> None:
     pressure = np.zeros((len(GRID), 1))
     pressure[7] = 1e3
     felt = Crosstalk.draw(GRID, 0.2, 3).felt(pressure, ALL, ALL)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from eskin_sensor_node.world.skin import CylinderShape, FlatShape, HandShape, Skin
-from eskin_sensor_node.world.skin.skin import NOBODY
+from eskin_sensor_node.world.skin.skin import NO_NEIGHBOUR
 
 SKINS = {
     "flat": FlatShape(shape="flat", rows=5, columns=7, pitch_m=2e-3).build(),
@@ -15,7 +15,7 @@ SKINS = {
 
 
 def beside(skin: Skin, number: int) -> set[int]:
-    return set(skin.neighbours[number].tolist()) - {NOBODY}
+    return set(skin.neighbours[number].tolist()) - {NO_NEIGHBOUR}
 
 
 @pytest.mark.parametrize("name", SKINS)
@@ -96,7 +96,7 @@ def test_map_lays_neighbours_a_pitch_apart_but_where_it_is_cut(name: str) -> Non
     assert len(np.unique(skin.unrolled.round(9), axis=0)) == len(skin)
 
 
-def test_equal_shapes_share_a_skin_that_nobody_can_change() -> None:
+def test_equal_shapes_share_an_immutable_skin() -> None:
     skin = HandShape(shape="hand", pitch_mm=10).build()
     assert HandShape(shape="hand", pitch_mm=10).build() is skin
     assert HandShape(shape="hand", pitch_mm=20).build() is not skin

@@ -6,17 +6,17 @@ import logging
 import ssl
 from typing import TYPE_CHECKING, Any, Final
 
+import paho.mqtt.client as mqtt
 from paho.mqtt.enums import CallbackAPIVersion
 
 from eskin.errors import EnvelopeError, MessageError
 from eskin.runtime.nodelay import send_at_once
 from eskin.wire.messages import Acknowledgement, Kind, Position
 from eskin.wire.topics import Stream, node_topic
-from eskin_sensor_node.fleet.client import BundlingClient
 from eskin_sensor_node.link.uplink import STREAMS, publish_size
 
 if TYPE_CHECKING:
-    import paho.mqtt.client as mqtt
+    from collections.abc import Iterable
 
     from eskin_sensor_node.firmware.chip import StoredMessage
     from eskin_sensor_node.firmware.outbox import Outbox
@@ -28,14 +28,16 @@ log = logging.getLogger(__name__)
 _MOST_SPANS: Final = 1000
 _MOST_COMMANDS: Final = 16
 _READS: Final = 32
-_HEARD: Final = (Stream.ACKS, Stream.COMMANDS)
+_PUBLISH: Final = 0x30
+_RETAIN: Final = 0x01
+_SUBSCRIBED: Final = (Stream.ACKS, Stream.COMMANDS)
 
 
-class Radio:
-    """Seals and sends what the outbox hands over; takes acknowledgements and commands.
+class Connection:
+    """Seals and sends messages of the outbox; receives acknowledgements and commands.
 
-    Messages go at QoS 0: a gateway's acknowledgement is the only one that counts, and the outbox
-    sends again what stays without.
+    Messages go at QoS 0: only a gateway's acknowledgement counts, and the outbox sends again what
+    stays unacknowledged.
 
     Args:
         keys: With which it seals and opens.
@@ -43,14 +45,14 @@ class Radio:
 
     Attributes:
         keys: As given.
-        spans: What gateways acknowledged since it was last looked at.
-        looks: Those words of theirs that told of somebody who looks on.
+        spans: What gateways acknowledged since the last turn.
+        looks: Those acknowledgements that report a viewer.
         time: Latest time of a gateway's clock in them, UTC ns.
-        commands: What came for it since, as the cloud signed it.
-        fresh: Whether the broker took it and the outbox does not know it yet.
-        online: Whether the broker has taken it.
+        commands: Signed commands that came since.
+        fresh: Whether it is connected and the outbox does not know it yet.
+        online: Whether it is connected.
         attempts: To connect, since it last was.
-        sent: Bytes of messages, until somebody takes them into account.
+        sent: Bytes of messages since they were last charged.
         received: Likewise.
     """
 
@@ -90,7 +92,7 @@ class Radio:
         return bool(self._client.want_write())
 
     def connect(self) -> None:
-        """Connect; blocks up to the handshake's end. For a thread, while nobody else uses it.
+        """Connect; blocks up to the handshake's end. For the connector's thread.
 
         Raises:
             OSError: It cannot be done now.
@@ -99,7 +101,7 @@ class Radio:
         self._client.reconnect()
 
     def serve(self, *, readable: bool) -> bool:
-        """Read and write what goes without blocking; tells whether the connection stands."""
+        """Read and write without blocking; returns whether the connection stands."""
         for _ in range(_READS if readable else 0):
             if self._client.loop_read():
                 return False
@@ -113,7 +115,7 @@ class Radio:
         return self.socket is not None
 
     def keep_alive(self) -> bool:
-        """Ping where it is time; tells whether the connection stands."""
+        """Ping when it is time; returns whether the connection stands."""
         return not self._client.loop_misc() and self.socket is not None
 
     def send_due(self, outbox: Outbox, now: int, most: int) -> int:
@@ -127,11 +129,11 @@ class Radio:
         self._client.publish_together(sealed)
         for kept in due:
             # At QoS 0 it is gone at once.
-            outbox.left(kept.position, now)
+            outbox.mark_sent(kept.position, now)
         return len(due)
 
     def close(self) -> None:
-        """Say goodbye."""
+        """Disconnect."""
         self._client.disconnect()
         if self.writes:
             self._client.loop_write()
@@ -146,18 +148,18 @@ class Radio:
         self.sent += publish_size(topic, envelope, qos=0)
         return topic, envelope, status and newest
 
-    def greeted(self, client: mqtt.Client, reason: Any) -> None:
-        """The broker has answered."""
+    def on_connect(self, client: mqtt.Client, reason: Any) -> None:
+        """Handle the broker's CONNACK."""
         if reason.is_failure:
-            log.error("broker refuses: node=%s reason=%s", self._name, reason)
+            log.error("connection refused: node=%s reason=%s", self._name, reason)
             return
         self.attempts = 0
         self.online = self.fresh = True
-        # A command that is lost comes late, for it is sent again.
-        client.subscribe([(node_topic(self._name, each), 0) for each in _HEARD])
+        # The gateway repeats a command that is lost.
+        client.subscribe([(node_topic(self._name, each), 0) for each in _SUBSCRIBED])
 
-    def heard(self, message: mqtt.MQTTMessage) -> None:
-        """Something came."""
+    def on_message(self, message: mqtt.MQTTMessage) -> None:
+        """Handle a message."""
         self.received += publish_size(message.topic, message.payload, qos=0)
         if not message.payload:  # the broker forgets what it has kept
             return
@@ -167,18 +169,48 @@ class Radio:
                 if len(self.commands) < _MOST_COMMANDS:
                     self.commands.append(opened)
             elif len(self.spans) < _MOST_SPANS:
-                said = Acknowledgement.decode(opened)
-                self.spans.extend(said.spans)
-                self.time = said.time if self.time is None else max(self.time, said.time)
-                if said.watched:
-                    self.looks.append(said)
+                received = Acknowledgement.decode(opened)
+                self.spans.extend(received.spans)
+                time = received.time
+                self.time = time if self.time is None else max(self.time, time)
+                if received.watched:
+                    self.looks.append(received)
         except (EnvelopeError, MessageError) as error:
             log.warning("message rejected: topic=%s reason=%s", message.topic, error)
 
 
-def _on_connect(client: mqtt.Client, radio: Radio, _flags: Any, reason: Any, _: Any) -> None:
-    radio.greeted(client, reason)
+def _on_connect(
+    client: mqtt.Client, connection: Connection, _flags: Any, reason: Any, _: Any
+) -> None:
+    connection.on_connect(client, reason)
 
 
-def _on_message(_client: mqtt.Client, radio: Radio, message: mqtt.MQTTMessage) -> None:
-    radio.heard(message)
+def _on_message(_client: mqtt.Client, connection: Connection, message: mqtt.MQTTMessage) -> None:
+    connection.on_message(message)
+
+
+class BundlingClient(mqtt.Client):
+    """Each write to a TLS connection is a record of its own, and a call of the system."""
+
+    def publish_together(self, messages: Iterable[tuple[str, bytes, bool]]) -> None:
+        """Publish messages at QoS 0 in one write, as far as the connection takes it.
+
+        Args:
+            messages: Of each its topic, its payload, and whether the broker keeps it.
+        """
+        packets = b"".join(publish_packet(*message) for message in messages)
+        if packets:
+            self._packet_queue(mqtt.PUBLISH, packets, 0, 0, mqtt.MQTTMessageInfo(0))
+
+
+def publish_packet(topic: str, payload: bytes, retained: bool = False) -> bytes:  # noqa: FBT001, FBT002 - the header's bit
+    """MQTT's PUBLISH at QoS 0 (MQTT 3.1.1, section 3.3)."""
+    name = topic.encode()
+    left = 2 + len(name) + len(payload)
+    head = bytearray([_PUBLISH | _RETAIN if retained else _PUBLISH])
+    while True:
+        left, digit = left >> 7, left & 0x7F
+        head.append(digit | 0x80 if left else digit)
+        if not left:
+            break
+    return b"".join((head, len(name).to_bytes(2), name, payload))

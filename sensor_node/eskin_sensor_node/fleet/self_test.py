@@ -1,4 +1,4 @@
-"""A cohort's look at its nodes' taxels: the twin of `node.self_test`."""
+"""The self-test of a cohort's taxels: the twin of `node.self_test`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from eskin_sensor_node.fleet.message_kernels import GONE
-from eskin_sensor_node.node.self_test import SELF_TEST
+from eskin_sensor_node.node.self_test import SELF_TEST_WINDOW
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from eskin_sensor_node.fleet.roster import Roster
 
 
-class Watch:
+class CohortSelfTest:
     """Finds taxels whose line is certainly open, each once in a boot.
 
     Only a design without neighbours samples in columns, so that none is ever certainly stuck.
@@ -46,16 +46,16 @@ class Watch:
 
     def examine(self, ticks: int) -> list[tuple[int, int]]:
         """Where a window ends at some ticks: nodes and their taxels that are certainly dead."""
-        if ticks - self.tested < SELF_TEST:
+        if ticks - self.tested < SELF_TEST_WINDOW:
             return []
         here, dead = self._numbers != GONE, self._roster.dead
         found = self._seen[:, None] & ~self._bounded & ~dead[:, self._numbers] & here
-        told = [(int(self._numbers[row]), int(k)) for row, k in np.argwhere(found.T)]
-        for number, k in told:
+        broken = [(int(self._numbers[row]), int(k)) for row, k in np.argwhere(found.T)]
+        for number, k in broken:
             dead[k, number] = True
         self._seen[:], self._bounded[:] = False, False
         self.tested = ticks
-        return told
+        return broken
 
 
 def bounded(lows: Floats, highs: Floats) -> NDArray[np.bool_]:
